@@ -1,0 +1,12 @@
+//! Bytes in and out: slices with absolute offsets, positioned reads from files, outputs that
+//! appear whole or not at all.
+
+mod file;
+mod output;
+mod reader;
+mod storage;
+
+pub use file::SourceFile;
+pub use output::Output;
+pub use reader::ByteReader;
+pub use storage::Storage;

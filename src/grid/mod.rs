@@ -1,0 +1,12 @@
+//! Node-centred grids: sizes, element types, and sets of nodes.
+//!
+//! Node `i` of `N` along an axis lies at `min + i * (max - min) / (N - 1)`: nodes 0 and `N - 1`
+//! lie on the box's faces. Values are in C order, channel slowest and z fastest.
+
+mod element;
+
+mod size;
+
+pub use element::Element;
+
+pub use size::{BlockGrid, Bounds, Nodes};

@@ -1,0 +1,10 @@
+//! Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
+
+pub mod bytes;
+pub mod error;
+pub mod field;
+pub mod grid;
+pub mod limits;
+pub mod parallel;
+pub mod progress;
+pub mod view_mlp;

@@ -1,0 +1,96 @@
+//! View-dependent colour: a tiny network, evaluated once a ray.
+//!
+//! ```text
+//! e   = [d, sin(2^k d), cos(2^k d)], k = 0..frequencies
+//! c_s = sigmoid(W2 relu(W1 relu(W0 [e, A] + b0) + b1) + b2)
+//! ```
+//!
+//! `d` is the unit view direction in world space and `A` what the ray accumulated. The embedding
+//! is coordinate-major: `d` (3), then all sines, then all cosines, each ordered x*1, x*2, x*4,
+//! x*8, y*1, ... , z*8.
+
+use crate::error::{Error, Place, Result};
+
+/// A dense layer: `out = weights * in + bias`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Width of the input.
+    pub inputs: usize,
+    /// Width of the output.
+    pub outputs: usize,
+    /// `[outputs, inputs]`, C order.
+    pub weights: Vec<f32>,
+    /// `[outputs]`.
+    pub bias: Vec<f32>,
+}
+
+/// What follows the embedding in the first layer's input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewInput {
+    /// Accumulated diffuse colour, then the accumulated features.
+    DiffuseAndFeatures,
+    /// The accumulated features alone.
+    Features,
+}
+
+/// The network: relu between layers, sigmoid after the last.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewMlp {
+    /// First to last; each layer's input is as wide as the output before it, the last gives RGB.
+    pub layers: Vec<Layer>,
+    /// Octaves of the direction embedding.
+    pub frequencies: usize,
+    /// What follows the embedding in the first layer's input.
+    pub input: ViewInput,
+}
+
+impl ViewMlp {
+    /// Fits layers to a field of `features` specular features, or says why they do not fit.
+    ///
+    /// # Errors
+    /// `Unsupported` where the first layer is not as wide as an embedding with the accumulated
+    /// values, `Malformed` where layers do not join or the last does not give three colours.
+    pub fn new(
+        layers: Vec<Layer>,
+        frequencies: usize,
+        features: usize,
+        place: &Place,
+    ) -> Result<Self> {
+        let widths: Vec<_> = layers.iter().map(|layer| (layer.inputs, layer.outputs)).collect();
+        let joined = widths.windows(2).all(|pair| pair[0].1 == pair[1].0);
+        let (Some(&(first, _)), Some(&(_, 3)), true) = (widths.first(), widths.last(), joined)
+        else {
+            return Err(Error::malformed(
+                place.clone(),
+                format!("layers of (inputs, outputs) {widths:?}"),
+                "layers that join, with 3 outputs at the end",
+            ));
+        };
+        let embedding = 3 + 6 * frequencies;
+        let input = match first.checked_sub(embedding) {
+            Some(rest) if rest == 3 + features => ViewInput::DiffuseAndFeatures,
+            Some(rest) if rest == features => ViewInput::Features,
+            _ => {
+                return Err(Error::unsupported(
+                    place.clone(),
+                    format!("a first layer {first} wide"),
+                    format!(
+                        "{} for a network that runs once a ray on {features} features ({} without \
+                         the diffuse colour); networks that run for each sample cannot be baked, \
+                         --mlp none leaves the network out",
+                        embedding + 3 + features,
+                        embedding + features
+                    ),
+                ));
+            }
+        };
+        Ok(Self { layers, frequencies, input })
+    }
+
+    /// Widths from input to output.
+    pub fn widths(&self) -> Vec<usize> {
+        let first = self.layers.first().map(|layer| layer.inputs);
+        first.into_iter().chain(self.layers.iter().map(|layer| layer.outputs)).collect()
+    }
+}
