@@ -1,10 +1,13 @@
 //! Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
 
+pub mod activate;
 pub mod bytes;
 pub mod error;
 pub mod field;
 pub mod grid;
 pub mod limits;
+pub mod mips;
 pub mod parallel;
 pub mod progress;
+pub mod prune;
 pub mod view_mlp;

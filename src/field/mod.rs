@@ -2,10 +2,12 @@
 //! is marched through them. Grids stay in their file and are read by position.
 
 mod free_space;
+mod planes;
 mod scene;
 mod volume;
 
 pub use free_space::{FreeSpace, Lookup};
+pub use planes::{EMPTY_DENSITY, Found, Nonfinite, Planes};
 pub use scene::{Activation, ActivationOrder, March, Scene};
 pub use volume::Volume;
 

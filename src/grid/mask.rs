@@ -1,1 +1,345 @@
-//! Sets of nodes, a bit each.
+//! Sets of nodes, a bit each, and the set algebra of pruning.
+//!
+//! Bits lie in rows along z, 64 to a word; a row ends at a word's end and its unused bits stay
+//! zero. A *cell* has the number of its lowest node, so a set of cells is a [`NodeMask`] whose
+//! last plane, row and bit stay empty.
+
+use crate::error::Result;
+use crate::grid::{BlockGrid, Nodes};
+use crate::parallel;
+
+/// A set of nodes (or cells) of a grid.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NodeMask {
+    nodes: Nodes,
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl NodeMask {
+    /// The empty set.
+    pub fn empty(nodes: Nodes) -> Self {
+        let words = row_words(nodes);
+        Self { nodes, words, bits: vec![0; nodes.0[0] * nodes.0[1] * words] }
+    }
+
+    /// Every node.
+    pub fn full(nodes: Nodes) -> Self {
+        let mut mask = Self::empty(nodes);
+        for row in mask.bits.chunks_exact_mut(mask.words) {
+            set_between(row, 0, nodes.0[2]);
+        }
+        mask
+    }
+
+    /// The nodes that are not in the set.
+    #[must_use]
+    pub fn complement(&self) -> Self {
+        let mut rest = Self::full(self.nodes);
+        for (word, own) in rest.bits.iter_mut().zip(&self.bits) {
+            *word &= !own;
+        }
+        rest
+    }
+
+    /// Joins planes made one by one, each of `ny` rows.
+    pub fn from_planes(nodes: Nodes, planes: Vec<Vec<u64>>) -> Self {
+        let words = row_words(nodes);
+        let bits = planes.concat();
+        assert_eq!(bits.len(), nodes.0[0] * nodes.0[1] * words, "every plane has all its rows");
+        Self { nodes, words, bits }
+    }
+
+    /// The grid's size.
+    pub fn nodes(&self) -> Nodes {
+        self.nodes
+    }
+
+    /// Words of a row.
+    pub fn row_words(&self) -> usize {
+        self.words
+    }
+
+    /// The rows of one x plane, one after the other.
+    pub fn plane(&self, x: usize) -> &[u64] {
+        let length = self.nodes.0[1] * self.words;
+        &self.bits[x * length..][..length]
+    }
+
+    /// The bits of the row `(x, y)`.
+    pub fn row(&self, x: usize, y: usize) -> &[u64] {
+        &self.bits[(x * self.nodes.0[1] + y) * self.words..][..self.words]
+    }
+
+    /// Whether the node is in the set.
+    pub fn contains(&self, [x, y, z]: [usize; 3]) -> bool {
+        get(self.row(x, y), z)
+    }
+
+    /// Nodes in the set.
+    pub fn count(&self) -> u64 {
+        self.bits.iter().map(|word| u64::from(word.count_ones())).sum()
+    }
+
+    /// Nodes in both sets.
+    pub fn count_common(&self, other: &Self) -> u64 {
+        let both = self.bits.iter().zip(&other.bits).map(|(a, b)| (a & b).count_ones());
+        both.map(u64::from).sum()
+    }
+
+    /// The cells that have a corner in this set.
+    pub fn cells_with_a_corner(&self) -> Result<Self> {
+        self.per_plane(|x, plane| {
+            let [nx, ny, _] = self.nodes.0;
+            if x + 1 == nx {
+                return;
+            }
+            for y in 0..ny - 1 {
+                let row = &mut plane[y * self.words..][..self.words];
+                for (i, j) in [(x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1)] {
+                    or_into(row, self.row(i, j));
+                }
+                or_shifted_down(row);
+                clear_from(row, self.nodes.0[2] - 1);
+            }
+        })
+    }
+
+    /// The corners of the cells in this set.
+    pub fn corners(&self) -> Result<Self> {
+        self.per_plane(|x, plane| {
+            for y in 0..self.nodes.0[1] {
+                let row = &mut plane[y * self.words..][..self.words];
+                for i in x.saturating_sub(1)..=x {
+                    for j in y.saturating_sub(1)..=y {
+                        or_into(row, self.row(i, j));
+                    }
+                }
+                or_shifted_up(row);
+            }
+        })
+    }
+
+    /// What is in both sets.
+    pub fn intersect(&mut self, other: &Self) {
+        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
+            *word &= other;
+        }
+    }
+
+    /// What is in either set.
+    pub fn unite(&mut self, other: &Self) {
+        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
+            *word |= other;
+        }
+    }
+
+    /// Whether each block, in the order of their numbers, holds a node of the set.
+    pub fn blocks(&self, edge: usize) -> Result<Vec<bool>> {
+        let counts = BlockGrid { nodes: self.nodes, edge }.counts();
+        let [nx, ny, nz] = self.nodes.0;
+        let slabs = parallel::map(counts[0], |i| {
+            let mut slab = vec![false; counts[1] * counts[2]];
+            let mut merged = vec![0; self.words];
+            for j in 0..counts[1] {
+                merged.fill(0);
+                for x in i * edge..nx.min((i + 1) * edge) {
+                    for y in j * edge..ny.min((j + 1) * edge) {
+                        or_into(&mut merged, self.row(x, y));
+                    }
+                }
+                for (k, block) in slab[j * counts[2]..][..counts[2]].iter_mut().enumerate() {
+                    *block = any_between(&merged, k * edge, nz.min((k + 1) * edge));
+                }
+            }
+            Ok(slab)
+        })?;
+        Ok(slabs.concat())
+    }
+
+    fn per_plane(&self, fill: impl Fn(usize, &mut [u64]) + Sync + Send) -> Result<Self> {
+        let planes = parallel::map(self.nodes.0[0], |x| {
+            let mut plane = vec![0; self.nodes.0[1] * self.words];
+            fill(x, &mut plane);
+            Ok(plane)
+        })?;
+        Ok(Self::from_planes(self.nodes, planes))
+    }
+}
+
+/// Words of a row of this grid.
+pub fn row_words(nodes: Nodes) -> usize {
+    nodes.0[2].div_ceil(64)
+}
+
+/// Bit `z` of a row.
+pub fn get(row: &[u64], z: usize) -> bool {
+    row[z / 64] >> (z % 64) & 1 == 1
+}
+
+/// Sets bit `z` of a row.
+pub fn set(row: &mut [u64], z: usize) {
+    row[z / 64] |= 1 << (z % 64);
+}
+
+/// Sets bits `start..end` of a row.
+pub fn set_between(row: &mut [u64], start: usize, end: usize) {
+    for (i, word) in row.iter_mut().enumerate() {
+        *word |= word_between(i, start, end);
+    }
+}
+
+/// Adds the bits of `other`.
+pub fn or_into(row: &mut [u64], other: &[u64]) {
+    for (word, other) in row.iter_mut().zip(other) {
+        *word |= other;
+    }
+}
+
+/// Calls `visit(start, end)` for each run of set bits, lowest first.
+pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
+    let mut run: Option<(usize, usize)> = None;
+    for (i, &word) in row.iter().enumerate() {
+        let (mut rest, mut at) = (word, i * 64);
+        while rest != 0 {
+            let zeros = rest.trailing_zeros() as usize;
+            rest >>= zeros;
+            at += zeros;
+            let ones = rest.trailing_ones() as usize;
+            rest = rest.checked_shr(ones as u32).unwrap_or(0);
+            run = match run {
+                Some((start, end)) if end == at => Some((start, at + ones)),
+                Some((start, end)) => {
+                    visit(start, end);
+                    Some((at, at + ones))
+                }
+                None => Some((at, at + ones)),
+            };
+            at += ones;
+        }
+    }
+    if let Some((start, end)) = run {
+        visit(start, end);
+    }
+}
+
+/// First set bit and one past the last, if any is set.
+pub fn span(row: &[u64]) -> Option<(usize, usize)> {
+    let first = row.iter().position(|&word| word != 0)?;
+    let last = row.iter().rposition(|&word| word != 0)?;
+    let start = first * 64 + row[first].trailing_zeros() as usize;
+    Some((start, last * 64 + 64 - row[last].leading_zeros() as usize))
+}
+
+fn any_between(row: &[u64], start: usize, end: usize) -> bool {
+    row.iter().enumerate().any(|(i, word)| word & word_between(i, start, end) != 0)
+}
+
+/// The bits of word `i` that are numbered `start..end` in their row.
+fn word_between(i: usize, start: usize, end: usize) -> u64 {
+    let low = start.saturating_sub(i * 64).min(64);
+    let high = end.saturating_sub(i * 64).min(64);
+    let below = |count: usize| if count == 64 { u64::MAX } else { (1 << count) - 1 };
+    below(high) & !below(low)
+}
+
+/// `row |= row >> 1`: a bit joins the one below it.
+fn or_shifted_down(row: &mut [u64]) {
+    for i in 0..row.len() {
+        let carry = row.get(i + 1).map_or(0, |next| next << 63);
+        row[i] |= row[i] >> 1 | carry;
+    }
+}
+
+/// `row |= row << 1`: a bit joins the one above it.
+fn or_shifted_up(row: &mut [u64]) {
+    for i in (0..row.len()).rev() {
+        let carry = if i > 0 { row[i - 1] >> 63 } else { 0 };
+        row[i] |= row[i] << 1 | carry;
+    }
+}
+
+fn clear_from(row: &mut [u64], end: usize) {
+    for (i, word) in row.iter_mut().enumerate() {
+        *word &= word_between(i, 0, end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(nodes: Nodes, seed: u64) -> NodeMask {
+        let mut mask = NodeMask::empty(nodes);
+        let mut state = seed;
+        for x in 0..nodes.0[0] {
+            for y in 0..nodes.0[1] {
+                for z in 0..nodes.0[2] {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    if state >> 59 == 0 {
+                        let at = (x * nodes.0[1] + y) * mask.words;
+                        set(&mut mask.bits[at..][..mask.words], z);
+                    }
+                }
+            }
+        }
+        mask
+    }
+
+    /// All nodes within one step of `at` along each axis, below it if `down`, above it if `up`.
+    fn around(nodes: Nodes, at: [usize; 3], down: usize, up: usize) -> Vec<[usize; 3]> {
+        let range = |axis: usize| at[axis].saturating_sub(down)..(at[axis] + up + 1).min(nodes.0[axis]);
+        let mut all = Vec::new();
+        for x in range(0) {
+            for y in range(1) {
+                all.extend(range(2).map(|z| [x, y, z]));
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn cells_and_corners_agree_with_their_definition() {
+        for (seed, sizes) in [[2, 2, 2], [3, 5, 63], [4, 3, 64], [2, 7, 65], [5, 4, 130]].iter().enumerate() {
+            let nodes = Nodes(*sizes);
+            let visible = mask(nodes, seed as u64);
+            let cells = visible.cells_with_a_corner().expect("no error");
+            let needed = cells.corners().expect("no error");
+            for at in around(nodes, [0; 3], 0, 1000) {
+                let is_cell = (0..3).all(|axis| at[axis] + 1 < sizes[axis]);
+                let cell = is_cell && around(nodes, at, 0, 1).iter().any(|&n| visible.contains(n));
+                assert_eq!(cells.contains(at), cell, "{sizes:?} {at:?}");
+                let near = around(nodes, at, 1, 1).iter().any(|&n| visible.contains(n));
+                assert_eq!(needed.contains(at), near, "{sizes:?} {at:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_and_runs_agree_with_their_definition() {
+        let nodes = Nodes([5, 9, 130]);
+        let mask = mask(nodes, 3);
+        let grid = BlockGrid { nodes, edge: 4 };
+        let blocks = mask.blocks(4).expect("no error");
+        let mut held = vec![false; grid.total()];
+        let [_, by, bz] = grid.counts();
+        for [x, y, z] in around(nodes, [0; 3], 0, 1000) {
+            held[((x / 4) * by + y / 4) * bz + z / 4] |= mask.contains([x, y, z]);
+        }
+        assert_eq!(blocks, held);
+        for x in 0..5 {
+            for y in 0..9 {
+                let mut rebuilt = vec![0; mask.row_words()];
+                let (mut last, mut first) = (None, None);
+                for_each_run(mask.row(x, y), |start, end| {
+                    assert!(last.is_none_or(|last| last < start) && start < end);
+                    set_between(&mut rebuilt, start, end);
+                    first = first.or(Some(start));
+                    last = Some(end);
+                });
+                assert_eq!(rebuilt, mask.row(x, y));
+                assert_eq!(span(mask.row(x, y)), first.zip(last));
+            }
+        }
+    }
+}

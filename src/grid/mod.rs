@@ -4,9 +4,9 @@
 //! lie on the box's faces. Values are in C order, channel slowest and z fastest.
 
 mod element;
-
+pub mod mask;
 mod size;
 
 pub use element::Element;
-
+pub use mask::NodeMask;
 pub use size::{BlockGrid, Bounds, Nodes};

@@ -1,0 +1,177 @@
+//! Values of a trained field as everything downstream sees them: read by position where somebody
+//! needs them, emptied outside the free-space mask, counted where they are not finite.
+
+use std::sync::Mutex;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::{RadianceField, Volume};
+use crate::grid::{NodeMask, mask};
+
+/// Raw density of a node that is not there. Far below any threshold, and what unseen nodes of
+/// trained scenes hold.
+pub const EMPTY_DENSITY: f32 = -100.0;
+
+/// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
+const BRIDGED_BYTES: usize = 1024;
+
+/// What happens to values that are not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Nonfinite {
+    /// The bake is refused, with their count and the first one's place.
+    #[default]
+    Refuse,
+    /// The node is empty: density as outside the scene, colour as never trained.
+    Empty,
+}
+
+/// Reads a field's planes from any thread.
+#[derive(Debug)]
+pub struct Planes<'a> {
+    field: &'a RadianceField,
+    /// Nodes that are no corner of any cell which the free-space mask touches.
+    outside: Option<NodeMask>,
+    nonfinite: Nonfinite,
+    found: Mutex<Found>,
+}
+
+/// Values that are not finite, among those read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Found {
+    /// How many.
+    pub count: u64,
+    /// The first one's channel, x, y and z; density is channel 0.
+    pub first: Option<[usize; 4]>,
+}
+
+impl<'a> Planes<'a> {
+    /// Planes of `field`; `inside` are the nodes that keep their density.
+    pub fn new(field: &'a RadianceField, outside: Option<NodeMask>, nonfinite: Nonfinite) -> Self {
+        Self { field, outside, nonfinite, found: Mutex::default() }
+    }
+
+    /// The field that is read.
+    pub fn field(&self) -> &'a RadianceField {
+        self.field
+    }
+
+    /// Density and colour channels.
+    pub fn channels(&self) -> usize {
+        1 + self.field.color.channels
+    }
+
+    /// Fills the nodes in `region` (rows of bits along z) of plane `x`. Channel 0 is density, the
+    /// others are colour. Nodes around the region may be filled too. Returns the CRC-32 of the
+    /// bytes read, in order.
+    pub fn read(
+        &self,
+        channel: usize,
+        x: usize,
+        region: &[u64],
+        out: &mut [f32],
+    ) -> Result<crc32fast::Hasher> {
+        let (volume, volume_channel) = match channel.checked_sub(1) {
+            None => (&self.field.density, 0),
+            Some(color) => (&self.field.color, color),
+        };
+        let mut bytes = Vec::new();
+        let mut hasher = crc32fast::Hasher::new();
+        let nz = volume.nodes.0[2];
+        for run in runs(volume, region) {
+            let at = [x, run.start / nz, run.start % nz];
+            let values = &mut out[run.clone()];
+            hasher.update(volume.read_run(volume_channel, at, values, &mut bytes)?);
+            if values.iter().any(|value| !value.is_finite()) {
+                self.mend(channel, x, run.start, nz, values);
+            }
+        }
+        if let Some(outside) = self.outside.as_ref().filter(|_| channel == 0) {
+            empty(outside, x, out);
+        }
+        Ok(hasher)
+    }
+
+    /// What was found since the last call, or the error that it is.
+    pub fn take_nonfinite(&self) -> Result<Found> {
+        let mut found = self.found.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let found = std::mem::take(&mut *found);
+        match (self.nonfinite, found.first) {
+            (Nonfinite::Refuse, Some(first)) => {
+                let tensor = if first[0] == 0 { "density" } else { "k0" };
+                // Colour counts its own channels.
+                let first = [first[0].saturating_sub(1), first[1], first[2], first[3]];
+                let kind = ErrorKind::NonFinite { count: found.count, first };
+                Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
+            }
+            _ => Ok(found),
+        }
+    }
+
+    /// Replaces and counts values that are not finite.
+    fn mend(&self, channel: usize, x: usize, start: usize, nz: usize, values: &mut [f32]) {
+        let empty = if channel == 0 { EMPTY_DENSITY } else { 0.0 };
+        let mut here = Found::default();
+        for (i, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
+            *value = empty;
+            here.count += 1;
+            here.first.get_or_insert([channel, x, (start + i) / nz, (start + i) % nz]);
+        }
+        let mut found = self.found.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        found.count += here.count;
+        found.first = match (found.first, here.first) {
+            (Some(old), Some(new)) => Some(old.min(new)),
+            (old, new) => old.or(new),
+        };
+    }
+
+    /// Holds the checksums of all density planes, in order, against the one that the file states,
+    /// if it does. Returns one for each plane.
+    pub fn density_checksums(&self, hashers: Vec<crc32fast::Hasher>) -> Result<Vec<u32>> {
+        let volume = &self.field.density;
+        if let Some(expected) = volume.storage.crc32().filter(|_| volume.fills_storage()) {
+            let mut whole = crc32fast::Hasher::new();
+            hashers.iter().for_each(|hasher| whole.combine(hasher));
+            let found = whole.finalize();
+            if found != expected {
+                let kind = ErrorKind::Checksum { what: "density".to_owned(), found, expected };
+                return Err(Error::new(kind, Place::Tensor("density".to_owned())));
+            }
+        }
+        Ok(hashers.into_iter().map(crc32fast::Hasher::finalize).collect())
+    }
+}
+
+/// Runs of consecutive values of a plane that cover the region, short gaps bridged.
+fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
+    let [_, ny, nz] = volume.nodes.0;
+    let words = region.len() / ny;
+    let gap = BRIDGED_BYTES / volume.element.size();
+    let across_rows = volume.rows_are_contiguous();
+    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+    for (y, row) in region.chunks_exact(words).enumerate() {
+        mask::for_each_run(row, |start, end| {
+            let run = y * nz + start..y * nz + end;
+            match runs.last_mut() {
+                Some(last)
+                    if run.start - last.end <= gap && (across_rows || last.start >= y * nz) =>
+                {
+                    last.end = run.end;
+                }
+                _ => runs.push(run),
+            }
+        });
+    }
+    runs
+}
+
+/// Lowers what lies outside the mask to emptiness. Lower values stay: levels as trained average
+/// them as they are.
+fn empty(outside: &NodeMask, x: usize, plane: &mut [f32]) {
+    let nz = outside.nodes().0[2];
+    for (y, values) in plane.chunks_exact_mut(nz).enumerate() {
+        mask::for_each_run(outside.row(x, y), |start, end| {
+            for value in &mut values[start..end] {
+                *value = value.min(EMPTY_DENSITY);
+            }
+        });
+    }
+}

@@ -1,0 +1,361 @@
+//! A field streamed through all its levels, plane by plane.
+//!
+//! Level 0 arrives in slabs of x planes. Each plane is filtered along y and z as soon as it is
+//! there and waits in the ring of the next level's [`Stage`]; once the planes under an output
+//! plane's window have come, their weighted sum along x is the output plane, which in turn is
+//! filtered for the level after. Memory is a few planes a level, whatever the grid's size, and no
+//! level is ever whole in memory.
+//!
+//! Only some nodes matter. [`Regions`] says which nodes of each level must come out right; what
+//! lies outside is skipped row by row and span by span, and the slabs hold stale numbers there.
+//!
+//! Sums run in f64 and are rounded to f32 twice a level (after y and z, after x). A constant
+//! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
+
+use std::collections::VecDeque;
+
+use multiversion::multiversion;
+
+use super::Kernel;
+use super::taps::AxisTaps;
+use crate::error::Result;
+use crate::grid::{NodeMask, mask};
+use crate::parallel;
+
+/// The nodes of each level that must come out right.
+#[derive(Debug)]
+pub struct Regions {
+    steps: Vec<Step>,
+    /// By level; what a level's own users need and what the next level reads.
+    levels: Vec<NodeMask>,
+}
+
+/// Weights from one level to the next.
+#[derive(Debug, Clone)]
+struct Step {
+    axes: [AxisTaps; 3],
+}
+
+impl Step {
+    /// Nodes of plane `x` of the finer level that output nodes in `outputs` read, as rows of bits.
+    fn read_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
+        let wanted = self.wanted_rows(x, outputs);
+        let words = outputs.row_words();
+        let [_, y_taps, z_taps] = &self.axes;
+        let fine_words = z_taps.inputs().div_ceil(64);
+        let mut rows = vec![0; y_taps.inputs() * fine_words];
+        let mut merged = vec![0; words];
+        for (y, row) in rows.chunks_exact_mut(fine_words).enumerate() {
+            merged.fill(0);
+            let (start, end) = y_taps.readers(y);
+            for wanted in wanted[start * words..end * words].chunks_exact(words) {
+                mask::or_into(&mut merged, wanted);
+            }
+            z_taps.spread(&merged, row);
+        }
+        rows
+    }
+
+    /// Nodes of the y-z-filtered plane `x` that output planes read: rows of bits at the coarser
+    /// level's size.
+    fn wanted_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
+        let mut wanted = vec![0; outputs.plane(0).len()];
+        let (start, end) = self.axes[0].readers(x);
+        for output in start..end {
+            mask::or_into(&mut wanted, outputs.plane(output));
+        }
+        wanted
+    }
+}
+
+impl Regions {
+    /// Grows what is `needed` of each level, finest first, by what coarser levels read of it.
+    pub fn new(needed: Vec<NodeMask>, kernel: Kernel) -> Result<Self> {
+        let weights = kernel.weights();
+        let steps: Vec<Step> = needed
+            .windows(2)
+            .map(|pair| {
+                let (fine, coarse) = (pair[0].nodes().0, pair[1].nodes().0);
+                let axes = [0, 1, 2].map(|axis| AxisTaps::new(fine[axis], coarse[axis], &weights));
+                Step { axes }
+            })
+            .collect();
+        let mut levels = needed;
+        for (level, step) in steps.iter().enumerate().rev() {
+            let coarse = &levels[level + 1];
+            let planes = parallel::map(levels[level].nodes().0[0], |x| Ok(step.read_rows(x, coarse)))?;
+            let read = NodeMask::from_planes(levels[level].nodes(), planes);
+            levels[level].unite(&read);
+        }
+        Ok(Self { steps, levels })
+    }
+
+    /// Nodes of a level that must be right for its own users or for coarser levels.
+    pub fn level(&self, level: usize) -> &NodeMask {
+        &self.levels[level]
+    }
+}
+
+/// Consecutive x planes of a level, all channels.
+#[derive(Debug)]
+pub struct Slab {
+    /// The first plane.
+    pub first: usize,
+    /// Channels of a plane.
+    pub channels: usize,
+    /// `planes[i * channels + c]` is channel `c` of plane `first + i`, `ny * nz` values.
+    pub planes: Vec<Vec<f32>>,
+}
+
+impl Slab {
+    /// Planes in the slab.
+    pub fn count(&self) -> usize {
+        self.planes.len() / self.channels
+    }
+
+    /// One channel of one plane, counted from the slab's first.
+    pub fn plane(&self, index: usize, channel: usize) -> &[f32] {
+        &self.planes[index * self.channels + channel]
+    }
+}
+
+/// Planes on their way up from one level to the next.
+struct Stage<'a> {
+    step: &'a Step,
+    outputs: &'a NodeMask,
+    /// Number of the first plane in `ring`.
+    ring_first: usize,
+    /// Planes filtered along y and z, `[plane][channel]`.
+    ring: VecDeque<Vec<Vec<f32>>>,
+    /// Output planes already made.
+    made: usize,
+}
+
+impl Stage<'_> {
+    /// Planes that have come so far.
+    fn fed(&self) -> usize {
+        self.ring_first + self.ring.len()
+    }
+
+    /// Sums the ring along x into output plane `x` of one channel.
+    fn sum_planes(&self, x: usize, channel: usize, out: &mut [f32]) {
+        let (start, weights) = self.step.axes[0].window(x);
+        let [_, ny, nz] = self.outputs.nodes().0;
+        let mut sums = vec![0.0; nz];
+        for y in 0..ny {
+            let Some((low, high)) = mask::span(self.outputs.row(x, y)) else { continue };
+            let range = y * nz + low..y * nz + high;
+            let sums = &mut sums[..high - low];
+            sums.fill(0.0);
+            for (plane, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                let ring = &self.ring[start + plane - self.ring_first][channel];
+                add_scaled(sums, &ring[range.clone()], weight);
+            }
+            round_to_f32(sums, &mut out[range]);
+        }
+    }
+
+    /// Filters one channel of plane `x` of the finer level along y and z.
+    fn filter_plane(&self, wanted: &[u64], plane: &[f32], out: &mut [f32]) {
+        let [_, y_taps, z_taps] = &self.step.axes;
+        let (nz, coarse_nz) = (z_taps.inputs(), z_taps.outputs());
+        let words = self.outputs.row_words();
+        let mut sums = vec![0.0; nz];
+        for (y, wanted) in wanted.chunks_exact(words).enumerate() {
+            let Some((start, end)) = mask::span(wanted) else { continue };
+            let (low, high) = z_taps.reach(start, end);
+            let (first, weights) = y_taps.window(y);
+            let sums = &mut sums[low..high];
+            sums.fill(0.0);
+            for (row, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                let at = (first + row) * nz;
+                add_scaled(sums, &plane[at + low..at + high], weight);
+            }
+            let out = &mut out[y * coarse_nz + start..y * coarse_nz + end];
+            for (z, out) in out.iter_mut().enumerate() {
+                let (first, weights) = z_taps.window(start + z);
+                *out = weighted_sum(&sums[first - low..], weights) as f32;
+            }
+        }
+    }
+}
+
+/// Streams channels through all levels.
+pub struct Cascade<'a> {
+    regions: &'a Regions,
+    /// The channels of level 0 that coarser levels have too.
+    filtered: std::ops::Range<usize>,
+    /// Planes of a full slab.
+    thickness: usize,
+    stages: Vec<Stage<'a>>,
+    slabs: Vec<Slab>,
+    /// Planes to be used again: touching fresh memory costs more than filtering it.
+    spare: Vec<Vec<f32>>,
+}
+
+/// A plane being made: its values, and what the next level's ring gets.
+struct PlaneTask {
+    x: usize,
+    channel: usize,
+    plane: Vec<f32>,
+    filtered: Option<Vec<f32>>,
+}
+
+impl<'a> Cascade<'a> {
+    /// For `channels` at level 0, of which `filtered` go up, in slabs of `thickness` planes.
+    pub fn new(
+        regions: &'a Regions,
+        channels: usize,
+        filtered: std::ops::Range<usize>,
+        thickness: usize,
+    ) -> Self {
+        let stages = regions.steps.iter().zip(&regions.levels[1..]).map(|(step, outputs)| Stage {
+            step,
+            outputs,
+            ring_first: 0,
+            ring: VecDeque::new(),
+            made: 0,
+        });
+        let slabs = regions.levels.iter().enumerate().map(|(level, _)| Slab {
+            first: 0,
+            channels: if level == 0 { channels } else { filtered.len() },
+            planes: Vec::new(),
+        });
+        let (stages, slabs) = (stages.collect(), slabs.collect());
+        Self { regions, filtered, thickness, stages, slabs, spare: Vec::new() }
+    }
+
+    /// Streams the whole field. `read(x, channel, region, plane)` fills the nodes in `region` (rows
+    /// of bits along z) of a level-0 plane; `take(level, slab)` gets every slab of every level,
+    /// each level's in order.
+    pub fn run(
+        mut self,
+        read: impl Fn(usize, usize, &[u64], &mut [f32]) -> Result<()> + Sync + Send,
+        mut take: impl FnMut(usize, &Slab) -> Result<()>,
+    ) -> Result<()> {
+        let planes = self.regions.levels[0].nodes().0[0];
+        for start in (0..planes).step_by(self.thickness) {
+            let end = planes.min(start + self.thickness);
+            self.make(0, start, end, |_, x, channel, plane| {
+                read(x, channel, self.regions.levels[0].plane(x), plane)
+            })?;
+            self.rise(0, &mut take)?;
+        }
+        Ok(())
+    }
+
+    /// Hands out the slab of `level` if it is full, then makes all coarser planes that can be.
+    fn rise(
+        &mut self,
+        level: usize,
+        take: &mut impl FnMut(usize, &Slab) -> Result<()>,
+    ) -> Result<()> {
+        let slab = &mut self.slabs[level];
+        let next = slab.first + slab.count();
+        if slab.count() == self.thickness || next == self.regions.levels[level].nodes().0[0] {
+            take(level, slab)?;
+            slab.first = next;
+            self.spare.append(&mut slab.planes);
+        }
+        let Some(stage) = self.stages.get(level) else { return Ok(()) };
+        let ready = stage.step.axes[0].ready(stage.fed());
+        let mut made = stage.made;
+        while made < ready {
+            let end = ready.min((made / self.thickness + 1) * self.thickness);
+            self.make(level + 1, made, end, |stages, x, channel, plane| {
+                stages[level].sum_planes(x, channel, plane);
+                Ok(())
+            })?;
+            made = end;
+            self.retire(level, made);
+            self.rise(level + 1, take)?;
+        }
+        Ok(())
+    }
+
+    /// Frees the planes of a ring that no further output plane reads.
+    fn retire(&mut self, level: usize, made: usize) {
+        let stage = &mut self.stages[level];
+        stage.made = made;
+        let taps = &stage.step.axes[0];
+        let first = if made < taps.outputs() { taps.window(made).0 } else { taps.inputs() };
+        while stage.ring_first < first {
+            self.spare.extend(stage.ring.pop_front().into_iter().flatten());
+            stage.ring_first += 1;
+        }
+    }
+
+    /// Makes planes `start..end` of a level, and what they give to the next level's ring.
+    fn make(
+        &mut self,
+        level: usize,
+        start: usize,
+        end: usize,
+        fill: impl Fn(&[Stage<'a>], usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
+    ) -> Result<()> {
+        let stages = &self.stages;
+        let wanted = match stages.get(level) {
+            Some(stage) => parallel::map(end - start, |i| {
+                Ok(stage.step.wanted_rows(start + i, stage.outputs))
+            })?,
+            None => Vec::new(),
+        };
+        let [_, ny, nz] = self.regions.levels[level].nodes().0;
+        let channels = self.slabs[level].channels;
+        // Channels that go up: at level 0 a part of them, above it all.
+        let filtered = if level == 0 { self.filtered.clone() } else { 0..channels };
+        let mut tasks = Vec::with_capacity((end - start) * channels);
+        for x in start..end {
+            for channel in 0..channels {
+                let up = stages.get(level).filter(|_| filtered.contains(&channel));
+                let up = up.map(|stage| stage.outputs.nodes().0);
+                let filtered = up.map(|[_, ny, nz]| spare_plane(&mut self.spare, ny * nz));
+                let plane = spare_plane(&mut self.spare, ny * nz);
+                tasks.push(PlaneTask { x, channel, plane, filtered });
+            }
+        }
+        parallel::map_mut(&mut tasks, |_, task| {
+            fill(stages, task.x, task.channel, &mut task.plane)?;
+            if let (Some(stage), Some(filtered)) = (stages.get(level), &mut task.filtered) {
+                stage.filter_plane(&wanted[task.x - start], &task.plane, filtered);
+            }
+            Ok(())
+        })?;
+        let mut rows = Vec::with_capacity(filtered.len());
+        for task in tasks {
+            self.slabs[level].planes.push(task.plane);
+            rows.extend(task.filtered);
+            if rows.len() == filtered.len()
+                && let Some(stage) = self.stages.get_mut(level)
+            {
+                stage.ring.push_back(std::mem::take(&mut rows));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn spare_plane(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
+    let fits = spare.iter().rposition(|plane| plane.capacity() >= length);
+    let mut plane = fits.map(|i| spare.swap_remove(i)).unwrap_or_default();
+    plane.resize(length, 0.0);
+    plane
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_scaled(sums: &mut [f64], row: &[f32], weight: f64) {
+    for (sum, &value) in sums.iter_mut().zip(row) {
+        *sum += weight * f64::from(value);
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn round_to_f32(sums: &[f64], out: &mut [f32]) {
+    for (out, &sum) in out.iter_mut().zip(sums) {
+        *out = sum as f32;
+    }
+}
+
+fn weighted_sum(values: &[f64], weights: &[f64]) -> f64 {
+    values.iter().zip(weights).fold(0.0, |sum, (value, weight)| sum + weight * value)
+}

@@ -1,0 +1,180 @@
+//! Where the free-space mask lets samples be.
+//!
+//! The mask is a grid of its own with its own box, looked up at each sample. A cell of a level is
+//! *inside* if any of its points may be in the mask: if any mask node within the reach of a lookup
+//! from the cell is. For a nearest lookup that is exact; for a trilinear one it errs towards
+//! keeping, since an interpolated value never exceeds the nodes around it.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::error::Result;
+use crate::field::{FreeSpace, Lookup, Planes};
+use crate::grid::{Bounds, NodeMask, Nodes, mask};
+use crate::parallel;
+
+/// Positions that fall within this of a border between mask nodes count for both sides.
+const SLACK: f64 = 1e-4;
+
+/// The cells of a level that the mask touches.
+pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<NodeMask> {
+    let inside = inside_nodes(free_space);
+    let ranges = [0, 1, 2].map(|axis| mask_ranges(free_space, bounds, nodes, axis));
+    gather(&inside, nodes, &ranges)
+}
+
+/// Whether, with the mask dropped, a sample outside it would be seen: whether any cell that is
+/// partly inside holds a point above the threshold that the mask drops. Looked for at 8 points of
+/// each such cell, one in each octant, where a boolean mask of the field's own size decides.
+/// A mask's box holds the field's, as training makes it: beyond its nodes nothing is looked for.
+pub fn mask_matters(
+    free_space: &FreeSpace,
+    planes: &Planes,
+    cells: &NodeMask,
+    raw_threshold: f32,
+) -> Result<bool> {
+    let field = planes.field();
+    let bounds = &field.scene.bounds;
+    let nodes = cells.nodes();
+    let outside = inside_nodes(free_space).complement();
+    let ranges = [0, 1, 2].map(|axis| mask_ranges(free_space, bounds, nodes, axis));
+    let mut partial = gather(&outside, nodes, &ranges)?;
+    partial.intersect(cells);
+    if partial.count() == 0 {
+        return Ok(false);
+    }
+    let corners = partial.corners()?;
+    let spacing = nodes.spacing(bounds);
+    let found = AtomicBool::new(false);
+    let [nx, ny, nz] = nodes.0;
+    parallel::map(nx - 1, |x| {
+        if found.load(Ordering::Relaxed) || partial.plane(x).iter().all(|&word| word == 0) {
+            return Ok(());
+        }
+        let mut pair = [vec![0.0; ny * nz], vec![0.0; ny * nz]];
+        for (i, plane) in pair.iter_mut().enumerate() {
+            planes.read(0, x + i, corners.plane(x + i), plane)?;
+        }
+        for y in 0..ny - 1 {
+            mask::for_each_run(partial.row(x, y), |start, end| {
+                for z in start..end {
+                    let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
+                    let seen = octants().any(|at| {
+                        let position = [x, y, z].iter().zip(at).enumerate();
+                        let mut world = [0.0; 3];
+                        for (axis, (&node, at)) in position {
+                            let min = f64::from(bounds.min[axis]);
+                            world[axis] = min + (node as f64 + at) * spacing[axis];
+                        }
+                        trilinear(at, corner) > f64::from(raw_threshold)
+                            && !free_space.contains(world)
+                    });
+                    if seen {
+                        found.store(true, Ordering::Relaxed);
+                    }
+                }
+            });
+        }
+        Ok(())
+    })?;
+    // What was read twice was counted twice; the pass over all of density has the count.
+    planes.take_nonfinite().ok();
+    Ok(found.into_inner())
+}
+
+/// For each cell of `nodes`, whether `from` holds a node in the cell's ranges along each axis.
+pub(super) fn gather(
+    from: &NodeMask,
+    nodes: Nodes,
+    ranges: &[Vec<(usize, usize)>; 3],
+) -> Result<NodeMask> {
+    let words = mask::row_words(nodes);
+    let [x_ranges, y_ranges, z_ranges] = ranges;
+    let planes = parallel::map(nodes.0[0], |x| {
+        let mut plane = vec![0; nodes.0[1] * words];
+        let Some(&(start, end)) = x_ranges.get(x) else { return Ok(plane) };
+        let mut merged = vec![0; from.nodes().0[1] * from.row_words()];
+        for x in start..end {
+            mask::or_into(&mut merged, from.plane(x));
+        }
+        let mut row = vec![0; from.row_words()];
+        for (y, &(start, end)) in y_ranges.iter().enumerate() {
+            row.fill(0);
+            for other in merged[start * row.len()..end * row.len()].chunks_exact(row.len()) {
+                mask::or_into(&mut row, other);
+            }
+            let out = &mut plane[y * words..][..words];
+            for (z, &(start, end)) in z_ranges.iter().enumerate() {
+                if (start..end).any(|z| mask::get(&row, z)) {
+                    mask::set(out, z);
+                }
+            }
+        }
+        Ok(plane)
+    })?;
+    Ok(NodeMask::from_planes(nodes, planes))
+}
+
+/// The mask's nodes that are inside by themselves.
+fn inside_nodes(free_space: &FreeSpace) -> NodeMask {
+    let nodes = free_space.nodes;
+    let inside = |i: usize| match &free_space.lookup {
+        Lookup::Nearest(inside) => inside[i],
+        Lookup::Trilinear { values, threshold } => values[i] >= *threshold,
+    };
+    let [nx, ny, nz] = nodes.0;
+    let words = mask::row_words(nodes);
+    let planes = (0..nx).map(|x| {
+        let mut plane = vec![0; ny * words];
+        for (y, row) in plane.chunks_exact_mut(words).enumerate() {
+            for z in (0..nz).filter(|z| inside((x * ny + y) * nz + z)) {
+                mask::set(row, z);
+            }
+        }
+        plane
+    });
+    NodeMask::from_planes(nodes, planes.collect())
+}
+
+/// The interval of mask index space that each cell of an axis spans.
+fn spans(
+    free_space: &FreeSpace,
+    bounds: &Bounds,
+    nodes: Nodes,
+    axis: usize,
+) -> impl Iterator<Item = (f64, f64)> {
+    let (min, spacing) = (f64::from(bounds.min[axis]), nodes.spacing(bounds)[axis]);
+    let (scale, shift) = (free_space.scale[axis], free_space.shift[axis]);
+    let at = move |node: usize| (min + node as f64 * spacing) * scale + shift;
+    (0..nodes.0[axis] - 1).map(move |cell| (at(cell) - SLACK, at(cell + 1) + SLACK))
+}
+
+/// Mask nodes that lookups from each cell of an axis can reach, clipped to those that there are.
+fn mask_ranges(
+    free_space: &FreeSpace,
+    bounds: &Bounds,
+    nodes: Nodes,
+    axis: usize,
+) -> Vec<(usize, usize)> {
+    let count = free_space.nodes.0[axis];
+    let clip = |at: f64| at.clamp(0.0, count as f64) as usize;
+    let reach = |(low, high): (f64, f64)| match free_space.lookup {
+        Lookup::Nearest(_) => (clip(libm::rint(low)), clip(libm::rint(high) + 1.0)),
+        Lookup::Trilinear { .. } => (clip(low.floor()), clip(high.ceil() + 1.0)),
+    };
+    spans(free_space, bounds, nodes, axis).map(reach).collect()
+}
+
+fn octants() -> impl Iterator<Item = [f64; 3]> {
+    (0..8usize).map(|corner| [2, 1, 0].map(|bit| 0.25 + 0.5 * (corner >> bit & 1) as f64))
+}
+
+fn trilinear(at: [f64; 3], corner: impl Fn(usize, usize, usize) -> f32) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..8usize {
+        let bits = [i >> 2 & 1, i >> 1 & 1, i & 1];
+        let weight: f64 =
+            bits.iter().zip(at).map(|(&bit, at)| if bit == 1 { at } else { 1.0 - at }).product();
+        sum += weight * f64::from(corner(bits[0], bits[1], bits[2]));
+    }
+    sum
+}

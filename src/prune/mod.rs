@@ -1,0 +1,207 @@
+//! What nobody can see.
+//!
+//! Opacity grows with raw density, so a threshold on opacity is one threshold on raw values, found
+//! once; testing a node is one comparison. A trilinear sample never exceeds the largest of its
+//! cell's 8 corners, whatever is activated before or after interpolation. Therefore a cell is
+//! *visible* if any corner is above the threshold (and the free-space mask, if there is one, touches
+//! the cell), and a node is *needed* if it is a corner of a visible cell. A block of nodes is
+//! dropped only if it holds no needed node; all its cells then stay below the threshold even where
+//! its neighbours are kept and its own nodes read as empty.
+//!
+//! Coarser levels follow the same rule on their own filtered density; where density is not filtered
+//! (the research code's levels) a cell is visible if it overlaps a visible cell of level 0.
+
+mod free_space;
+
+use std::sync::Mutex;
+
+pub use free_space::{inside_cells, mask_matters};
+
+use crate::activate;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::{Nonfinite, Planes, RadianceField};
+use crate::grid::{NodeMask, Nodes, mask};
+use crate::mips::{Cascade, Kernel, Regions};
+use crate::parallel;
+use crate::progress::{Progress, Step};
+
+/// Planes of level 0 that are read between two looks at progress.
+const SLAB: usize = 8;
+
+/// What can be seen of one level, and why the rest cannot.
+#[derive(Debug)]
+pub struct PrunedLevel {
+    /// Corners of visible cells.
+    pub needed: NodeMask,
+    /// Nodes whose own opacity is above the threshold.
+    pub opaque_nodes: u64,
+    /// Those of them that only the free-space mask drops.
+    pub masked_nodes: u64,
+}
+
+/// What can be seen of a field at every level.
+#[derive(Debug)]
+pub struct Pruned {
+    /// Finest first.
+    pub levels: Vec<PrunedLevel>,
+    /// Raw density of the opacity threshold: what is not above it cannot be seen.
+    pub raw_threshold: f32,
+    /// Whether some sample outside the free-space mask would be seen if the mask were dropped.
+    pub keeps_mask: bool,
+    /// Density values that are not finite (refused, or emptied).
+    pub nonfinite: u64,
+    /// CRC-32 of each plane of density.
+    pub density_checksums: Vec<u32>,
+}
+
+/// Raw density above which a node's opacity exceeds `threshold`, lowered by a hair so that no
+/// rounding, here or in anybody's activation, drops a node that is above.
+pub fn raw_threshold(threshold: f32, shift: f32, interval: f32) -> f32 {
+    let raw = activate::raw_at_opacity(threshold.into(), shift.into(), interval.into());
+    let slack = 1e-6 * (raw.abs() + f64::from(shift).abs() + 1.0);
+    (raw - slack) as f32
+}
+
+/// Finds what can be seen of `sizes.len()` levels. `kernel` is the low-pass of density, `None`
+/// where coarser levels hold no density.
+pub fn prune(
+    planes: &Planes,
+    sizes: &[Nodes],
+    kernel: Option<Kernel>,
+    alpha_threshold: f32,
+    progress: &dyn Progress,
+) -> Result<Pruned> {
+    let field = planes.field();
+    let activation = &field.scene.activation;
+    let raw_threshold = raw_threshold(alpha_threshold, activation.shift, activation.interval);
+    let filtered = &sizes[..if kernel.is_some() { sizes.len() } else { 1 }];
+    let (opaque, density_checksums) =
+        opaque_nodes(planes, filtered, kernel.unwrap_or(Kernel::None), raw_threshold, progress)?;
+    let nonfinite = planes.take_nonfinite()?.count;
+    let inside = field.free_space.as_ref();
+    let mut levels = Vec::with_capacity(sizes.len());
+    let mut finest_cells = None;
+    for (level, opaque) in opaque.iter().enumerate() {
+        let mut cells = opaque.cells_with_a_corner()?;
+        let mut masked_nodes = 0;
+        if let Some(free_space) = inside {
+            let touched = inside_cells(free_space, &field.scene.bounds, sizes[level])?;
+            cells.intersect(&touched);
+            masked_nodes = opaque.count() - opaque.count_common(&cells.corners()?);
+        }
+        let needed = cells.corners()?;
+        levels.push(PrunedLevel { needed, opaque_nodes: opaque.count(), masked_nodes });
+        finest_cells.get_or_insert(cells);
+    }
+    let cells = finest_cells.unwrap_or_else(|| NodeMask::empty(sizes[0]));
+    for &nodes in &sizes[levels.len()..] {
+        let needed = overlapping_cells(&cells, nodes)?.corners()?;
+        levels.push(PrunedLevel { needed, opaque_nodes: 0, masked_nodes: 0 });
+    }
+    let keeps_mask = match inside {
+        Some(free_space) => mask_matters(free_space, planes, &cells, raw_threshold)?,
+        None => false,
+    };
+    Ok(Pruned { levels, raw_threshold, keeps_mask, nonfinite, density_checksums })
+}
+
+/// The planes of a field with everything emptied that its free-space mask cannot reach.
+pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Planes<'_>> {
+    let outside = match &field.free_space {
+        Some(free_space) => {
+            let cells = inside_cells(free_space, &field.scene.bounds, field.scene.nodes)?;
+            Some(cells.corners()?.complement())
+        }
+        None => None,
+    };
+    Ok(Planes::new(field, outside, nonfinite))
+}
+
+/// Nodes above the threshold at each level: the one pass over all of density.
+fn opaque_nodes(
+    planes: &Planes,
+    sizes: &[Nodes],
+    kernel: Kernel,
+    raw_threshold: f32,
+    progress: &dyn Progress,
+) -> Result<(Vec<NodeMask>, Vec<u32>)> {
+    let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
+    let regions = Regions::new(whole, kernel)?;
+    let hashers = Mutex::new(vec![crc32fast::Hasher::new(); sizes[0].0[0]]);
+    let mut rows: Vec<Vec<Vec<u64>>> = vec![Vec::new(); sizes.len()];
+    progress.begin(Step::Prune, sizes[0].0[0] as u64);
+    Cascade::new(&regions, 1, 0..1, SLAB).run(
+        |x, channel, region, plane| {
+            let hasher = planes.read(channel, x, region, plane)?;
+            hashers.lock().unwrap_or_else(|poisoned| poisoned.into_inner())[x] = hasher;
+            Ok(())
+        },
+        |level, slab| {
+            rows[level].extend(parallel::map(slab.count(), |i| {
+                Ok(above(slab.plane(i, 0), sizes[level], raw_threshold))
+            })?);
+            if level == 0 {
+                progress.advance(Step::Prune, slab.count() as u64);
+            }
+            if progress.cancelled() {
+                return Err(Error::new(ErrorKind::Cancelled, Place::File));
+            }
+            Ok(())
+        },
+    )?;
+    let masks = sizes.iter().zip(rows).map(|(&nodes, rows)| NodeMask::from_planes(nodes, rows));
+    let hashers = hashers.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    Ok((masks.collect(), planes.density_checksums(hashers)?))
+}
+
+/// The nodes of a plane that are above the threshold, as rows of bits.
+fn above(plane: &[f32], nodes: Nodes, threshold: f32) -> Vec<u64> {
+    let mut bits = Vec::with_capacity(nodes.0[1] * mask::row_words(nodes));
+    for row in plane.chunks_exact(nodes.0[2]) {
+        for values in row.chunks(64) {
+            let word = values
+                .iter()
+                .enumerate()
+                .fold(0, |word, (bit, &value)| word | u64::from(value > threshold) << bit);
+            bits.push(word);
+        }
+    }
+    bits
+}
+
+/// The cells of a coarser grid over the same box that overlap a cell in `fine`.
+fn overlapping_cells(fine: &NodeMask, nodes: Nodes) -> Result<NodeMask> {
+    // Cell i of M nodes spans [i, i + 1] / (M - 1) of the axis; cells that only touch do not overlap.
+    let ranges: [Vec<(usize, usize)>; 3] = [0, 1, 2].map(|axis| {
+        let (coarse, fine) = (nodes.0[axis] - 1, fine.nodes().0[axis] - 1);
+        (0..coarse).map(|i| (i * fine / coarse, ((i + 1) * fine).div_ceil(coarse))).collect()
+    });
+    free_space::gather(fine, nodes, &ranges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_threshold_is_never_above_the_exact_one() {
+        for interval in [1e-5f32, 0.25, 0.5, 1.0, 100.0] {
+            for threshold in [1e-9f32, 1e-4, 1e-3, 0.05, 0.9] {
+                let raw = raw_threshold(threshold, -4.595_12, interval);
+                let below = activate::opacity(raw.into(), -4.595_12f32.into(), interval.into());
+                assert!(below < f64::from(threshold), "{interval} {threshold}");
+                assert!(below > f64::from(threshold) * 0.9999, "{interval} {threshold}");
+            }
+        }
+    }
+
+    #[test]
+    fn coarse_cells_overlap_what_they_cover() {
+        let fine = Nodes([9, 6, 5]);
+        let rows = vec![vec![0b1001; 6]; 9];
+        let mut cells = NodeMask::from_planes(fine, rows);
+        cells = cells.cells_with_a_corner().expect("no error");
+        let coarse = overlapping_cells(&cells, Nodes([4, 3, 2])).expect("no error");
+        assert_eq!(coarse.count(), 3 * 2);
+    }
+}
