@@ -10,4 +10,5 @@ pub mod mips;
 pub mod parallel;
 pub mod progress;
 pub mod prune;
+pub mod tensor;
 pub mod view_mlp;
