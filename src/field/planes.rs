@@ -1,7 +1,7 @@
 //! Values of a trained field as everything downstream sees them: read by position where somebody
 //! needs them, emptied outside the free-space mask, counted where they are not finite.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{RadianceField, Volume};
@@ -34,6 +34,15 @@ pub struct Planes<'a> {
     found: Mutex<Found>,
 }
 
+/// What one call read.
+#[derive(Debug, Clone)]
+pub struct PlaneRead {
+    /// Bytes.
+    pub bytes: u64,
+    /// CRC-32 of them, in order.
+    pub checksum: crc32fast::Hasher,
+}
+
 /// Values that are not finite, among those read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Found {
@@ -60,26 +69,27 @@ impl<'a> Planes<'a> {
     }
 
     /// Fills the nodes in `region` (rows of bits along z) of plane `x`. Channel 0 is density, the
-    /// others are colour. Nodes around the region may be filled too. Returns the CRC-32 of the
-    /// bytes read, in order.
+    /// others are colour. Nodes around the region may be filled too.
     pub fn read(
         &self,
         channel: usize,
         x: usize,
         region: &[u64],
         out: &mut [f32],
-    ) -> Result<crc32fast::Hasher> {
+    ) -> Result<PlaneRead> {
         let (volume, volume_channel) = match channel.checked_sub(1) {
             None => (&self.field.density, 0),
             Some(color) => (&self.field.color, color),
         };
         let mut bytes = Vec::new();
-        let mut hasher = crc32fast::Hasher::new();
+        let mut read = PlaneRead { bytes: 0, checksum: crc32fast::Hasher::new() };
         let nz = volume.nodes.0[2];
         for run in runs(volume, region) {
             let at = [x, run.start / nz, run.start % nz];
             let values = &mut out[run.clone()];
-            hasher.update(volume.read_run(volume_channel, at, values, &mut bytes)?);
+            let stored = volume.read_run(volume_channel, at, values, &mut bytes)?;
+            read.checksum.update(stored);
+            read.bytes += stored.len() as u64;
             if values.iter().any(|value| !value.is_finite()) {
                 self.mend(channel, x, run.start, nz, values);
             }
@@ -87,12 +97,12 @@ impl<'a> Planes<'a> {
         if let Some(outside) = self.outside.as_ref().filter(|_| channel == 0) {
             empty(outside, x, out);
         }
-        Ok(hasher)
+        Ok(read)
     }
 
     /// What was found since the last call, or the error that it is.
     pub fn take_nonfinite(&self) -> Result<Found> {
-        let mut found = self.found.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         let found = std::mem::take(&mut *found);
         match (self.nonfinite, found.first) {
             (Nonfinite::Refuse, Some(first)) => {
@@ -115,7 +125,7 @@ impl<'a> Planes<'a> {
             here.count += 1;
             here.first.get_or_insert([channel, x, (start + i) / nz, (start + i) % nz]);
         }
-        let mut found = self.found.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         found.count += here.count;
         found.first = match (found.first, here.first) {
             (Some(old), Some(new)) => Some(old.min(new)),

@@ -59,12 +59,10 @@ pub fn mask_matters(
                 for z in start..end {
                     let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
                     let seen = octants().any(|at| {
-                        let position = [x, y, z].iter().zip(at).enumerate();
-                        let mut world = [0.0; 3];
-                        for (axis, (&node, at)) in position {
-                            let min = f64::from(bounds.min[axis]);
-                            world[axis] = min + (node as f64 + at) * spacing[axis];
-                        }
+                        let world = [0, 1, 2].map(|axis| {
+                            let node = [x, y, z][axis] as f64 + at[axis];
+                            f64::from(bounds.min[axis]) + node * spacing[axis]
+                        });
                         trilinear(at, corner) > f64::from(raw_threshold)
                             && !free_space.contains(world)
                     });

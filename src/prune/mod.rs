@@ -13,7 +13,7 @@
 
 mod free_space;
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 pub use free_space::{inside_cells, mask_matters};
 
@@ -132,8 +132,8 @@ fn opaque_nodes(
     progress.begin(Step::Prune, sizes[0].0[0] as u64);
     Cascade::new(&regions, 1, 0..1, SLAB).run(
         |x, channel, region, plane| {
-            let hasher = planes.read(channel, x, region, plane)?;
-            hashers.lock().unwrap_or_else(|poisoned| poisoned.into_inner())[x] = hasher;
+            let read = planes.read(channel, x, region, plane)?;
+            hashers.lock().unwrap_or_else(PoisonError::into_inner)[x] = read.checksum;
             Ok(())
         },
         |level, slab| {
@@ -150,7 +150,7 @@ fn opaque_nodes(
         },
     )?;
     let masks = sizes.iter().zip(rows).map(|(&nodes, rows)| NodeMask::from_planes(nodes, rows));
-    let hashers = hashers.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok((masks.collect(), planes.density_checksums(hashers)?))
 }
 

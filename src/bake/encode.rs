@@ -1,0 +1,143 @@
+//! Slabs of a level to compressed runs, as they come.
+
+use crate::baked::{Encoding, Group, Table};
+use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, RunCodec};
+use crate::error::Result;
+use crate::grid::NodeMask;
+use crate::mips::Slab;
+use crate::parallel;
+use crate::quantize::{BlockEncoder, BlockSource};
+
+/// Frames wait until this many bytes of them are there, so that all threads compress at once.
+const PENDING_BYTES: usize = 4 << 20;
+
+/// What all groups of a level share.
+#[derive(Debug, Clone, Copy)]
+pub struct EncodeOptions {
+    /// Specular features of a node.
+    pub features: usize,
+    /// Density of nodes that nobody needs is at most this, raw.
+    pub unneeded_density: f32,
+    /// Compression level of zstd.
+    pub zstd_level: i32,
+}
+
+/// Encodes one level, slab by slab.
+#[derive(Debug)]
+pub struct LevelEncoder<'a> {
+    table: Table,
+    needed: &'a NodeMask,
+    zstd_level: i32,
+    groups: Vec<GroupEncoder>,
+}
+
+#[derive(Debug)]
+struct GroupEncoder {
+    group: Group,
+    /// The group's first channel in a slab.
+    first_channel: usize,
+    encoder: BlockEncoder,
+    codec: RunCodec,
+    /// Residual bytes of frames that are not compressed yet.
+    pending: Vec<Vec<u8>>,
+    runs: Vec<CompressedRun>,
+}
+
+impl<'a> LevelEncoder<'a> {
+    /// For the stored blocks of `table`; `encodings` by [`Group`], and slabs whose channels are
+    /// those of the present groups in that order.
+    pub fn new(
+        table: Table,
+        needed: &'a NodeMask,
+        encodings: [Option<&Encoding>; 3],
+        options: EncodeOptions,
+    ) -> Self {
+        let edge = table.grid().edge;
+        let mut groups = Vec::new();
+        let mut first_channel = 0;
+        for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
+            let Some(encoding) = encoding else { continue };
+            let channels = group.channels(options.features);
+            groups.push(GroupEncoder {
+                group,
+                first_channel,
+                encoder: BlockEncoder::new(encoding.clone(), edge, options.unneeded_density),
+                codec: RunCodec { number: encoding.number, channels, edge },
+                pending: Vec::new(),
+                runs: Vec::new(),
+            });
+            first_channel += channels;
+        }
+        Self { table, needed, zstd_level: options.zstd_level, groups }
+    }
+
+    /// Encodes the slab's stored blocks. Slabs come in order, each a block thick.
+    pub fn take(&mut self, slab: &Slab) -> Result<()> {
+        let grid = self.table.grid();
+        let row = slab.first / grid.edge;
+        let [_, by, bz] = grid.counts();
+        let places: Vec<[usize; 3]> = (0..by * bz)
+            .map(|block| [row, block / bz, block % bz])
+            .filter(|&place| self.table.frame(place).is_some())
+            .collect();
+        let (groups, needed) = (&self.groups, self.needed);
+        let frames = parallel::map(places.len(), |i| {
+            let source = BlockSource { slab, needed, place: places[i] };
+            Ok(groups.iter().map(|group| group.frame(source)).collect::<Vec<_>>())
+        })?;
+        for frame in frames {
+            for (group, bytes) in self.groups.iter_mut().zip(frame) {
+                group.pending.push(bytes);
+            }
+        }
+        let waiting = |group: &GroupEncoder| group.pending.len() * group.codec.frame_bytes();
+        if self.groups.iter().map(waiting).sum::<usize>() >= PENDING_BYTES {
+            self.compress(false)?;
+        }
+        Ok(())
+    }
+
+    /// Compresses what is left.
+    pub fn finish(mut self) -> Result<EncodedLevel> {
+        self.compress(true)?;
+        let mut atlases = [None, None, None];
+        for group in self.groups {
+            let atlas = EncodedAtlas::new(group.codec.frames_per_run(), group.runs)?;
+            atlases[group.group as usize] = Some(atlas);
+        }
+        Ok(EncodedLevel { table: self.table, atlases })
+    }
+
+    /// Compresses all full runs, and with `rest` the last ones too.
+    fn compress(&mut self, rest: bool) -> Result<()> {
+        let mut runs = Vec::new();
+        for (number, group) in self.groups.iter_mut().enumerate() {
+            let length = group.codec.frames_per_run();
+            let mut frames = std::mem::take(&mut group.pending).into_iter();
+            while frames.len() >= length || (rest && frames.len() > 0) {
+                runs.push((number, frames.by_ref().take(length).collect::<Vec<_>>()));
+            }
+            group.pending = frames.collect();
+        }
+        let (groups, level) = (&self.groups, self.zstd_level);
+        let compressed = parallel::map(runs.len(), |i| {
+            let (number, frames) = &runs[i];
+            groups[*number].codec.compress(frames, level)
+        })?;
+        for ((number, _), run) in runs.into_iter().zip(compressed) {
+            self.groups[number].runs.push(run);
+        }
+        Ok(())
+    }
+}
+
+impl GroupEncoder {
+    /// A block's residual bytes, all channels.
+    fn frame(&self, source: BlockSource) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(self.codec.frame_bytes());
+        for channel in 0..self.codec.channels {
+            self.encoder.encode(source, self.first_channel + channel, &mut bytes);
+        }
+        bytes
+    }
+}

@@ -1,0 +1,281 @@
+//! The whole bake, in order.
+//!
+//! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
+//!    that must be right and the blocks that are kept.
+//! 2. **Encode**: a second pass streams density and colour through all levels at once
+//!    ([`crate::mips::Cascade`]), reading only what needed nodes reach, and turns each slab of
+//!    blocks into compressed runs as it comes ([`encode`]).
+//! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
+//!
+//! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
+
+mod encode;
+mod filter;
+mod origin;
+mod report;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use serde_json::json;
+
+pub use encode::{EncodeOptions, LevelEncoder};
+pub use filter::Filter;
+pub use origin::Origin;
+pub use report::{BakeReport, LevelReport, StageReport, level_reports};
+
+use crate::baked::{
+    Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table,
+    ViewMetadata,
+};
+use crate::bytes::Output;
+use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::{Nonfinite, Planes, RadianceField};
+use crate::grid::{BlockGrid, NodeMask, Nodes};
+use crate::mips::{Cascade, Regions};
+use crate::progress::{Progress, Step};
+use crate::prune::{self, Pruned};
+use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
+
+/// What a bake makes of a field.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct BakeOptions {
+    /// How coarser levels are made. Default: [`Filter::Code`], as real checkpoints were trained
+    pub filter: Filter,
+    /// Levels in all, at most. Default: down to 4 nodes along the longest axis
+    pub levels: Option<usize>,
+    /// Bits of a code. Default: 8
+    pub bits: Bits,
+    /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
+    pub alpha_threshold: f32,
+    /// Nodes along a block's edge. Default: 8
+    pub block_size: usize,
+    /// Compression level of zstd, 1 to 22. Default: 12
+    pub zstd_level: i32,
+    /// Multiplies the filter's level-of-detail factor. Default: 1
+    pub lod_scale: f32,
+    /// What happens to values that are not finite. Default: refuse
+    pub nonfinite: Nonfinite,
+}
+
+impl Default for BakeOptions {
+    fn default() -> Self {
+        Self {
+            filter: Filter::Code,
+            levels: None,
+            bits: Bits::Integer(8),
+            alpha_threshold: 1e-3,
+            block_size: 8,
+            zstd_level: 12,
+            lod_scale: 1.0,
+            nonfinite: Nonfinite::Refuse,
+        }
+    }
+}
+
+impl BakeOptions {
+    /// Refuses values that no bake can follow.
+    pub fn check(&self) -> Result<()> {
+        let bits_fit = match self.bits {
+            Bits::Integer(bits) => (4..=16).contains(&bits),
+            Bits::F16 | Bits::F32 => true,
+        };
+        let rules = [
+            (bits_fit, "--bits must be 4 to 16, f16 or f32"),
+            (self.levels.is_none_or(|levels| levels >= 1), "--levels must be at least 1"),
+            (
+                self.alpha_threshold >= 1e-9 && self.alpha_threshold < 1.0,
+                "--alpha-threshold must be from 1e-9 to below 1",
+            ),
+            ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
+            ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
+            (
+                self.lod_scale > 0.0 && self.lod_scale.is_finite(),
+                "--lod-scale must be above 0",
+            ),
+        ];
+        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
+    }
+
+    /// Options as provenance and reports name them.
+    pub fn to_json(&self) -> serde_json::Value {
+        json!({
+            "filter": self.filter.name(),
+            "levels": self.levels,
+            "bits": self.bits.to_string(),
+            "alpha_threshold": self.alpha_threshold,
+            "block_size": self.block_size,
+            "zstd_level": self.zstd_level,
+            "lod_scale": self.lod_scale,
+            "nonfinite": match self.nonfinite {
+                Nonfinite::Refuse => "refuse",
+                Nonfinite::Empty => "empty",
+            },
+        })
+    }
+}
+
+/// Bakes `field` into `output`, which is complete but not yet finished when this returns.
+/// `origin` goes into the container's provenance.
+pub fn bake(
+    field: &RadianceField,
+    options: &BakeOptions,
+    origin: &Origin,
+    output: &mut Output,
+    progress: &dyn Progress,
+) -> Result<BakeReport> {
+    options.check()?;
+    let mut stages = Vec::new();
+    let mut clock = Instant::now();
+    let mut stage = |name: &'static str, bytes: u64| {
+        stages.push(StageReport { name, seconds: clock.elapsed().as_secs_f64(), bytes });
+        clock = Instant::now();
+    };
+
+    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+    let planes = prune::masked_planes(field, options.nonfinite)?;
+    let density_kernel = options.filter.filters_density().then(|| options.filter.kernel());
+    let pruned =
+        prune::prune(&planes, &sizes, density_kernel, options.alpha_threshold, progress)?;
+    stage("prune", field.density.bytes());
+
+    let tables = tables(&pruned, options.block_size)?;
+    let metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
+    let encoded = encode_levels(&planes, options, &metadata, &pruned, tables, progress)?;
+    let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
+    stage("encode", encoded.bytes_read);
+    let digest = origin.digest(&pruned.density_checksums, &encoded.checksums);
+
+    progress.begin(Step::Write, 1);
+    let head = Head {
+        metadata: &metadata,
+        view_mlp: field.view_mlp.as_ref(),
+        free_space: field.free_space.as_ref().filter(|_| pruned.keeps_mask),
+        provenance: &origin.provenance(&digest, options.to_json()),
+        kept: &[],
+        zstd_level: options.zstd_level,
+    };
+    let entries = container::write(&head, &encoded.levels, output)?;
+    progress.advance(Step::Write, 1);
+    stage("write", output.length());
+    let levels = level_reports(&metadata, &entries);
+    Ok(BakeReport::new(levels, &pruned, stages, output.length(), nonfinite))
+}
+
+fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
+    let occupancy = |kept: bool| if kept { Occupancy::Stored } else { Occupancy::Empty };
+    let table = |needed: &NodeMask| {
+        let blocks = needed.blocks(edge)?.into_iter().map(occupancy).collect();
+        Ok(Table::new(BlockGrid { nodes: needed.nodes(), edge }, blocks))
+    };
+    pruned.levels.iter().map(|level| table(&level.needed)).collect()
+}
+
+fn metadata(
+    field: &RadianceField,
+    options: &BakeOptions,
+    sizes: &[Nodes],
+    tables: &[Table],
+    free_space: bool,
+) -> Metadata {
+    let scene = &field.scene;
+    let features = field.color.channels - 3;
+    let density = density_encoding(options.bits, &scene.activation);
+    let color = color_encoding(options.bits);
+    let level = |(number, (nodes, table)): (usize, (&Nodes, &Table))| {
+        let has_density = number == 0 || options.filter.filters_density();
+        LevelMetadata {
+            dimensions: nodes.0,
+            block_size: options.block_size,
+            blocks_stored: table.frames(),
+            density: has_density.then(|| density.clone()),
+            diffuse: Some(color.clone()),
+            features: (features > 0).then(|| color.clone()),
+        }
+    };
+    Metadata {
+        bounds: scene.bounds,
+        activation: scene.activation,
+        march: scene.march,
+        step_rule: StepRule::Constant,
+        level_of_detail: options.filter.level_of_detail(options.lod_scale),
+        blend: Blend::BeforeActivation,
+        background: scene.background,
+        color_space: ColorSpace::SrgbDisplay,
+        features,
+        view: field.view_mlp.as_ref().map(|network| ViewMetadata {
+            widths: network.widths(),
+            frequencies: network.frequencies,
+            input: network.input,
+        }),
+        free_space,
+        alpha_threshold: options.alpha_threshold,
+        filter: options.filter.name().to_owned(),
+        levels: sizes.iter().zip(tables).enumerate().map(level).collect(),
+    }
+}
+
+struct Encoded {
+    levels: Vec<EncodedLevel>,
+    /// Bytes of density and colour that were read.
+    bytes_read: u64,
+    /// CRC-32 of what was read of each colour channel of each plane.
+    checksums: Vec<u32>,
+}
+
+/// Streams the field through all levels.
+fn encode_levels(
+    planes: &Planes,
+    options: &BakeOptions,
+    metadata: &Metadata,
+    pruned: &Pruned,
+    tables: Vec<Table>,
+    progress: &dyn Progress,
+) -> Result<Encoded> {
+    let needed: Vec<NodeMask> = pruned.levels.iter().map(|level| level.needed.clone()).collect();
+    let regions = Regions::new(needed, options.filter.kernel())?;
+    let channels = planes.channels();
+    let filtered = if options.filter.filters_density() { 0..channels } else { 1..channels };
+    let encode_options = EncodeOptions {
+        features: metadata.features,
+        unneeded_density: unneeded_density(metadata.alpha_threshold, &metadata.activation),
+        zstd_level: options.zstd_level,
+    };
+    let mut encoders = Vec::new();
+    for ((level, pruned), table) in metadata.levels.iter().zip(&pruned.levels).zip(tables) {
+        let encodings = Group::ALL.map(|group| level.encoding(group));
+        encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
+    }
+    let nx = metadata.levels[0].dimensions[0];
+    progress.begin(Step::Encode, nx as u64);
+    let bytes_read = AtomicU64::new(0);
+    let checksums = Mutex::new(vec![0; nx * (channels - 1)]);
+    Cascade::new(&regions, channels, filtered, options.block_size).run(
+        |x, channel, region, plane| {
+            let read = planes.read(channel, x, region, plane)?;
+            bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
+            if let Some(color) = channel.checked_sub(1) {
+                let mut checksums = checksums.lock().unwrap_or_else(PoisonError::into_inner);
+                checksums[x * (channels - 1) + color] = read.checksum.finalize();
+            }
+            Ok(())
+        },
+        |level, slab| {
+            if level == 0 {
+                progress.advance(Step::Encode, slab.count() as u64);
+            }
+            if progress.cancelled() {
+                return Err(Error::new(ErrorKind::Cancelled, Place::File));
+            }
+            encoders[level].take(slab)
+        },
+    )?;
+    Ok(Encoded {
+        levels: encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?,
+        bytes_read: bytes_read.into_inner(),
+        checksums: checksums.into_inner().unwrap_or_else(PoisonError::into_inner),
+    })
+}

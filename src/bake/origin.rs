@@ -1,0 +1,44 @@
+//! Where a container's content comes from.
+
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+/// What is known about the input of a bake. No paths, no times: the same input gives the same
+/// bytes wherever it lies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Origin {
+    /// Kind of the input file.
+    pub kind: String,
+    /// SHA-256 of what identifies the input without reading it all.
+    pub digest: [u8; 32],
+    /// Whether the digest covers the grids' values (by their checksums). Where it does not, what
+    /// the bake reads is added.
+    pub covers_values: bool,
+    /// What was missing in the input, and what was assumed.
+    pub assumptions: Vec<Value>,
+}
+
+impl Origin {
+    /// The input's digest, with the checksums of what was read where it needs them.
+    pub(super) fn digest(&self, density: &[u32], color: &[u32]) -> [u8; 32] {
+        if self.covers_values {
+            return self.digest;
+        }
+        let mut sum = Sha256::new();
+        sum.update(self.digest);
+        density.iter().chain(color).for_each(|checksum| sum.update(checksum.to_le_bytes()));
+        sum.finalize().into()
+    }
+
+    /// The container's provenance.
+    pub(super) fn provenance(&self, digest: &[u8; 32], options: Value) -> Value {
+        let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        json!({
+            "tool": env!("CARGO_PKG_NAME"),
+            "version": env!("CARGO_PKG_VERSION"),
+            "input": { "kind": self.kind, "sha256": hex },
+            "options": options,
+            "assumptions": self.assumptions,
+        })
+    }
+}

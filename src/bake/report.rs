@@ -1,0 +1,128 @@
+//! What a bake tells about itself.
+
+use serde::Serialize;
+
+use crate::baked::{Group, Metadata};
+use crate::container::layout::Entry;
+use crate::prune::Pruned;
+
+/// What came out, what was dropped and why, and what it took.
+#[derive(Debug, Clone, Serialize)]
+pub struct BakeReport {
+    /// Bytes of the container.
+    pub output_bytes: u64,
+    /// Fine to coarse.
+    pub levels: Vec<LevelReport>,
+    /// Fine to coarse, beside `levels`.
+    pub pruned: Vec<PruneReport>,
+    /// Whether the free-space mask had to be stored.
+    pub free_space_stored: bool,
+    /// Values that were not finite and became empty.
+    pub nonfinite_values: u64,
+    /// In the order of the work.
+    pub stages: Vec<StageReport>,
+}
+
+/// One level of a container.
+#[derive(Debug, Clone, Serialize)]
+pub struct LevelReport {
+    /// 0 is the finest.
+    pub level: usize,
+    /// Nodes along x, y and z.
+    pub dimensions: [usize; 3],
+    /// Nodes along a block's edge.
+    pub block_size: usize,
+    /// Blocks of the level.
+    pub blocks_total: usize,
+    /// Those that are stored.
+    pub blocks_stored: usize,
+    /// Bytes of table and codes before compression.
+    pub raw_bytes: u64,
+    /// Bytes of the level's chunks.
+    pub stored_bytes: u64,
+    /// Bytes from the file's start after which the level renders.
+    pub prefix_bytes: u64,
+    /// Largest error of opacity at a needed node, by proof.
+    pub max_opacity_error: Option<f32>,
+    /// Largest error of a colour or feature at a needed node, by proof.
+    pub max_color_error: Option<f32>,
+}
+
+/// What was dropped of a level, and why.
+#[derive(Debug, Clone, Serialize)]
+pub struct PruneReport {
+    /// 0 is the finest.
+    pub level: usize,
+    /// Nodes of the grid.
+    pub nodes: u64,
+    /// Nodes whose own opacity is above the threshold.
+    pub opaque_nodes: u64,
+    /// Those that the free-space mask drops.
+    pub masked_nodes: u64,
+    /// Corners of visible cells: the nodes that are kept for their values.
+    pub needed_nodes: u64,
+}
+
+/// One stage of the work.
+#[derive(Debug, Clone, Serialize)]
+pub struct StageReport {
+    /// What it did.
+    pub name: &'static str,
+    /// Wall-clock time.
+    pub seconds: f64,
+    /// Bytes read from the input, or written.
+    pub bytes: u64,
+}
+
+impl BakeReport {
+    pub(super) fn new(
+        levels: Vec<LevelReport>,
+        pruned: &Pruned,
+        stages: Vec<StageReport>,
+        output_bytes: u64,
+        nonfinite_values: u64,
+    ) -> Self {
+        let prune_report = |(level, pruned): (usize, &crate::prune::PrunedLevel)| PruneReport {
+            level,
+            nodes: pruned.needed.nodes().count() as u64,
+            opaque_nodes: pruned.opaque_nodes,
+            masked_nodes: pruned.masked_nodes,
+            needed_nodes: pruned.needed.count(),
+        };
+        Self {
+            output_bytes,
+            levels,
+            pruned: pruned.levels.iter().enumerate().map(prune_report).collect(),
+            free_space_stored: pruned.keeps_mask,
+            nonfinite_values,
+            stages,
+        }
+    }
+}
+
+/// The levels of a container, from its directory and metadata alone. Fine to coarse.
+pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport> {
+    let report = |(number, level): (usize, &crate::baked::LevelMetadata)| {
+        let own = entries.iter().filter(|entry| entry.level == u32::try_from(number).ok());
+        let grid = level.grid();
+        let values = |group: Group| {
+            level.encoding(group).map_or(0, |encoding| {
+                group.channels(metadata.features) * encoding.number.bytes()
+            })
+        };
+        let frame_bytes = grid.block_nodes() * Group::ALL.map(values).iter().sum::<usize>();
+        LevelReport {
+            level: number,
+            dimensions: level.dimensions,
+            block_size: level.block_size,
+            blocks_total: grid.total(),
+            blocks_stored: level.blocks_stored,
+            raw_bytes: (grid.total() + level.blocks_stored * frame_bytes) as u64,
+            stored_bytes: own.clone().map(|entry| entry.length).sum(),
+            prefix_bytes: own.map(|entry| entry.prefix).max().unwrap_or(0),
+            max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),
+            max_color_error: level.diffuse.as_ref().map(|encoding| encoding.max_error),
+        }
+    };
+    metadata.levels.iter().enumerate().map(report).collect()
+}

@@ -1,0 +1,138 @@
+//! How values become codes and back.
+//!
+//! ```text
+//! u8, u16:  value = low + code * step          (two roundings to f32, in this order)
+//!           or, where code 0 stands for emptiness:
+//!           value = empty if code = 0, else low + (code - 1) * step
+//! f16, f32: value = the number itself
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+/// Values that share an encoding and a chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Density, one channel.
+    Density,
+    /// Diffuse colour, three channels.
+    Diffuse,
+    /// Specular features.
+    Features,
+}
+
+impl Group {
+    /// Every group, in the order of a level's chunks.
+    pub const ALL: [Self; 3] = [Self::Density, Self::Diffuse, Self::Features];
+
+    /// Its name in metadata and in unpacked files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Density => "density",
+            Self::Diffuse => "diffuse",
+            Self::Features => "features",
+        }
+    }
+
+    /// Channels, in a field with this many features.
+    pub const fn channels(self, features: usize) -> usize {
+        match self {
+            Self::Density => 1,
+            Self::Diffuse => 3,
+            Self::Features => features,
+        }
+    }
+}
+
+/// How a code is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NumberType {
+    /// One byte.
+    U8,
+    /// Two bytes.
+    U16,
+    /// IEEE binary16.
+    F16,
+    /// IEEE binary32.
+    F32,
+}
+
+impl NumberType {
+    /// Bytes of one code.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 | Self::F16 => 2,
+            Self::F32 => 4,
+        }
+    }
+
+    /// Whether codes are numbers themselves.
+    pub const fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32)
+    }
+}
+
+/// What a decoded value means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decode {
+    /// Raw density: `sigma = softplus(value + shift)`.
+    RawDensity,
+    /// Raw colour: `sigmoid(value)`.
+    Logit,
+}
+
+/// How the values of one group of one level are stored.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Encoding {
+    /// How a code is stored.
+    pub number: NumberType,
+    /// Bits that codes use: 4 to 16, or those of the float.
+    pub bits: u32,
+    /// Value of the lowest code that is not emptiness; 0 for floats.
+    pub low: f32,
+    /// Distance of neighbouring codes' values; 0 for floats.
+    pub step: f32,
+    /// What values in dropped blocks read as.
+    pub empty: f32,
+    /// Whether code 0 means `empty`.
+    pub empty_code: bool,
+    /// What a decoded value means.
+    pub decode: Decode,
+    /// Largest distance, at a needed node, of what is decoded from what was encoded: in opacity
+    /// over one interval for density, in colour (0 to 1) otherwise.
+    pub max_error: f32,
+}
+
+impl Encoding {
+    /// The highest code.
+    pub fn last_code(&self) -> u32 {
+        if self.number.is_float() { 0 } else { (1 << self.bits) - 1 }
+    }
+
+    /// The lowest code that is not emptiness.
+    pub fn first_code(&self) -> u32 {
+        u32::from(self.empty_code)
+    }
+
+    /// The value of an integer code.
+    pub fn value(&self, code: u32) -> f32 {
+        if self.empty_code && code == 0 {
+            return self.empty;
+        }
+        self.low + (code - self.first_code()) as f32 * self.step
+    }
+}
+
+/// Codes of one group of one level: `[frame][channel][node]`, z fastest within a block.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Codes {
+    /// Quantized to at most 8 bits.
+    U8(Vec<u8>),
+    /// Quantized to 9 to 16 bits, or the bits of a binary16.
+    U16(Vec<u16>),
+    /// The bits of a binary32.
+    U32(Vec<u32>),
+}

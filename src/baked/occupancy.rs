@@ -1,0 +1,108 @@
+//! Which blocks of a level are stored, and where: the indirection table.
+
+use crate::grid::BlockGrid;
+
+/// How a reader gets a block's values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Occupancy {
+    /// The level's empty values.
+    Empty = 0,
+    /// From the block's frame.
+    Stored = 1,
+}
+
+impl Occupancy {
+    /// Its byte in a file.
+    pub const fn id(self) -> u8 {
+        self as u8
+    }
+
+    /// From its byte in a file.
+    pub const fn from_id(id: u8) -> Option<Self> {
+        match id {
+            0 => Some(Self::Empty),
+            1 => Some(Self::Stored),
+            _ => None,
+        }
+    }
+}
+
+/// Each block's occupancy, and its frame in the atlases. Frames are numbered in the order of the
+/// blocks, so the table follows from occupancy alone and cannot contradict it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Table {
+    grid: BlockGrid,
+    occupancy: Vec<Occupancy>,
+    /// Frame of the first block of each row of blocks along z.
+    row_frames: Vec<u32>,
+    frames: usize,
+}
+
+impl Table {
+    /// From each block's occupancy, z fastest; as many as the grid has blocks.
+    pub fn new(grid: BlockGrid, occupancy: Vec<Occupancy>) -> Self {
+        assert_eq!(occupancy.len(), grid.total(), "one occupancy for each block");
+        let mut row_frames = Vec::new();
+        let mut frames = 0;
+        for row in occupancy.chunks(grid.counts()[2]) {
+            row_frames.push(frames as u32);
+            frames += row.iter().filter(|&&block| block == Occupancy::Stored).count();
+        }
+        Self { grid, occupancy, row_frames, frames }
+    }
+
+    /// The level's cut into blocks.
+    pub fn grid(&self) -> BlockGrid {
+        self.grid
+    }
+
+    /// Each block's occupancy, z fastest.
+    pub fn occupancy(&self) -> &[Occupancy] {
+        &self.occupancy
+    }
+
+    /// Stored blocks.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Frame of a block by its place along each axis, if it is stored.
+    pub fn frame(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
+        let [_, rows, length] = self.grid.counts();
+        let row = i * rows + j;
+        let blocks = &self.occupancy[row * length..][..length];
+        let before = blocks[..k].iter().filter(|&&block| block == Occupancy::Stored).count();
+        (blocks[k] == Occupancy::Stored).then(|| self.row_frames[row] as usize + before)
+    }
+
+    /// Places of the stored blocks, in the order of their frames.
+    pub fn stored(&self) -> impl Iterator<Item = [usize; 3]> {
+        let [_, rows, length] = self.grid.counts();
+        let places = (0..self.occupancy.len())
+            .map(move |block| [block / length / rows, block / length % rows, block % length]);
+        let stored = places.zip(&self.occupancy);
+        stored.filter(|&(_, &block)| block == Occupancy::Stored).map(|(place, _)| place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Nodes;
+
+    #[test]
+    fn frames_count_the_stored_blocks_in_order() {
+        let grid = BlockGrid { nodes: Nodes([5, 4, 9]), edge: 4 };
+        let occupancy = [1, 0, 1, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
+        let table = Table::new(grid, occupancy.to_vec());
+        assert_eq!(table.frames(), 3);
+        let stored: Vec<_> = table.stored().collect();
+        assert_eq!(stored, [[0, 0, 0], [0, 0, 2], [1, 0, 0]]);
+        for (frame, place) in stored.into_iter().enumerate() {
+            assert_eq!(table.frame(place), Some(frame));
+        }
+        assert_eq!(table.frame([1, 0, 2]), None);
+        assert_eq!(Occupancy::from_id(7), None);
+    }
+}

@@ -1,0 +1,28 @@
+//! The container, `.mipvog`, version 1: `formats/mipvog.md` is its specification, this module its
+//! writer and reader.
+//!
+//! ```text
+//! header (64 bytes), directory (64 bytes an entry), chunks, each at a multiple of 64
+//!   META  metadata, canonical JSON          VMLP  the view network
+//!   MASK  free-space mask, where it shows   prov  provenance, canonical JSON
+//!   then for each level, coarse to fine:
+//!   TABL  occupancy of blocks     DENS, DIFF, FEAT  atlases, cut into compressed runs of frames
+//! ```
+//!
+//! [`layout`] has the records, [`runs`] the compressed runs of frames, [`json`] canonical JSON,
+//! [`write`] and [`read`] put them together. The reader checks everything before it allocates.
+#![deny(clippy::indexing_slicing, clippy::cast_possible_truncation)]
+
+pub mod json;
+pub mod layout;
+mod mask;
+mod network;
+mod read;
+mod rules;
+mod runs;
+mod write;
+
+pub use read::{Container, is_container};
+pub use rules::LARGEST_BLOCK;
+pub use runs::{CompressedRun, EncodedAtlas, RunCodec};
+pub use write::{EncodedLevel, Head, write};

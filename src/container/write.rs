@@ -1,0 +1,106 @@
+//! A container from its parts, coarse to fine.
+
+use super::json::to_canonical;
+use super::layout::{
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
+    PROVENANCE, TABLE, VMLP,
+};
+use super::runs::{EncodedAtlas, compress};
+use super::rules::level_prefix;
+use super::{mask, network};
+use crate::baked::{Group, Metadata, Table};
+use crate::bytes::Output;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::FreeSpace;
+use crate::view_mlp::ViewMlp;
+
+/// A level as it is written.
+#[derive(Debug)]
+pub struct EncodedLevel {
+    /// Which blocks are stored.
+    pub table: Table,
+    /// Atlases by [`Group`].
+    pub atlases: [Option<EncodedAtlas>; 3],
+}
+
+/// What is written beside the levels.
+#[derive(Debug)]
+pub struct Head<'a> {
+    /// All that is not bulk.
+    pub metadata: &'a Metadata,
+    /// View-dependent colour.
+    pub view_mlp: Option<&'a ViewMlp>,
+    /// The free-space mask, where it shows.
+    pub free_space: Option<&'a FreeSpace>,
+    /// Where the content comes from.
+    pub provenance: &'a serde_json::Value,
+    /// Ancillary chunks of a container that is rewritten, kept as they were.
+    pub kept: &'a [(ChunkKind, Vec<u8>)],
+    /// Compression level of zstd.
+    pub zstd_level: i32,
+}
+
+struct Chunk {
+    kind: ChunkKind,
+    level: Option<u32>,
+    pieces: Vec<Vec<u8>>,
+}
+
+/// Writes a container of these levels, finest first, to `output` and returns its directory.
+pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Result<Vec<Entry>> {
+    let chunks = chunks(head, levels)?;
+    let mut entries = Vec::with_capacity(chunks.len());
+    let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
+    for chunk in &chunks {
+        let mut sum = crc32fast::Hasher::new();
+        chunk.pieces.iter().for_each(|piece| sum.update(piece));
+        let length = chunk.pieces.iter().map(|piece| piece.len() as u64).sum();
+        let entry = Entry {
+            kind: chunk.kind,
+            level: chunk.level,
+            offset,
+            length,
+            prefix: 0,
+            checksum: sum.finalize(),
+        };
+        offset = entry.padded_end();
+        entries.push(entry);
+    }
+    let prefix = |level| level_prefix(&entries, head.metadata, level, offset);
+    let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
+    entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
+    output.append(&Header::with_directory(offset, &entries)?)?;
+    for chunk in &chunks {
+        for piece in &chunk.pieces {
+            output.append(piece)?;
+        }
+        output.pad(ALIGNMENT)?;
+    }
+    Ok(entries)
+}
+
+fn chunks(head: &Head, levels: &[EncodedLevel]) -> Result<Vec<Chunk>> {
+    let global = |kind, bytes| Chunk { kind, level: None, pieces: vec![bytes] };
+    let mut chunks = vec![global(META, to_canonical(head.metadata)?.into_bytes())];
+    if let Some(view_mlp) = head.view_mlp {
+        chunks.push(global(VMLP, network::to_bytes(view_mlp)));
+    }
+    if let Some(free_space) = head.free_space {
+        chunks.push(global(MASK, mask::to_bytes(free_space, head.zstd_level)?));
+    }
+    chunks.push(global(PROVENANCE, to_canonical(head.provenance)?.into_bytes()));
+    chunks.extend(head.kept.iter().map(|(kind, bytes)| global(*kind, bytes.clone())));
+    for (number, level) in levels.iter().enumerate().rev() {
+        let number = u32::try_from(number)
+            .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
+        let of_level = |kind, pieces| Chunk { kind, level: Some(number), pieces };
+        let occupancy: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
+        chunks.push(of_level(TABLE, vec![compress(&occupancy, head.zstd_level)?]));
+        for ((_, kind), atlas) in Group::ALL.iter().zip(ATLASES).zip(&level.atlases) {
+            if let Some(atlas) = atlas {
+                chunks.push(of_level(kind, atlas.chunk()?));
+            }
+        }
+    }
+    Ok(chunks)
+}

@@ -1,0 +1,93 @@
+//! One block of a slab to residual bytes.
+
+use super::code::encode_values;
+use super::predict::{for_each_node, predicted, residual_bytes};
+use crate::baked::{Decode, Encoding};
+use crate::grid::{NodeMask, mask};
+use crate::mips::Slab;
+
+/// Where a block's values are.
+#[derive(Debug, Clone, Copy)]
+pub struct BlockSource<'a> {
+    /// The block's planes are among these.
+    pub slab: &'a Slab,
+    /// Nodes whose values count.
+    pub needed: &'a NodeMask,
+    /// The block's place along x, y and z.
+    pub place: [usize; 3],
+}
+
+/// Encodes blocks of one group of one level.
+#[derive(Debug, Clone)]
+pub struct BlockEncoder {
+    encoding: Encoding,
+    edge: usize,
+    /// Nodes that nobody needs get at most this code: they must not become visible.
+    unneeded_limit: u32,
+}
+
+impl BlockEncoder {
+    /// For blocks of `edge` nodes. Nodes that nobody needs get at most the raw density `unneeded`.
+    pub fn new(encoding: Encoding, edge: usize, unneeded: f32) -> Self {
+        let unneeded_limit = match encoding.decode {
+            Decode::RawDensity => highest_code_up_to(&encoding, unneeded),
+            Decode::Logit => u32::MAX,
+        };
+        Self { encoding, edge, unneeded_limit }
+    }
+
+    /// The encoding of every block.
+    pub fn encoding(&self) -> &Encoding {
+        &self.encoding
+    }
+
+    /// Appends the residual bytes of one channel of a block.
+    pub fn encode(&self, source: BlockSource, channel: usize, out: &mut Vec<u8>) {
+        let edge = self.edge;
+        let mut codes = vec![0; edge.pow(3)];
+        let mut needed = vec![false; edge.pow(3)];
+        self.gather(source, channel, &mut codes, &mut needed);
+        if needed.iter().any(|needed| !needed) {
+            for_each_node(edge, |at, place| {
+                if !needed[at] {
+                    let predicted = predicted(self.encoding.number, edge, place, &codes);
+                    codes[at] = predicted.min(self.unneeded_limit);
+                }
+            });
+        }
+        residual_bytes(self.encoding.number, edge, &codes, out);
+    }
+
+    /// Quantizes the nodes that the grid has; the others stay unneeded.
+    fn gather(&self, source: BlockSource, channel: usize, codes: &mut [u32], needed: &mut [bool]) {
+        let BlockSource { slab, needed: mask, place } = source;
+        let edge = self.edge;
+        let sizes = mask.nodes().0;
+        let [start, end] = [0, 1].map(|up| {
+            [0, 1, 2].map(|axis| ((place[axis] + up) * edge).min(sizes[axis]))
+        });
+        let count = end[2] - start[2];
+        for x in start[0]..end[0] {
+            let plane = slab.plane(x - slab.first, channel);
+            for y in start[1]..end[1] {
+                let at = ((x - start[0]) * edge + y - start[1]) * edge;
+                let values = &plane[y * sizes[2] + start[2]..][..count];
+                encode_values(&self.encoding, values, &mut codes[at..at + count]);
+                let row = mask.row(x, y);
+                for (z, needed) in needed[at..at + count].iter_mut().enumerate() {
+                    *needed = mask::get(row, start[2] + z);
+                }
+            }
+        }
+    }
+}
+
+/// The highest code whose value is at most `limit`; the lowest of all if none is.
+fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
+    let mut codes = [0];
+    encode_values(encoding, &[limit], &mut codes);
+    let mut values = [0.0];
+    // The nearest code may lie above the limit; the one below it cannot.
+    super::decode_values(encoding, codes.into_iter(), &mut values);
+    if values[0] > limit { codes[0].saturating_sub(1) } else { codes[0] }
+}

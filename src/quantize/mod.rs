@@ -1,0 +1,16 @@
+//! Values to codes, block by block.
+//!
+//! [`range`] picks the encoding of a level's group and proves its error bound, [`code`] turns
+//! values into integer codes and back, [`predict`] turns a block's codes into residuals that
+//! compress well. Nodes that nobody needs hold what costs least, the predicted code, but density
+//! far below the opacity threshold ([`unneeded_density`]).
+
+mod block;
+mod code;
+mod predict;
+mod range;
+
+pub use block::{BlockEncoder, BlockSource};
+pub use code::decode_values;
+pub use predict::{residual_bytes, unpredict};
+pub use range::{Bits, color_encoding, density_encoding, unneeded_density};
