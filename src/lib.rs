@@ -15,5 +15,6 @@ pub mod parallel;
 pub mod progress;
 pub mod prune;
 pub mod quantize;
+pub mod source;
 pub mod tensor;
 pub mod view_mlp;

@@ -79,7 +79,8 @@ fn check_ranges(header: &Header, length: u64) -> Result<()> {
         let found = "two tensors of this name";
         return Err(Error::malformed(Place::Tensor(name.clone()), found, "one"));
     }
-    let mut ranges: Vec<_> = header.tensors.iter().map(|(name, t)| (t.data_offsets, name)).collect();
+    let mut ranges: Vec<_> =
+        header.tensors.iter().map(|(name, t)| (t.data_offsets, name)).collect();
     ranges.sort_unstable();
     let mut end = 0;
     for ([from, to], name) in ranges {

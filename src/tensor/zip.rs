@@ -267,7 +267,8 @@ struct Positioned {
 
 impl Read for Positioned {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let left = usize::try_from(self.file.length().saturating_sub(self.at)).unwrap_or(usize::MAX);
+        let left =
+            usize::try_from(self.file.length().saturating_sub(self.at)).unwrap_or(usize::MAX);
         let count = out.len().min(left);
         let Some(out) = out.get_mut(..count) else { return Ok(0) };
         self.file.read_into(self.at, out).map_err(|error| match error.kind() {

@@ -185,7 +185,9 @@ impl<'a, 's> Machine<'a, 's> {
             _ => {
                 let number = self.memo_number(code)?;
                 let Some(&id) = self.memo.get(&number) else {
-                    return Err(self.malformed(format!("memo {number}, never set"), "one set before"));
+                    return Err(
+                        self.malformed(format!("memo {number}, never set"), "one set before")
+                    );
                 };
                 self.push_again(id)
             }

@@ -63,8 +63,9 @@ mod tests {
         let value = run(b"\x80\x02}(X\x01\x00\x00\x00aK\x07X\x01\x00\x00\x00b](NI\x01e")
             .expect_err("INT is protocol 0");
         assert_eq!(value.place(), &Place::Offset(1021));
-        let value = run(b"\x80\x02}(X\x01\x00\x00\x00aK\x07X\x01\x00\x00\x00b](N\x88\x8a\x01\xfeeu.")
-            .expect("a dictionary");
+        let value =
+            run(b"\x80\x02}(X\x01\x00\x00\x00aK\x07X\x01\x00\x00\x00b](N\x88\x8a\x01\xfeeu.")
+                .expect("a dictionary");
         assert!(matches!(value.get("a"), Some(Value::Int(7))));
         let Some(Value::List(list)) = value.get("b") else { panic!("{value:?}") };
         assert!(matches!(list.as_slice(), [Value::None, Value::Bool(true), Value::Int(-2)]));
@@ -106,7 +107,8 @@ mod tests {
 
     #[test]
     fn every_prefix_and_flip_is_no_panic() {
-        let whole = b"\x80\x02}q\x01(X\x01\x00\x00\x00acnumpy\ndtype\n(X\x02\x00\x00\x00f4K\x00K\x01tR\
+        let whole =
+            b"\x80\x02}q\x01(X\x01\x00\x00\x00acnumpy\ndtype\n(X\x02\x00\x00\x00f4K\x00K\x01tR\
             (K\x03X\x01\x00\x00\x00<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb0u.";
         for end in 0..whole.len() {
             assert!(run(&whole[..end]).is_err(), "{end}");
