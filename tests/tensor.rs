@@ -71,7 +71,9 @@ fn opening_reads_no_tensor() {
     let corner = settings.get("xyz_min").map(|v| v.vector3("xyz_min").expect("corner"));
     assert_eq!(corner.map(|c| c.map(|v| v as f32)), Some([-1.05, -0.8, -0.62]));
     let own = file.root.get("MaskCache_kwargs").expect("own mask");
-    assert!((own.get("act_shift").expect("numpy").number("s").expect("one") + 4.595_12).abs() < 1e-5);
+    assert!(
+        (own.get("act_shift").expect("numpy").number("s").expect("one") + 4.595_12).abs() < 1e-5
+    );
     assert_eq!(own.get("voxel_size_ratio").expect("tensor").number("r").expect("one"), 1.0);
 }
 
@@ -131,7 +133,8 @@ fn big_laughs_end_under_default_limits_too() {
     for name in ["laughs.tar", "long_laughs.tar", "deep.tar", "bomb.tar"] {
         let error = tensor::open(&fixture("hostile").join(name), &Limits::default());
         let kind = error.expect_err(name);
-        let typed = matches!(kind.kind(), ErrorKind::OverLimit { .. } | ErrorKind::Malformed { .. });
+        let typed =
+            matches!(kind.kind(), ErrorKind::OverLimit { .. } | ErrorKind::Malformed { .. });
         assert!(typed, "{name}: {kind}");
     }
 }
@@ -173,7 +176,8 @@ fn stored_arrays_keep_a_checksum_of_their_own() {
 fn digests_follow_content() {
     let digest = |name| tensor::open(&fixture(name), &limits()).expect(name).digest;
     assert_eq!(digest("dvgo/protocol2.tar"), digest("dvgo/protocol2.tar"));
-    let all = ["dvgo/protocol2.tar", "dvgo/protocol3.tar", "dvgo/flat.npz", "dvgo/flat.safetensors"];
+    let all =
+        ["dvgo/protocol2.tar", "dvgo/protocol3.tar", "dvgo/flat.npz", "dvgo/flat.safetensors"];
     let all: std::collections::BTreeSet<_> = all.into_iter().map(digest).collect();
     assert_eq!(all.len(), 4);
 }
@@ -213,7 +217,8 @@ fn every_prefix_is_refused() {
 fn flipped_bits_never_panic() {
     let mut state = 1u64;
     let mut random = move |below: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((state >> 33) as usize) % below
     };
     let names = [
@@ -231,7 +236,8 @@ fn flipped_bits_never_panic() {
         // Checksums hide the pickle's own checks: find it, to flip bits behind a right checksum.
         for _ in 0..300 {
             let mut bytes = whole.clone();
-            let structure = [0..2600.min(whole.len()), whole.len().saturating_sub(2600)..whole.len()];
+            let structure =
+                [0..2600.min(whole.len()), whole.len().saturating_sub(2600)..whole.len()];
             for _ in 0..=random(3) {
                 let range = structure[random(2)].clone();
                 let at = range.start + random(range.len());
@@ -263,4 +269,13 @@ fn flips_behind_a_right_checksum_never_panic() {
         }
     }
     assert!(opened > 100 && refused > 1000, "{opened} opened, {refused} refused");
+}
+
+#[test]
+fn single_texts_of_an_archive_are_read() {
+    for name in ["dvgo/flat.npz", "dvgo/flat_compressed.npz"] {
+        let file = tensor::open(&fixture(name), &limits()).expect(name);
+        let found = file.root.get("model_kwargs.density_type");
+        assert!(matches!(found, Some(Value::Text(text)) if text == "DenseGrid"), "{found:?}");
+    }
 }

@@ -7,7 +7,7 @@
 //! ```
 
 use super::names::Names;
-use super::{Assumption, SourceOptions};
+use super::{Assumption, Family, SourceOptions};
 use crate::error::{Error, Place, Result};
 use crate::field::{Activation, ActivationOrder, March};
 use crate::grid::{Bounds, Nodes};
@@ -32,6 +32,7 @@ pub(super) fn shift(alpha_init: f64, place: &Place) -> Result<f64> {
 /// Raw density to opacity, and the steps along a ray.
 pub(super) fn find(
     names: &Names<'_>,
+    family: Family,
     bounds: &Bounds,
     nodes: Nodes,
     options: &SourceOptions,
@@ -72,7 +73,8 @@ pub(super) fn find(
         near: options.near.unwrap_or(0.0),
         far: options.far,
         color_threshold,
-        alpha_threshold: stored.unwrap_or(0.0),
+        // Mip-VoG keeps faint samples, for their opacity counts.
+        alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
     };
     Ok((Activation { shift, interval, order }, march))
 }
@@ -152,7 +154,8 @@ fn voxels(
     Ok((voxel_size, ratio))
 }
 
-/// DirectVoxGO drops samples of at most this opacity, and of at most this weight.
+/// The threshold that DirectVoxGO stores: it drops samples of at most this opacity, and those of
+/// at most this weight.
 fn threshold(names: &Names<'_>) -> Result<Option<f32>> {
     let Some(value) = names.number("fast_color_thres")? else { return Ok(None) };
     if (0.0..1.0).contains(&value) {

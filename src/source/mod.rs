@@ -159,7 +159,7 @@ fn assemble<'a>(
     let nodes = density.nodes;
     let bounds = grids::bounds(&names)?;
     let family = grids::family(&names, color.channels);
-    let (activation, march) = march::find(&names, &bounds, nodes, options, &mut assumptions)?;
+    let (activation, march) = march::find(&names, family, &bounds, nodes, options, &mut assumptions)?;
     let features = color.channels - 3;
     let view_mlp = match &options.mlp {
         MlpChoice::None => None,

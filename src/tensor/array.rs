@@ -5,9 +5,8 @@
 //! is made, so that no later read can leave it.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::zip::Archive;
+use super::zip::Data;
 use crate::bytes::Storage;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::Volume;
@@ -31,45 +30,6 @@ pub struct Tensor {
     first: u64,
     count: u64,
     data: Data,
-}
-
-/// Where a tensor's bytes lie.
-#[derive(Debug, Clone)]
-pub enum Data {
-    /// As they are, in a file or in memory.
-    Stored(Storage),
-    /// In a compressed entry of an archive, inflated when needed.
-    Deflated {
-        /// The archive.
-        archive: Arc<Archive>,
-        /// Number of the entry.
-        entry: usize,
-        /// Inflated bytes before the storage starts.
-        skip: u64,
-    },
-}
-
-impl Data {
-    /// Bytes in all, once inflated.
-    pub fn length(&self) -> u64 {
-        match self {
-            Self::Stored(storage) => storage.length(),
-            Self::Deflated { archive, entry, skip } => archive.length(*entry).saturating_sub(*skip),
-        }
-    }
-
-    /// The bytes as something that can be read by position; inflates them if need be.
-    pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
-        match self {
-            Self::Stored(storage) => Ok(storage.clone()),
-            Self::Deflated { archive, entry, skip } => {
-                let mut bytes = archive.inflate(*entry, budget)?;
-                let skip = usize::try_from(*skip).unwrap_or(usize::MAX).min(bytes.len());
-                bytes.drain(..skip);
-                Ok(Storage::Memory(bytes.into()))
-            }
-        }
-    }
 }
 
 impl Tensor {
@@ -306,12 +266,14 @@ impl Tensor {
             }
             let axes = index.iter_mut().zip(&self.shape).zip(&self.strides);
             for ((i, &nodes), &stride) in axes.rev() {
+                // The stride of an axis of one node may be any number; what it adds here is taken
+                // back below.
                 *i += 1;
-                at += stride;
+                at = at.wrapping_add(stride);
                 if *i < nodes {
                     break;
                 }
-                at -= stride * nodes;
+                at = at.wrapping_sub(stride.wrapping_mul(nodes));
                 *i = 0;
             }
         }
@@ -386,6 +348,8 @@ mod tests {
         assert_eq!(t.read_f32(&mut budget()).expect("memory"), [5., 9., 6., 10., 7., 11.]);
         let t = transposed(vec![2, 3], vec![0, 1], 21).expect("inside");
         assert_eq!(t.read_f64(&mut budget()).expect("memory"), [21., 22., 23., 21., 22., 23.]);
+        let t = transposed(vec![2, 1, 2], vec![1, u64::MAX, 9], 0).expect("inside");
+        assert_eq!(t.read_f32(&mut budget()).expect("memory"), [0., 9., 1., 10.]);
         assert!(transposed(vec![2, 3], vec![0, 1], 22).is_err());
         assert!(transposed(vec![2], vec![u64::MAX], 1).is_err());
         assert!(transposed(vec![0, u64::MAX], vec![1, 1], 24).is_ok());

@@ -3,7 +3,7 @@
 //! This module knows syntax only; what names mean is [`crate::source`]'s matter. A file's kind is
 //! told by its content. Opening reads directories, headers and the pickle, never a tensor: each
 //! [`Tensor`] says where its bytes lie, checked against the file, and is read by position when
-//! someone asks for it. Nothing in a file can run: the pickle is interpreted by [`pickle`], which
+//! someone asks for it. Nothing in a file can run: the pickle is interpreted by `pickle`, which
 //! knows only what state dictionaries need.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
@@ -20,9 +20,9 @@ mod zip;
 use std::path::Path;
 use std::sync::Arc;
 
-pub use array::{Data, Tensor};
+pub use array::Tensor;
 pub use value::Value;
-pub use zip::{Archive, Entry};
+pub use zip::{Archive, Data, Entry};
 
 use crate::bytes::SourceFile;
 use crate::error::{Error, Place, Result};
@@ -87,26 +87,34 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
         };
     }
     // Eight bytes of header length, then the header, a JSON object.
-    if start.get(8) == Some(&b'{') {
+    if start.get(8) == Some(&b'{') && !start.get(..8).is_some_and(is_text) {
         return safetensors::open(file, limits);
     }
-    Err(Error::unsupported(
-        Place::File,
-        likeness(&start),
-        "a PyTorch checkpoint (zip), a .safetensors or an .npz file",
-    ))
+    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file";
+    Err(match other_format(&start) {
+        Some(found) => Error::unsupported(Place::File, found, expected),
+        None => {
+            let found = match start.as_slice() {
+                [] => "an empty file",
+                start if is_text(start) => "a text file",
+                _ => "a file of unknown kind",
+            };
+            Error::malformed(Place::File, found, expected)
+        }
+    })
 }
 
-/// What a file that starts so looks like.
-fn likeness(start: &[u8]) -> &'static str {
+/// Whether bytes are text, if the last character of it may be cut.
+fn is_text(bytes: &[u8]) -> bool {
+    std::str::from_utf8(bytes).map_or_else(|error| error.error_len().is_none(), |_| true)
+        && !bytes.iter().any(|&byte| byte < b' ' && !b"\t\n\r\x0c".contains(&byte))
+}
+
+/// The format of a file that starts so, if it is one that others use for such things.
+fn other_format(start: &[u8]) -> Option<&'static str> {
     // The number that torch.save pickled first before version 1.6.
     const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
-    let is_text = |bytes: &[u8]| {
-        std::str::from_utf8(bytes).map_or_else(|error| error.error_len().is_none(), |_| true)
-            && !bytes.iter().any(|&byte| byte < b' ' && !b"\t\n\r\x0c".contains(&byte))
-    };
-    match start {
-        [] => "an empty file",
+    Some(match start {
         _ if start.starts_with(LEGACY) => {
             "a checkpoint in the format of PyTorch before 1.6 (load and save it again with \
              torch.save of any newer version)"
@@ -115,14 +123,13 @@ fn likeness(start: &[u8]) -> &'static str {
             "a tar file (the first checkpoints of PyTorch were; load and save it again with \
              torch.save of a version since 1.6)"
         }
-        [0x80, 0..=5, ..] => "a bare pickle without tensors",
+        [0x80, 2..=5, ..] => "a bare pickle without tensors",
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => "a single NumPy array (save it as .npz)",
         [0x89, b'H', b'D', b'F', ..] => "an HDF5 file",
         [0x1f, 0x8b, ..] => "a gzip file (unpack it first)",
         [0x28, 0xb5, 0x2f, 0xfd, ..] => "a zstd file (unpack it first)",
         [b'g', b'l', b'T', b'F', ..] => "a glTF binary",
         [0x89, b'P', b'N', b'G', ..] => "a PNG picture",
-        _ if is_text(start) => "a text file",
-        _ => "a file of unknown kind",
-    }
+        _ => return None,
+    })
 }

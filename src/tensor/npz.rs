@@ -7,9 +7,9 @@
 
 use std::sync::Arc;
 
-use super::array::{Data, Tensor};
+use super::array::Tensor;
 use super::digest::Digest;
-use super::zip::{Archive, Entry};
+use super::zip::{Archive, Data, Entry};
 use super::{FileKind, TensorFile, Value};
 use crate::bytes::{ByteReader, SourceFile, Storage};
 use crate::error::{Error, Place, Result};
@@ -43,9 +43,9 @@ pub(super) fn open(
                 "a PyTorch checkpoint (with data.pkl) or a NumPy archive (.npy entries only)",
             ));
         };
-        let (tensor, header) = read_array(archive, number, entry, name, limits)?;
+        let (value, header) = read_array(archive, number, entry, name, limits)?;
         digest.bytes(&header);
-        root.push((name.to_owned(), Value::Tensor(tensor)));
+        root.push((name.to_owned(), value));
     }
     Ok(TensorFile {
         kind: FileKind::Npz,
@@ -62,7 +62,7 @@ fn read_array(
     entry: &Entry,
     name: &str,
     limits: &Limits,
-) -> Result<(Tensor, Vec<u8>)> {
+) -> Result<(Value, Vec<u8>)> {
     let place = Place::Entry(entry.name.clone());
     let prefix = archive.head(number, PREFIX)?;
     let mut reader = ByteReader::new(&prefix, entry.offset);
@@ -88,6 +88,14 @@ fn read_array(
         let found = format!("the header {:?}", String::from_utf8_lossy(literal).trim());
         Error::malformed(place.clone(), found, "{'descr': .., 'fortran_order': .., 'shape': ..}")
     })?;
+    if described.shape.iter().all(|&size| size == 1) && described.descr.starts_with("<U") {
+        let whole = archive.read(number, limits.header_bytes)?;
+        let skip = header.len().min(whole.len());
+        let text = text(whole.split_at(skip).1).ok_or_else(|| {
+            Error::malformed(place, "text that is not Unicode", "UTF-32, little-endian")
+        })?;
+        return Ok((Value::Text(text), header));
+    }
     let element = element(&described.descr, name)?;
     let data = match archive.data(number)? {
         Data::Stored(Storage::File { file, range, .. }) => Data::Stored(Storage::File {
@@ -106,7 +114,15 @@ fn read_array(
         let expected = format!("{} for shape {:?}", tensor.bytes(), tensor.shape());
         return Err(Error::malformed(place, found, expected));
     }
-    Ok((tensor, header))
+    Ok((Value::Tensor(tensor), header))
+}
+
+/// A NumPy text: four bytes a character, zeros at the end.
+fn text(bytes: &[u8]) -> Option<String> {
+    let (characters, rest) = bytes.as_chunks::<4>();
+    let text: Option<String> =
+        characters.iter().map(|&bytes| char::from_u32(u32::from_le_bytes(bytes))).collect();
+    text.filter(|_| rest.is_empty()).map(|text| text.trim_end_matches('\0').to_owned())
 }
 
 /// The checksum of what follows `head` in an entry. CRC-32 is linear: the sum over both parts is

@@ -14,9 +14,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde::de::{MapAccess, Visitor};
 
-use super::array::{Data, Tensor};
+use super::array::Tensor;
 use super::digest::Digest;
-use super::{FileKind, TensorFile, Value};
+use super::{Data, FileKind, TensorFile, Value};
 use crate::bytes::{ByteReader, SourceFile, Storage};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::grid::Element;

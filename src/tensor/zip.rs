@@ -11,7 +11,6 @@ use std::sync::Arc;
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
 
-use super::array::Data;
 use crate::bytes::{ByteReader, SourceFile, Storage};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::limits::{self, Budget, Limits};
@@ -42,6 +41,45 @@ pub struct Entry {
     pub crc32: u32,
 }
 
+/// Where a tensor's bytes lie.
+#[derive(Debug, Clone)]
+pub enum Data {
+    /// As they are, in a file or in memory.
+    Stored(Storage),
+    /// In a compressed entry of an archive, inflated when needed.
+    Deflated {
+        /// The archive.
+        archive: Arc<Archive>,
+        /// Number of the entry.
+        entry: usize,
+        /// Inflated bytes before the storage starts.
+        skip: u64,
+    },
+}
+
+impl Data {
+    /// Bytes in all, once inflated.
+    pub fn length(&self) -> u64 {
+        match self {
+            Self::Stored(storage) => storage.length(),
+            Self::Deflated { archive, entry, skip } => archive.length(*entry).saturating_sub(*skip),
+        }
+    }
+
+    /// The bytes as something that can be read by position; inflates them if need be.
+    pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
+        match self {
+            Self::Stored(storage) => Ok(storage.clone()),
+            Self::Deflated { archive, entry, skip } => {
+                let mut bytes = archive.inflate(*entry, budget)?;
+                let skip = usize::try_from(*skip).unwrap_or(usize::MAX).min(bytes.len());
+                bytes.drain(..skip);
+                Ok(Storage::Memory(bytes.into()))
+            }
+        }
+    }
+}
+
 impl Archive {
     /// Reads the directory of `file`, which must have at most `limits.entries` entries, no two of
     /// one name, each inside the file.
@@ -50,7 +88,7 @@ impl Archive {
         let config = ::zip::read::Config { archive_offset: ::zip::read::ArchiveOffset::Known(0) };
         let positioned = Positioned { file: Arc::clone(file), at: 0 };
         let mut zip = ZipArchive::with_config(config, positioned)
-            .map_err(|error| refused(error, Place::Offset(file.length())))?;
+            .map_err(|error| without_directory(error, file.length()))?;
         if zip.has_duplicate_names() {
             let found = "two entries of one name in the zip directory";
             return Err(Error::malformed(
@@ -233,6 +271,19 @@ fn check_entry_count(file: &SourceFile, limits: &Limits) -> Result<()> {
         limits::check("zip entries", record.u64()?, limits.entries, &Place::Offset(end64))?;
     }
     Ok(())
+}
+
+/// The error for an archive of `length` bytes whose directory could not be read.
+fn without_directory(error: ZipError, length: u64) -> Error {
+    let place = Place::Offset(length);
+    match error {
+        ZipError::InvalidArchive(reason) => Error::malformed(
+            place,
+            format!("no directory at the end of the zip archive ({reason})"),
+            "one: the file is cut short or damaged",
+        ),
+        error => refused(error, place),
+    }
 }
 
 /// The crate's error for what the zip reader says at `place`.

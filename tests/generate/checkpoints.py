@@ -198,7 +198,10 @@ save("old/coarse_last.tar", {
 
 # Flat files.
 flat = {**{f"model_state_dict.{k}": v for k, v in state().items()},
-        **{f"model_kwargs.{k}": np.asarray(kwargs()[k]) for k in ("num_voxels", "num_voxels_base", "fast_color_thres")}}
+        **{f"model_kwargs.{k}": np.asarray(kwargs()[k]) for k in ("num_voxels", "num_voxels_base", "fast_color_thres")},
+        "model_kwargs.density_type": np.asarray("DenseGrid")}
+
+
 def npz(path, arrays, method=zipfile.ZIP_STORED):
     entries = []
     for name, array in arrays.items():
