@@ -69,7 +69,17 @@ impl<'a> Mask<'a> {
             let nodes = sizes(tensor, limits)?;
             let (scale, shift) = index_map(&own_box(names, bounds)?, nodes);
             let coarse = coarse::find(names, checkpoint, options, limits, assumptions)?;
-            let opacity = names.number("mask_cache_thres")?.unwrap_or(THRESHOLD);
+            let opacity = names.number("mask_cache_thres")?.unwrap_or_else(|| {
+                assumptions.push(Assumption {
+                    key: "mask_cache_thres",
+                    value: THRESHOLD.to_string(),
+                    message: format!(
+                        "mask_cache_thres is not stored: assuming that the free-space mask ends \
+                         at an opacity of {THRESHOLD}; add it to the file to set it"
+                    ),
+                });
+                THRESHOLD
+            });
             let threshold = raw_threshold(opacity, coarse.shift, coarse.ratio)?;
             let (threshold, coarse) = (Some(threshold), Some(coarse));
             return Ok(Some(Self { tensor, nodes, scale, shift, threshold, coarse }));
