@@ -1,1 +1,7 @@
-fn main() {}
+//! The `mipvog-bake` program; see `mipvog-bake help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    mipvog_bake::cli::main()
+}

@@ -12,6 +12,7 @@
 mod encode;
 mod filter;
 mod origin;
+mod rebake;
 mod report;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -23,7 +24,9 @@ use serde_json::json;
 pub use encode::{EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use origin::Origin;
-pub use report::{BakeReport, LevelReport, StageReport, level_reports};
+pub use rebake::{Changes, rebake};
+pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
+use report::prune_reports;
 
 use crate::baked::{
     Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table,
@@ -38,6 +41,10 @@ use crate::mips::{Cascade, Regions};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
+
+/// Compression level of zstd where nobody says another: the last that is fast enough to be no
+/// bottleneck.
+const DEFAULT_ZSTD_LEVEL: i32 = 12;
 
 /// What a bake makes of a field.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +76,7 @@ impl Default for BakeOptions {
             bits: Bits::Integer(8),
             alpha_threshold: 1e-3,
             block_size: 8,
-            zstd_level: 12,
+            zstd_level: DEFAULT_ZSTD_LEVEL,
             lod_scale: 1.0,
             nonfinite: Nonfinite::Refuse,
         }
@@ -155,14 +162,20 @@ pub fn bake(
         view_mlp: field.view_mlp.as_ref(),
         free_space: field.free_space.as_ref().filter(|_| pruned.keeps_mask),
         provenance: &origin.provenance(&digest, options.to_json()),
-        kept: &[],
         zstd_level: options.zstd_level,
     };
     let entries = container::write(&head, &encoded.levels, output)?;
     progress.advance(Step::Write, 1);
     stage("write", output.length());
     let levels = level_reports(&metadata, &entries);
-    Ok(BakeReport::new(levels, &pruned, stages, output.length(), nonfinite))
+    Ok(BakeReport {
+        output_bytes: output.length(),
+        levels,
+        pruned: prune_reports(&pruned),
+        free_space_stored: pruned.keeps_mask,
+        nonfinite_values: nonfinite,
+        stages,
+    })
 }
 
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
@@ -182,7 +195,7 @@ fn metadata(
     free_space: bool,
 ) -> Metadata {
     let scene = &field.scene;
-    let features = field.color.channels - 3;
+    let features = field.color_channels() - 3;
     let density = density_encoding(options.bits, &scene.activation);
     let color = color_encoding(options.bits);
     let level = |(number, (nodes, table)): (usize, (&Nodes, &Table))| {

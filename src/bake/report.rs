@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::baked::{Group, Metadata};
+use crate::baked::{Group, LevelMetadata, Metadata};
 use crate::container::layout::Entry;
-use crate::prune::Pruned;
+use crate::prune::{Pruned, PrunedLevel};
 
 /// What came out, what was dropped and why, and what it took.
 #[derive(Debug, Clone, Serialize)]
@@ -74,35 +74,21 @@ pub struct StageReport {
     pub bytes: u64,
 }
 
-impl BakeReport {
-    pub(super) fn new(
-        levels: Vec<LevelReport>,
-        pruned: &Pruned,
-        stages: Vec<StageReport>,
-        output_bytes: u64,
-        nonfinite_values: u64,
-    ) -> Self {
-        let prune_report = |(level, pruned): (usize, &crate::prune::PrunedLevel)| PruneReport {
-            level,
-            nodes: pruned.needed.nodes().count() as u64,
-            opaque_nodes: pruned.opaque_nodes,
-            masked_nodes: pruned.masked_nodes,
-            needed_nodes: pruned.needed.count(),
-        };
-        Self {
-            output_bytes,
-            levels,
-            pruned: pruned.levels.iter().enumerate().map(prune_report).collect(),
-            free_space_stored: pruned.keeps_mask,
-            nonfinite_values,
-            stages,
-        }
-    }
+/// What was dropped of each level.
+pub(super) fn prune_reports(pruned: &Pruned) -> Vec<PruneReport> {
+    let report = |(level, pruned): (usize, &PrunedLevel)| PruneReport {
+        level,
+        nodes: pruned.needed.nodes().count() as u64,
+        opaque_nodes: pruned.opaque_nodes,
+        masked_nodes: pruned.masked_nodes,
+        needed_nodes: pruned.needed.count(),
+    };
+    pruned.levels.iter().enumerate().map(report).collect()
 }
 
 /// The levels of a container, from its directory and metadata alone. Fine to coarse.
 pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport> {
-    let report = |(number, level): (usize, &crate::baked::LevelMetadata)| {
+    let report = |(number, level): (usize, &LevelMetadata)| {
         let own = entries.iter().filter(|entry| entry.level == u32::try_from(number).ok());
         let grid = level.grid();
         let values = |group: Group| {

@@ -23,6 +23,6 @@ mod runs;
 mod write;
 
 pub use read::{Container, is_container};
-pub use rules::LARGEST_BLOCK;
+pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, RunCodec};
 pub use write::{EncodedLevel, Head, write};

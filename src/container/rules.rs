@@ -8,7 +8,7 @@ use super::read::unknown_features;
 use crate::baked::{Encoding, Group, Metadata, NumberType};
 use crate::bytes::SourceFile;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::finding::{Code, Finding, Report, checked};
+use crate::finding::{Code, Finding, Report, checked, strict};
 use crate::grid::Nodes;
 use crate::limits::Limits;
 
@@ -162,6 +162,11 @@ pub fn metadata(
     let first = metadata.levels.first().is_none_or(|level| level.density.is_some());
     require(first, "levels[0].density", "an encoding")?;
     Ok(sound)
+}
+
+/// [`metadata`] for strict readers: the first thing that is wrong is the error.
+pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Result<()> {
+    metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
 fn encoding_is_sound(encoding: &Encoding) -> bool {

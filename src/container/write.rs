@@ -34,8 +34,6 @@ pub struct Head<'a> {
     pub free_space: Option<&'a FreeSpace>,
     /// Where the content comes from.
     pub provenance: &'a serde_json::Value,
-    /// Ancillary chunks of a container that is rewritten, kept as they were.
-    pub kept: &'a [(ChunkKind, Vec<u8>)],
     /// Compression level of zstd.
     pub zstd_level: i32,
 }
@@ -89,7 +87,6 @@ fn chunks(head: &Head, levels: &[EncodedLevel]) -> Result<Vec<Chunk>> {
         chunks.push(global(MASK, mask::to_bytes(free_space, head.zstd_level)?));
     }
     chunks.push(global(PROVENANCE, to_canonical(head.provenance)?.into_bytes()));
-    chunks.extend(head.kept.iter().map(|(kind, bytes)| global(*kind, bytes.clone())));
     for (number, level) in levels.iter().enumerate().rev() {
         let number = u32::try_from(number)
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;

@@ -65,7 +65,7 @@ impl<'a> Planes<'a> {
 
     /// Density and colour channels.
     pub fn channels(&self) -> usize {
-        1 + self.field.color.channels
+        1 + self.field.color_channels()
     }
 
     /// Fills the nodes in `region` (rows of bits along z) of plane `x`. Channel 0 is density, the
@@ -77,9 +77,8 @@ impl<'a> Planes<'a> {
         region: &[u64],
         out: &mut [f32],
     ) -> Result<PlaneRead> {
-        let (volume, volume_channel) = match channel.checked_sub(1) {
-            None => (&self.field.density, 0),
-            Some(color) => (&self.field.color, color),
+        let Some((volume, volume_channel)) = self.field.volume_of(channel) else {
+            return Err(Error::new(ErrorKind::Overflow { what: "channel" }, Place::File));
         };
         let mut bytes = Vec::new();
         let mut read = PlaneRead { bytes: 0, checksum: crc32fast::Hasher::new() };

@@ -5,8 +5,7 @@
 //! from the cell is. For a nearest lookup that is exact; for a trilinear one it errs towards
 //! keeping, since an interpolated value never exceeds the nodes around it.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
+use crate::activate;
 use crate::error::Result;
 use crate::field::{FreeSpace, Lookup, Planes};
 use crate::grid::{Bounds, NodeMask, Nodes, mask};
@@ -22,16 +21,17 @@ pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Re
     gather(&inside, nodes, &ranges)
 }
 
-/// Whether, with the mask dropped, a sample outside it would be seen: whether any cell that is
-/// partly inside holds a point above the threshold that the mask drops. Looked for at 8 points of
-/// each such cell, one in each octant, where a boolean mask of the field's own size decides.
-/// A mask's box holds the field's, as training makes it: beyond its nodes nothing is looked for.
-pub fn mask_matters(
+/// How much would show if the mask were dropped: the opacity, over one interval, of the visible
+/// samples that only the mask drops, for each visible sample that it keeps. Sampled at 8 points of
+/// each cell that is partly inside, one in each octant, where a boolean mask of the field's own
+/// size decides. A mask's box holds the field's, as training makes it: beyond its nodes nothing is
+/// looked for.
+pub fn masked_share(
     free_space: &FreeSpace,
     planes: &Planes,
     cells: &NodeMask,
     raw_threshold: f32,
-) -> Result<bool> {
+) -> Result<f64> {
     let field = planes.field();
     let bounds = &field.scene.bounds;
     let nodes = cells.nodes();
@@ -39,16 +39,14 @@ pub fn mask_matters(
     let ranges = [0, 1, 2].map(|axis| mask_ranges(free_space, bounds, nodes, axis));
     let mut partial = gather(&outside, nodes, &ranges)?;
     partial.intersect(cells);
-    if partial.count() == 0 {
-        return Ok(false);
-    }
     let corners = partial.corners()?;
     let spacing = nodes.spacing(bounds);
-    let found = AtomicBool::new(false);
+    let activation = &field.scene.activation;
     let [nx, ny, nz] = nodes.0;
-    parallel::map(nx - 1, |x| {
-        if found.load(Ordering::Relaxed) || partial.plane(x).iter().all(|&word| word == 0) {
-            return Ok(());
+    let sums = parallel::map(nx - 1, |x| {
+        let mut sum = 0.0;
+        if partial.plane(x).iter().all(|&word| word == 0) {
+            return Ok(sum);
         }
         let mut pair = [vec![0.0; ny * nz], vec![0.0; ny * nz]];
         for (i, plane) in pair.iter_mut().enumerate() {
@@ -58,25 +56,25 @@ pub fn mask_matters(
             mask::for_each_run(partial.row(x, y), |start, end| {
                 for z in start..end {
                     let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
-                    let seen = octants().any(|at| {
+                    for at in octants() {
+                        let raw = trilinear(at, corner);
                         let world = [0, 1, 2].map(|axis| {
                             let node = [x, y, z][axis] as f64 + at[axis];
                             f64::from(bounds.min[axis]) + node * spacing[axis]
                         });
-                        trilinear(at, corner) > f64::from(raw_threshold)
-                            && !free_space.contains(world)
-                    });
-                    if seen {
-                        found.store(true, Ordering::Relaxed);
+                        if raw > f64::from(raw_threshold) && !free_space.contains(world) {
+                            let (shift, interval) = (activation.shift, activation.interval);
+                            sum += activate::opacity(raw, shift.into(), interval.into());
+                        }
                     }
                 }
             });
         }
-        Ok(())
+        Ok(sum)
     })?;
     // What was read twice was counted twice; the pass over all of density has the count.
     planes.take_nonfinite().ok();
-    Ok(found.into_inner())
+    Ok(sums.iter().sum::<f64>() / (8 * cells.count().max(1)) as f64)
 }
 
 /// For each cell of `nodes`, whether `from` holds a node in the cell's ranges along each axis.

@@ -15,7 +15,7 @@ mod free_space;
 
 use std::sync::{Mutex, PoisonError};
 
-pub use free_space::{inside_cells, mask_matters};
+pub use free_space::{inside_cells, masked_share};
 
 use crate::activate;
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -25,6 +25,9 @@ use crate::mips::{Cascade, Kernel, Regions};
 use crate::parallel;
 use crate::progress::{Progress, Step};
 
+/// The free-space mask is left out of containers where what it drops, of everything that can be
+/// seen, has less opacity than this: 120 dB below the picture.
+const DROPPED_SHARE: f64 = 1e-6;
 /// Planes of level 0 that are read between two looks at progress.
 const SLAB: usize = 8;
 
@@ -46,7 +49,7 @@ pub struct Pruned {
     pub levels: Vec<PrunedLevel>,
     /// Raw density of the opacity threshold: what is not above it cannot be seen.
     pub raw_threshold: f32,
-    /// Whether some sample outside the free-space mask would be seen if the mask were dropped.
+    /// Whether what only the free-space mask drops would be seen without it.
     pub keeps_mask: bool,
     /// Density values that are not finite (refused, or emptied).
     pub nonfinite: u64,
@@ -99,7 +102,9 @@ pub fn prune(
         levels.push(PrunedLevel { needed, opaque_nodes: 0, masked_nodes: 0 });
     }
     let keeps_mask = match inside {
-        Some(free_space) => mask_matters(free_space, planes, &cells, raw_threshold)?,
+        Some(free_space) => {
+            masked_share(free_space, planes, &cells, raw_threshold)? > DROPPED_SHARE
+        }
         None => false,
     };
     Ok(Pruned { levels, raw_threshold, keeps_mask, nonfinite, density_checksums })

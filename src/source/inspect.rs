@@ -123,7 +123,7 @@ pub fn inspect_tensors(
                 family: source.family,
                 dimensions: field.scene.nodes.0,
                 bounds: field.scene.bounds,
-                channels: field.color.channels,
+                channels: field.color_channels(),
                 activation: field.scene.activation,
                 march: field.scene.march,
                 mlp: field.view_mlp.map(|mlp| mlp.widths()),

@@ -159,7 +159,8 @@ fn assemble<'a>(
     let nodes = density.nodes;
     let bounds = grids::bounds(&names)?;
     let family = grids::family(&names, color.channels);
-    let (activation, march) = march::find(&names, family, &bounds, nodes, options, &mut assumptions)?;
+    let (activation, march) =
+        march::find(&names, family, &bounds, nodes, options, &mut assumptions)?;
     let features = color.channels - 3;
     let view_mlp = match &options.mlp {
         MlpChoice::None => None,
@@ -186,7 +187,7 @@ fn assemble<'a>(
     companions.extend(coarse.map(|(path, digest)| Companion { role: "coarse", path, digest }));
     let background = options.background.unwrap_or([1.0; 3]);
     let scene = Scene { bounds, nodes, activation, march, background };
-    let field = RadianceField { scene, density, color, view_mlp, free_space: None };
+    let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
     let source = Source {
         field,
         family,

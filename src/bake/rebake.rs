@@ -1,0 +1,182 @@
+//! An unpacked container, packed again.
+//!
+//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered, pruned or
+//! searched. Decoding and encoding are inverse for codes, so without changes the result is the
+//! same file that was unpacked, byte for byte.
+
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::encode::{EncodeOptions, LevelEncoder};
+use super::report::{BakeReport, StageReport, level_reports};
+use crate::baked::{Group, Metadata};
+use crate::bytes::Output;
+use crate::container::{self, EncodedLevel, Head};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::{March, Scene, Volume};
+use crate::grid::NodeMask;
+use crate::mips::Slab;
+use crate::parallel;
+use crate::progress::{Progress, Step};
+use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
+use crate::unpack::{Unpacked, UnpackedLevel};
+
+/// What to change of an unpacked container.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Changes {
+    /// Other bits, with ranges to match.
+    pub bits: Option<Bits>,
+    /// Fewer levels.
+    pub levels: Option<usize>,
+    /// Another compression level of zstd. Default: as the provenance says, else the bake's
+    pub zstd_level: Option<i32>,
+    /// Multiplies the level-of-detail factor.
+    pub lod_scale: Option<f32>,
+    /// Where rays start.
+    pub near: Option<f32>,
+    /// Where rays enter the box at the latest.
+    pub far: Option<f32>,
+    /// Colour behind the field.
+    pub background: Option<[f32; 3]>,
+    /// Samples of at most this weight add no colour.
+    pub color_threshold: Option<f32>,
+}
+
+impl Changes {
+    /// Changes how rays are marched through a field.
+    pub fn apply_to_scene(&self, scene: &mut Scene) {
+        self.apply_to_march(&mut scene.march);
+        scene.background = self.background.unwrap_or(scene.background);
+    }
+
+    fn apply_to_march(&self, march: &mut March) {
+        march.near = self.near.unwrap_or(march.near);
+        march.far = self.far.or(march.far);
+        march.color_threshold = self.color_threshold.unwrap_or(march.color_threshold);
+    }
+
+    fn apply(&self, metadata: &mut Metadata) {
+        if let Some(bits) = self.bits {
+            for level in &mut metadata.levels {
+                let density = density_encoding(bits, &metadata.activation);
+                level.density = level.density.as_ref().map(|_| density);
+                level.diffuse = level.diffuse.as_ref().map(|_| color_encoding(bits));
+                level.features = level.features.as_ref().map(|_| color_encoding(bits));
+            }
+        }
+        metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));
+        metadata.level_of_detail.factor *= self.lod_scale.unwrap_or(1.0);
+        self.apply_to_march(&mut metadata.march);
+        metadata.background = self.background.unwrap_or(metadata.background);
+    }
+
+    /// As provenance and reports name them.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "bits": self.bits.map(|bits| bits.to_string()),
+            "levels": self.levels,
+            "zstd_level": self.zstd_level,
+            "lod_scale": self.lod_scale,
+            "near": self.near,
+            "far": self.far,
+            "background": self.background,
+            "color_threshold": self.color_threshold,
+        })
+    }
+}
+
+/// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
+pub fn rebake(
+    unpacked: &Unpacked,
+    changes: &Changes,
+    output: &mut Output,
+    progress: &dyn Progress,
+) -> Result<BakeReport> {
+    let clock = Instant::now();
+    let mut metadata = unpacked.metadata.clone();
+    changes.apply(&mut metadata);
+    let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
+    let stated = stated.and_then(|level| i32::try_from(level).ok());
+    let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::DEFAULT_ZSTD_LEVEL);
+    progress.begin(Step::Encode, metadata.levels.len() as u64);
+    let mut levels = Vec::new();
+    let mut bytes_read = 0;
+    for (number, level) in unpacked.levels.iter().take(metadata.levels.len()).enumerate() {
+        levels.push(encode_level(level, number, &metadata, zstd_level)?);
+        bytes_read += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
+        progress.advance(Step::Encode, 1);
+    }
+    let provenance = if *changes == Changes::default() {
+        unpacked.provenance.clone()
+    } else {
+        json!({
+            "tool": env!("CARGO_PKG_NAME"),
+            "version": env!("CARGO_PKG_VERSION"),
+            "input": { "kind": "unpacked container", "provenance": unpacked.provenance },
+            "options": changes.to_json(),
+        })
+    };
+    let head = Head {
+        metadata: &metadata,
+        view_mlp: unpacked.view_mlp.as_ref(),
+        free_space: unpacked.free_space.as_ref(),
+        provenance: &provenance,
+        zstd_level,
+    };
+    let entries = container::write(&head, &levels, output)?;
+    let seconds = clock.elapsed().as_secs_f64();
+    Ok(BakeReport {
+        output_bytes: output.length(),
+        levels: level_reports(&metadata, &entries),
+        pruned: Vec::new(),
+        free_space_stored: metadata.free_space,
+        nonfinite_values: 0,
+        stages: vec![StageReport { name: "encode", seconds, bytes: bytes_read }],
+    })
+}
+
+fn encode_level(
+    level: &UnpackedLevel,
+    number: usize,
+    metadata: &Metadata,
+    zstd_level: i32,
+) -> Result<EncodedLevel> {
+    let of_level = &metadata.levels[number];
+    // Every value counts as it is, whether anybody sees it or not.
+    let needed = NodeMask::full(level.table.grid().nodes);
+    let options = EncodeOptions {
+        features: metadata.features,
+        unneeded_density: unneeded_density(metadata.alpha_threshold, &metadata.activation),
+        zstd_level,
+    };
+    let encodings = Group::ALL.map(|group| of_level.encoding(group));
+    let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
+    let channels: Vec<(Group, &Volume, usize)> = Group::ALL
+        .into_iter()
+        .zip(&level.volumes)
+        .filter_map(|(group, volume)| volume.as_ref().map(|volume| (group, volume)))
+        .flat_map(|(group, volume)| (0..volume.channels).map(move |c| (group, volume, c)))
+        .collect();
+    let [nx, ny, nz] = of_level.dimensions;
+    for first in (0..nx).step_by(of_level.block_size) {
+        let count = of_level.block_size.min(nx - first);
+        let planes = parallel::map(count * channels.len(), |i| {
+            let (group, volume, channel) = channels[i % channels.len()];
+            let x = first + i / channels.len();
+            let mut plane = vec![0.0; ny * nz];
+            let mut bytes = Vec::new();
+            for (y, row) in plane.chunks_exact_mut(nz).enumerate() {
+                volume.read_run(channel, [x, y, 0], row, &mut bytes)?;
+                if let Some(z) = row.iter().position(|value| !value.is_finite()) {
+                    let kind = ErrorKind::NonFinite { count: 1, first: [channel, x, y, z] };
+                    let name = format!("level{number}.{}", group.name());
+                    return Err(Error::new(kind, Place::Tensor(name)));
+                }
+            }
+            Ok(plane)
+        })?;
+        encoder.take(&Slab { first, channels: channels.len(), planes })?;
+    }
+    encoder.finish()
+}

@@ -1,0 +1,327 @@
+//! `bake`.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use super::inspect::levels_text;
+use super::progress::Bar;
+use super::{Common, Outcome, readable, warn};
+use crate::bake::{BakeOptions, BakeReport, Changes, Filter, Origin, bake, rebake};
+use crate::bytes::Output;
+use crate::error::{Error, Result};
+use crate::field::Nonfinite;
+use crate::limits::Limits;
+use crate::quantize::Bits;
+use crate::source::{self, MlpChoice, SourceOptions};
+use crate::tensor::{self, TensorFile};
+use crate::unpack::{Unpacked, metadata_text};
+
+/// Bake a trained scene, or an unpacked container, into a container
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A Mip-VoG or DirectVoxGO checkpoint, a .safetensors or .npz file of the same names, or an
+    /// unpacked container
+    input: PathBuf,
+    /// The container to write
+    #[arg(short, long, value_name = "OUT.mipvog")]
+    output: PathBuf,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+    /// A set of options; explicit ones override it
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// How coarser levels are made: code, paper, none, mean3, mean5, mean7, gauss3, gauss5, gauss7
+    #[arg(long, value_name = "NAME")]
+    filter: Option<Filter>,
+    /// Levels in all, at most [default: down to 4 nodes along the longest axis]
+    #[arg(long, value_name = "N")]
+    levels: Option<usize>,
+    /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
+    #[arg(long, value_name = "BITS", value_parser = parse_bits)]
+    bits: Option<Bits>,
+    /// Opacity over one interval up to which blocks are dropped [default: 0.001]
+    #[arg(long, value_name = "OPACITY")]
+    alpha_threshold: Option<f32>,
+    /// Nodes along a block's edge [default: 8]
+    #[arg(long, value_name = "NODES")]
+    block_size: Option<usize>,
+    /// Compression level of zstd, 1 to 22 [default: 12]
+    #[arg(long, value_name = "LEVEL")]
+    zstd_level: Option<i32>,
+    /// Multiplies the filter's level-of-detail factor [default: 1]
+    #[arg(long, value_name = "FACTOR")]
+    lod_scale: Option<f32>,
+    /// What to do with values that are not finite
+    #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
+    nonfinite: NonfiniteChoice,
+    /// Step length in voxels, as trained [default: 0.5, with a warning]
+    #[arg(long, value_name = "VOXELS")]
+    stepsize: Option<f32>,
+    /// Weight up to which a sample adds no colour [default: the checkpoint's, else 0.0001]
+    #[arg(long, value_name = "WEIGHT")]
+    color_threshold: Option<f32>,
+    /// Where rays start [default: 0]
+    #[arg(long, value_name = "T")]
+    near: Option<f32>,
+    /// Where rays enter the box at the latest [default: without bound]
+    #[arg(long, value_name = "T")]
+    far: Option<f32>,
+    /// Colour behind the field: one number or three, 0 to 1 [default: 1, white]
+    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
+    background: Option<Background>,
+    /// The view network: auto, none, or the file that holds it
+    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
+    mlp: MlpChoice,
+    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    #[arg(long, value_name = "FILE")]
+    coarse: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Preset {
+    /// What the checkpoint was trained with: the research code's levels, 8 bits.
+    Faithful,
+    /// The same levels, compressed hardest.
+    Web,
+    /// Every kept value exactly as trained.
+    Archive,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum NonfiniteChoice {
+    /// Refuse the input, with their count and the first one's place.
+    Refuse,
+    /// Treat their nodes as empty, with a warning.
+    Empty,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Background([f32; 3]);
+
+impl Preset {
+    fn options(self) -> BakeOptions {
+        let mut options = BakeOptions::default();
+        match self {
+            Self::Faithful => {}
+            Self::Web => options.zstd_level = 19,
+            Self::Archive => options.bits = Bits::F32,
+        }
+        options
+    }
+}
+
+/// Bakes the input.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let clock = Instant::now();
+    let limits = Limits::default();
+    let file = tensor::open(&arguments.input, &limits)?;
+    let mut options = arguments.preset.map_or_else(BakeOptions::default, Preset::options);
+    arguments.apply(&mut options);
+    options.check()?;
+    if let Some(preset) = arguments.preset
+        && !common.quiet
+    {
+        let name = preset.to_possible_value().map(|value| value.get_name().to_owned());
+        eprintln!("preset {}: {}", name.unwrap_or_default(), options.to_json());
+    }
+    let mut output = Output::create(&arguments.output, arguments.force)?;
+    let bar = Bar::new(common);
+    let (report, resolved) = match metadata_text(&file) {
+        Some(_) => {
+            let unpacked = Unpacked::open(&file, &limits)?;
+            arguments.bake_unpacked(&unpacked, &file, &options, &mut output, &bar)
+        }
+        None => arguments.bake_trained(&file, &options, &limits, &mut output, &bar, common),
+    }
+    .map_err(|error| error.in_file(&arguments.input))?;
+    drop(bar);
+    output.finish()?;
+    if report.nonfinite_values > 0 {
+        let count = report.nonfinite_values;
+        warn(&format!("{count} values were not finite and became empty"), common);
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    let mut json = json!({
+        "input": arguments.input,
+        "output": arguments.output,
+        "seconds": seconds,
+        "peak_memory_bytes": peak_memory_bytes(),
+        "bytes_read": file.file.bytes_read(),
+        "options": resolved,
+    });
+    if let (Value::Object(json), Ok(Value::Object(report))) =
+        (&mut json, serde_json::to_value(&report))
+    {
+        json.extend(report);
+    }
+    Outcome::new("bake", &json, arguments.text(&report, seconds, file.file.bytes_read(), common))
+}
+
+impl Arguments {
+    /// Explicit options override the preset's.
+    fn apply(&self, options: &mut BakeOptions) {
+        options.filter = self.filter.unwrap_or(options.filter);
+        options.levels = self.levels.or(options.levels);
+        options.bits = self.bits.unwrap_or(options.bits);
+        options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
+        options.block_size = self.block_size.unwrap_or(options.block_size);
+        options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
+        options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
+        options.nonfinite = match self.nonfinite {
+            NonfiniteChoice::Refuse => Nonfinite::Refuse,
+            NonfiniteChoice::Empty => Nonfinite::Empty,
+        };
+    }
+
+    fn bake_trained(
+        &self,
+        file: &TensorFile,
+        options: &BakeOptions,
+        limits: &Limits,
+        output: &mut Output,
+        bar: &Bar,
+        common: &Common,
+    ) -> Result<(BakeReport, Value)> {
+        let source_options = SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        };
+        let source = source::open_tensors(file, &source_options, limits)?;
+        for assumption in &source.assumptions {
+            warn(&assumption.message, common);
+        }
+        let assumptions = source.assumptions.iter();
+        let origin = Origin {
+            kind: format!("{} {}", source.family.name(), source.kind.name()),
+            digest: source.digest,
+            covers_values: source.field.density.storage.crc32().is_some(),
+            assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
+        };
+        let report = bake(&source.field, options, &origin, output, bar)?;
+        let scene = &source.field.scene;
+        let mut resolved = options.to_json();
+        resolved["scene"] = json!({
+            "march": scene.march,
+            "activation": scene.activation,
+            "background": scene.background,
+            "mlp": source.field.view_mlp.as_ref().map(crate::view_mlp::ViewMlp::widths),
+        });
+        Ok((report, resolved))
+    }
+
+    fn bake_unpacked(
+        &self,
+        unpacked: &Unpacked,
+        file: &TensorFile,
+        options: &BakeOptions,
+        output: &mut Output,
+        bar: &Bar,
+    ) -> Result<(BakeReport, Value)> {
+        if self.stepsize.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
+            let message = "--stepsize, --coarse and --mlp belong to a trained input; an unpacked \
+                           container states these itself";
+            return Err(Error::usage(message));
+        }
+        let anew = self.preset.is_some()
+            || self.filter.is_some()
+            || self.alpha_threshold.is_some()
+            || self.block_size.is_some();
+        if let Some(field) = unpacked.field().filter(|_| anew) {
+            let mut field = field;
+            let changes = self.changes();
+            changes.apply_to_scene(&mut field.scene);
+            let origin = Origin {
+                kind: "unpacked container".to_owned(),
+                digest: file.digest,
+                covers_values: false,
+                assumptions: Vec::new(),
+            };
+            return Ok((bake(&field, options, &origin, output, bar)?, options.to_json()));
+        }
+        let changes = self.changes();
+        Ok((rebake(unpacked, &changes, output, bar)?, changes.to_json()))
+    }
+
+    fn changes(&self) -> Changes {
+        Changes {
+            bits: self.bits,
+            levels: self.levels,
+            zstd_level: self.zstd_level,
+            lod_scale: self.lod_scale,
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        }
+    }
+
+    fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {
+        let bytes = readable(report.output_bytes);
+        let read = readable(bytes_read);
+        let mut text = format!(
+            "{}: {bytes} in {seconds:.2} s, {read} read\n",
+            self.output.display()
+        );
+        text += &levels_text(&report.levels);
+        if let Some(finest) = report.pruned.first() {
+            writeln!(
+                text,
+                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} needed",
+                finest.nodes, finest.opaque_nodes, finest.masked_nodes, finest.needed_nodes
+            )
+            .ok();
+        }
+        for stage in report.stages.iter().filter(|_| common.verbose) {
+            let (seconds, bytes) = (stage.seconds, readable(stage.bytes));
+            writeln!(text, "  {:8} {seconds:8.3} s {bytes:>10}", stage.name).ok();
+        }
+        text
+    }
+}
+
+fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
+    match text {
+        "f16" => Ok(Bits::F16),
+        "f32" => Ok(Bits::F32),
+        _ => match text.parse() {
+            Ok(bits @ 4..=16) => Ok(Bits::Integer(bits)),
+            _ => Err("expected 4 to 16, f16 or f32".to_owned()),
+        },
+    }
+}
+
+fn parse_background(text: &str) -> std::result::Result<Background, String> {
+    let numbers: Option<Vec<f32>> =
+        text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.unwrap_or_default().as_slice() {
+        &[grey] => Ok(Background([grey; 3])),
+        &[red, green, blue] => Ok(Background([red, green, blue])),
+        _ => Err("expected one number or three with commas between, 0 to 1".to_owned()),
+    }
+}
+
+fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
+    Ok(match text {
+        "auto" => MlpChoice::Auto,
+        "none" => MlpChoice::None,
+        file => MlpChoice::File(file.into()),
+    })
+}
+
+/// Peak resident memory of this process as the operating system counts it, where it says.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}

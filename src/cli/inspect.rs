@@ -1,0 +1,145 @@
+//! `inspect`.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{Outcome, readable};
+use crate::bake::{LevelReport, level_reports};
+use crate::baked::Metadata;
+use crate::bytes::SourceFile;
+use crate::container::{Container, is_container};
+use crate::error::Result;
+use crate::grid::Bounds;
+use crate::limits::Limits;
+use crate::source::{self, Inspection, SourceOptions};
+
+/// Show what is inside a container or a checkpoint, without decoding it
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A container, or anything that can be baked
+    file: PathBuf,
+}
+
+#[derive(Debug, Serialize)]
+struct ContainerReport {
+    version: [u16; 2],
+    file_bytes: u64,
+    dimensions: [usize; 3],
+    bounds: Bounds,
+    /// Fine to coarse.
+    levels: Vec<LevelReport>,
+    /// Layer widths.
+    mlp: Option<Vec<usize>>,
+    chunks: Vec<ChunkReport>,
+    metadata: Metadata,
+    provenance: Option<Value>,
+}
+
+#[derive(Debug, Serialize)]
+struct ChunkReport {
+    kind: String,
+    level: Option<u32>,
+    offset: u64,
+    bytes: u64,
+    critical: bool,
+}
+
+/// Inspects a file.
+pub fn run(arguments: &Arguments) -> Result<Outcome> {
+    let path = &arguments.file;
+    let file = Arc::new(SourceFile::open(path)?);
+    if is_container(&file) {
+        return container(path, &Container::open(file, &Limits::default())?);
+    }
+    let inspection = source::inspect(path, &SourceOptions::default(), &Limits::default())?;
+    Outcome::new("inspect", &inspection, checkpoint_text(path, &inspection))
+}
+
+fn container(path: &Path, container: &Container) -> Result<Outcome> {
+    let metadata = container.metadata();
+    let chunk = |entry: &crate::container::layout::Entry| ChunkReport {
+        kind: entry.kind.escape_ascii().to_string(),
+        level: entry.level,
+        offset: entry.offset,
+        bytes: entry.length,
+        critical: entry.is_critical(),
+    };
+    let report = ContainerReport {
+        version: container.header().version,
+        file_bytes: container.header().file_length,
+        dimensions: metadata.levels[0].dimensions,
+        bounds: metadata.bounds,
+        levels: level_reports(metadata, container.entries()),
+        mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
+        chunks: container.entries().iter().map(chunk).collect(),
+        metadata: metadata.clone(),
+        provenance: container.provenance()?,
+    };
+    Outcome::new("inspect", &report, container_text(path, &report))
+}
+
+fn container_text(path: &Path, report: &ContainerReport) -> String {
+    let mut text = String::new();
+    let [major, minor] = report.version;
+    let [min, max] = [report.bounds.min, report.bounds.max];
+    writeln!(text, "{}: container {major}.{minor}, {}", path.display(), readable(report.file_bytes))
+        .ok();
+    writeln!(text, "  box {min:?} to {max:?}, levels by {}", report.metadata.filter).ok();
+    match &report.mlp {
+        Some(widths) => writeln!(text, "  view network {widths:?}").ok(),
+        None => writeln!(text, "  no view network").ok(),
+    };
+    text + &levels_text(&report.levels)
+}
+
+/// A table of levels.
+pub(super) fn levels_text(levels: &[LevelReport]) -> String {
+    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix\n");
+    for level in levels {
+        let [x, y, z] = level.dimensions;
+        let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
+        writeln!(
+            text,
+            "  {:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
+            level.level,
+            format!("{x} x {y} x {z}"),
+            level.blocks_stored,
+            share,
+            readable(level.stored_bytes),
+            readable(level.prefix_bytes),
+        )
+        .ok();
+    }
+    text
+}
+
+fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
+    let mut text = String::new();
+    let (kind, bytes) = (inspection.kind.name(), readable(inspection.file_bytes));
+    writeln!(text, "{}: {kind}, {bytes}", path.display()).ok();
+    let [model, optimizer, other] =
+        [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes].map(readable);
+    writeln!(text, "  model {model}, optimizer {optimizer} (never read), other {other}").ok();
+    if let Some(model) = &inspection.model {
+        let [x, y, z] = model.dimensions;
+        writeln!(text, "  {}: {x} x {y} x {z} nodes, {} colour channels", model.family.name(), model.channels).ok();
+    }
+    if let Some(problem) = &inspection.problem {
+        writeln!(text, "  cannot be baked: {problem}").ok();
+    }
+    for assumption in &inspection.assumptions {
+        writeln!(text, "  assumes {}", assumption.message).ok();
+    }
+    for listed in &inspection.values {
+        let value = listed.value.as_ref().map(Value::to_string).unwrap_or_default();
+        let shape = listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default();
+        let dtype = listed.dtype.unwrap_or(listed.kind);
+        writeln!(text, "  {:44} {dtype} {shape} {value}", listed.key).ok();
+    }
+    text
+}
