@@ -69,13 +69,13 @@ fn every_spelling_gives_one_scene() {
         let found = open(&format!("dvgo/{name}"));
         assert_eq!(found.field.density.nodes, Nodes([9, 7, 5]), "{name}");
         assert_eq!(values(&found.field.density), expected(315, 1), "{name}");
-        assert_eq!(values(&found.field.color), expected(7 * 315, 2), "{name}");
+        assert_eq!(values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
         assert_eq!(found.field.scene, first.field.scene, "{name}");
         assert_eq!(found.field.view_mlp, first.field.view_mlp, "{name}");
         assert_eq!(found.field.free_space, first.field.free_space, "{name}");
         assert_eq!((found.family, keys(&found)), (Family::Dvgo, vec!["stepsize"]), "{name}");
     }
-    assert_eq!(open("dvgo/bfloat16.tar").field.color.element, Element::BF16);
+    assert_eq!(open("dvgo/bfloat16.tar").field.color[0].element, Element::BF16);
 }
 
 #[test]
@@ -107,7 +107,9 @@ fn settings_become_the_scene() {
     let near = |found: [f64; 3], wanted: [f64; 3]| {
         found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-5)
     };
-    assert!(near(corner(scene.bounds.min), [0.0; 3]) && near(corner(scene.bounds.max), [3., 2., 1.]));
+    assert!(
+        near(corner(scene.bounds.min), [0.0; 3]) && near(corner(scene.bounds.max), [3., 2., 1.])
+    );
 }
 
 #[test]
@@ -127,7 +129,7 @@ fn options_win() {
     assert_eq!((march.stepsize, march.near, march.far), (0.25, 2.0, Some(6.0)));
     assert_eq!((march.color_threshold, march.alpha_threshold), (0.0, 1.0 / 1024.0));
     assert!(source.field.view_mlp.is_none());
-    assert_eq!((source.field.color.channels, keys(&source)), (3, vec!["mlp"]));
+    assert_eq!((source.field.color_channels(), keys(&source)), (3, vec!["mlp"]));
     for broken in [
         SourceOptions { stepsize: Some(0.0), ..SourceOptions::default() },
         SourceOptions { stepsize: Some(f32::NAN), ..SourceOptions::default() },
@@ -152,7 +154,7 @@ fn a_mip_vog_checkpoint_is_understood() {
     assert!((scene.activation.shift + 4.595_12).abs() < 1e-5);
     assert_eq!((scene.activation.interval, scene.march.alpha_threshold), (0.5, 0.0));
     assert_eq!(scene.march.color_threshold, 1e-4);
-    assert!(source.field.color.fills_storage() && source.field.density.fills_storage());
+    assert!(source.field.color[0].fills_storage() && source.field.density.fills_storage());
     let mask = source.field.free_space.expect("mask");
     let Lookup::Trilinear { values, threshold } = &mask.lookup else { panic!("{:?}", mask.nodes) };
     assert_eq!((mask.nodes, values.len()), (Nodes([16; 3]), 4096));
@@ -167,7 +169,8 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     let beside = open("old/fine_last.tar");
     assert_eq!(keys(&beside), ["stepsize"]);
     assert_eq!(beside.companions.len(), 1);
-    let threshold = |source: &Source| match &source.field.free_space.as_ref().expect("mask").lookup {
+    let threshold = |source: &Source| match &source.field.free_space.as_ref().expect("mask").lookup
+    {
         Lookup::Trilinear { threshold, .. } => f64::from(*threshold),
         Lookup::Nearest(_) => panic!("density expected"),
     };
@@ -212,7 +215,7 @@ fn other_models_are_refused_with_the_reason() {
     }
     let options = SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() };
     let asked = source::open(&fixture("refused/per_sample.tar"), &options, &Limits::default());
-    assert_eq!(asked.expect("diffuse only").field.color.channels, 3);
+    assert_eq!(asked.expect("diffuse only").field.color_channels(), 3);
     let borrowed = SourceOptions {
         mlp: MlpChoice::File(fixture("tiny/fine_last.tar")),
         ..SourceOptions::default()
@@ -220,8 +223,8 @@ fn other_models_are_refused_with_the_reason() {
     let borrowed = source::open(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
     assert!(borrowed.expect("a network").field.view_mlp.is_some());
     let diffuse = open("refused/diffuse.tar");
-    assert_eq!((diffuse.field.color.channels, keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
-    assert_eq!(values(&diffuse.field.color), expected(7 * 315, 2)[..3 * 315]);
+    assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
+    assert_eq!(values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
 }
 
 #[test]
