@@ -70,7 +70,9 @@ mod tests {
         for interval in [0.01, 0.25, 0.5, 1.0, 4.0] {
             let steepest = (-4000..4000)
                 .map(|i| f64::from(i) * 0.01)
-                .map(|x| (opacity(x + 0.005, 0.0, interval) - opacity(x - 0.005, 0.0, interval)) * 100.0)
+                .map(|x| {
+                    (opacity(x + 0.005, 0.0, interval) - opacity(x - 0.005, 0.0, interval)) * 100.0
+                })
                 .fold(0.0, f64::max);
             let stated = opacity_slope(interval);
             assert!(steepest <= stated && steepest > 0.999 * stated, "{steepest} {stated}");

@@ -7,7 +7,10 @@ use crate::error::Result;
 
 /// Calls `make(i)` for `i` in `0..count` and returns the results in order, or the error with the
 /// lowest index.
-pub fn map<T: Send>(count: usize, make: impl Fn(usize) -> Result<T> + Sync + Send) -> Result<Vec<T>> {
+pub fn map<T: Send>(
+    count: usize,
+    make: impl Fn(usize) -> Result<T> + Sync + Send,
+) -> Result<Vec<T>> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
@@ -69,9 +72,8 @@ mod tests {
             with_threads(threads, || {
                 let squares = map(100, |i| Ok(i * i)).expect("no error");
                 assert!(squares.iter().enumerate().all(|(i, &s)| s == i * i));
-                let failed = map(100, |i| {
-                    if i % 7 == 6 { Err(Error::usage(i.to_string())) } else { Ok(i) }
-                });
+                let failed =
+                    map(100, |i| if i % 7 == 6 { Err(Error::usage(i.to_string())) } else { Ok(i) });
                 assert_eq!(failed.expect_err("seven fail").to_string(), "6");
                 let mut items = [1, 2, 3];
                 let old = map_mut(&mut items, |i, item| Ok(std::mem::replace(item, i)));

@@ -2,9 +2,7 @@
 
 use std::io::Cursor;
 
-use exr::prelude::{
-    AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage,
-};
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::error::{Error, ErrorKind, Place, Result};

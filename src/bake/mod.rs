@@ -25,12 +25,11 @@ pub use encode::{EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use origin::Origin;
 pub use rebake::{Changes, rebake};
-pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
 use report::prune_reports;
+pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
 
 use crate::baked::{
-    Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table,
-    ViewMetadata,
+    Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table, ViewMetadata,
 };
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
@@ -44,7 +43,7 @@ use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
-const DEFAULT_ZSTD_LEVEL: i32 = 12;
+const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
 /// What a bake makes of a field.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,10 +98,7 @@ impl BakeOptions {
             ),
             ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
             ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
-            (
-                self.lod_scale > 0.0 && self.lod_scale.is_finite(),
-                "--lod-scale must be above 0",
-            ),
+            (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
     }
@@ -145,8 +141,7 @@ pub fn bake(
     let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
     let planes = prune::masked_planes(field, options.nonfinite)?;
     let density_kernel = options.filter.filters_density().then(|| options.filter.kernel());
-    let pruned =
-        prune::prune(&planes, &sizes, density_kernel, options.alpha_threshold, progress)?;
+    let pruned = prune::prune(&planes, &sizes, density_kernel, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
 
     let tables = tables(&pruned, options.block_size)?;

@@ -14,6 +14,8 @@ pub struct Origin {
     /// Whether the digest covers the grids' values (by their checksums). Where it does not, what
     /// the bake reads is added.
     pub covers_values: bool,
+    /// Role and SHA-256 of other files that were used.
+    pub companions: Vec<(&'static str, [u8; 32])>,
     /// What was missing in the input, and what was assumed.
     pub assumptions: Vec<Value>,
 }
@@ -32,13 +34,20 @@ impl Origin {
 
     /// The container's provenance.
     pub(super) fn provenance(&self, digest: &[u8; 32], options: Value) -> Value {
-        let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let companions = self.companions.iter();
+        let companions =
+            companions.map(|(role, digest)| json!({ "role": role, "sha256": hex(digest) }));
         json!({
             "tool": env!("CARGO_PKG_NAME"),
             "version": env!("CARGO_PKG_VERSION"),
-            "input": { "kind": self.kind, "sha256": hex },
+            "input": { "kind": self.kind, "sha256": hex(digest) },
+            "companions": companions.collect::<Vec<_>>(),
             "options": options,
             "assumptions": self.assumptions,
         })
     }
+}
+
+fn hex(digest: &[u8; 32]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

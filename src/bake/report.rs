@@ -92,9 +92,9 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
         let own = entries.iter().filter(|entry| entry.level == u32::try_from(number).ok());
         let grid = level.grid();
         let values = |group: Group| {
-            level.encoding(group).map_or(0, |encoding| {
-                group.channels(metadata.features) * encoding.number.bytes()
-            })
+            level
+                .encoding(group)
+                .map_or(0, |encoding| group.channels(metadata.features) * encoding.number.bytes())
         };
         let frame_bytes = grid.block_nodes() * Group::ALL.map(values).iter().sum::<usize>();
         LevelReport {

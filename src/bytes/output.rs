@@ -75,11 +75,8 @@ impl Output {
     pub fn finish(self) -> Result<()> {
         let Self { temporary, path, overwrite, .. } = self;
         temporary.as_file().sync_data().map_err(|error| Error::io(error, &path))?;
-        let kept = if overwrite {
-            temporary.persist(&path)
-        } else {
-            temporary.persist_noclobber(&path)
-        };
+        let kept =
+            if overwrite { temporary.persist(&path) } else { temporary.persist_noclobber(&path) };
         kept.map(|_| ()).map_err(|failed| match failed.error.kind() {
             std::io::ErrorKind::AlreadyExists => {
                 Error::new(ErrorKind::Exists, Place::File).in_file(&path)

@@ -205,6 +205,7 @@ impl Arguments {
             kind: format!("{} {}", source.family.name(), source.kind.name()),
             digest: source.digest,
             covers_values: source.field.density.storage.crc32().is_some(),
+            companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         };
         let report = bake(&source.field, options, &origin, output, bar)?;
@@ -244,6 +245,7 @@ impl Arguments {
                 kind: "unpacked container".to_owned(),
                 digest: file.digest,
                 covers_values: false,
+                companions: Vec::new(),
                 assumptions: Vec::new(),
             };
             return Ok((bake(&field, options, &origin, output, bar)?, options.to_json()));
@@ -268,10 +270,8 @@ impl Arguments {
     fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {
         let bytes = readable(report.output_bytes);
         let read = readable(bytes_read);
-        let mut text = format!(
-            "{}: {bytes} in {seconds:.2} s, {read} read\n",
-            self.output.display()
-        );
+        let mut text =
+            format!("{}: {bytes} in {seconds:.2} s, {read} read\n", self.output.display());
         text += &levels_text(&report.levels);
         if let Some(finest) = report.pruned.first() {
             writeln!(
@@ -301,11 +301,10 @@ fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
 }
 
 fn parse_background(text: &str) -> std::result::Result<Background, String> {
-    let numbers: Option<Vec<f32>> =
-        text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match numbers.unwrap_or_default().as_slice() {
-        &[grey] => Ok(Background([grey; 3])),
-        &[red, green, blue] => Ok(Background([red, green, blue])),
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match *numbers.unwrap_or_default() {
+        [grey] => Ok(Background([grey; 3])),
+        [red, green, blue] => Ok(Background([red, green, blue])),
         _ => Err("expected one number or three with commas between, 0 to 1".to_owned()),
     }
 }

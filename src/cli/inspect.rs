@@ -87,8 +87,13 @@ fn container_text(path: &Path, report: &ContainerReport) -> String {
     let mut text = String::new();
     let [major, minor] = report.version;
     let [min, max] = [report.bounds.min, report.bounds.max];
-    writeln!(text, "{}: container {major}.{minor}, {}", path.display(), readable(report.file_bytes))
-        .ok();
+    writeln!(
+        text,
+        "{}: container {major}.{minor}, {}",
+        path.display(),
+        readable(report.file_bytes)
+    )
+    .ok();
     writeln!(text, "  box {min:?} to {max:?}, levels by {}", report.metadata.filter).ok();
     match &report.mlp {
         Some(widths) => writeln!(text, "  view network {widths:?}").ok(),
@@ -127,7 +132,13 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
     writeln!(text, "  model {model}, optimizer {optimizer} (never read), other {other}").ok();
     if let Some(model) = &inspection.model {
         let [x, y, z] = model.dimensions;
-        writeln!(text, "  {}: {x} x {y} x {z} nodes, {} colour channels", model.family.name(), model.channels).ok();
+        writeln!(
+            text,
+            "  {}: {x} x {y} x {z} nodes, {} colour channels",
+            model.family.name(),
+            model.channels
+        )
+        .ok();
     }
     if let Some(problem) = &inspection.problem {
         writeln!(text, "  cannot be baked: {problem}").ok();

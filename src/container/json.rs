@@ -49,8 +49,9 @@ mod tests {
 
     #[test]
     fn keys_are_sorted_and_numbers_exact() {
-        let value: Value = serde_json::from_str(r#"{ "b": 0.1, "a": [1, {"z": null, "y": 2.50}] }"#)
-            .expect("valid JSON");
+        let value: Value =
+            serde_json::from_str(r#"{ "b": 0.1, "a": [1, {"z": null, "y": 2.50}] }"#)
+                .expect("valid JSON");
         let text = to_canonical(&value).expect("finite");
         assert_eq!(text, r#"{"a":[1,{"y":2.5,"z":null}],"b":0.1}"#);
         let back: Value = from_canonical(text.as_bytes(), &Place::File).expect("canonical");

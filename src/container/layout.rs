@@ -117,9 +117,8 @@ impl Entry {
 impl Header {
     /// Header and directory as bytes, with their checksum.
     pub fn with_directory(file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
-        let count = u32::try_from(entries.len()).map_err(|_| {
-            Error::new(ErrorKind::Overflow { what: "directory" }, Place::File)
-        })?;
+        let count = u32::try_from(entries.len())
+            .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
         let mut fields = Vec::with_capacity(64);
         fields.extend(SIGNATURE);
         VERSION.iter().for_each(|part| fields.extend(part.to_le_bytes()));

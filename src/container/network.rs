@@ -23,7 +23,12 @@ pub fn read(
     for pair in view.widths.windows(2) {
         let &[inputs, outputs] = pair else { continue };
         let count = limits::product(&[inputs as u64, outputs as u64], "weight count", place)?;
-        layers.push(Layer { inputs, outputs, weights: floats(reader, count)?, bias: floats(reader, outputs)? });
+        layers.push(Layer {
+            inputs,
+            outputs,
+            weights: floats(reader, count)?,
+            bias: floats(reader, outputs)?,
+        });
     }
     if reader.left() > 0 {
         let found = format!("{} bytes after the last layer", reader.left());
@@ -31,7 +36,7 @@ pub fn read(
     }
     let network = ViewMlp::new(layers, view.frequencies, metadata.features, place)?;
     if network.input != view.input {
-        let found = format!("input {:?} for {} values", view.input, view.widths[0]);
+        let found = format!("input {:?}", view.input);
         return Err(Error::malformed(place.clone(), found, format!("{:?}", network.input)));
     }
     Ok(network)

@@ -13,7 +13,9 @@ use super::layout::{
 };
 use super::runs::{self, RunCodec};
 use super::{mask, network, rules};
-use crate::baked::{BakedField, BakedLevel, Codes, Group, LevelMetadata, Metadata, Occupancy, Table};
+use crate::baked::{
+    BakedField, BakedLevel, Codes, Group, LevelMetadata, Metadata, Occupancy, Table,
+};
 use crate::bytes::{ByteReader, SourceFile};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::FreeSpace;
@@ -268,7 +270,8 @@ fn chunk_bytes(
     if found == entry.checksum {
         return Ok(Some(bytes));
     }
-    let kind = ErrorKind::Checksum { what: "the chunk".to_owned(), found, expected: entry.checksum };
+    let kind =
+        ErrorKind::Checksum { what: "the chunk".to_owned(), found, expected: entry.checksum };
     report(Finding { code: Code::ChunkChecksum, error: Error::new(kind, entry.place()) })?;
     Ok(None)
 }

@@ -154,7 +154,7 @@ pub fn metadata(
         let has_features = level.features.is_some() == (metadata.features > 0);
         require(has_features, &key("features"), "an encoding where there are features")?;
         for group in Group::ALL {
-            let sound = level.encoding(group).is_none_or(|encoding| encoding_is_sound(encoding));
+            let sound = level.encoding(group).is_none_or(encoding_is_sound);
             require(sound, &key(group.name()), "a type with as many bits, a finite range")?;
         }
         finer = Some(level.dimensions);
@@ -212,7 +212,8 @@ pub fn contents(
             None => {
                 let name = kind.escape_ascii();
                 let place = Place::Chunk { kind, level };
-                let error = Error::malformed(place, "another chunk or none", format!("chunk {name}"));
+                let error =
+                    Error::malformed(place, "another chunk or none", format!("chunk {name}"));
                 report(Finding { code: Code::ChunkMissing, error })?;
             }
         }

@@ -64,7 +64,9 @@ impl RunCodec {
         let mut bytes = Vec::with_capacity(frames.len() * self.frame_bytes());
         for plane in 0..planes {
             for frame in frames {
-                bytes.extend_from_slice(frame.get(plane * nodes..(plane + 1) * nodes).unwrap_or(&[]));
+                bytes.extend_from_slice(
+                    frame.get(plane * nodes..(plane + 1) * nodes).unwrap_or(&[]),
+                );
             }
         }
         let packed = compress(&bytes, level)?;
@@ -195,11 +197,8 @@ fn split<'a>(
     for i in 0..count {
         let length = table.u32()?;
         let bytes = reader.take((length & !STORED) as usize)?;
-        let run = Run {
-            frames: per_run.min(frames - i * per_run),
-            stored: length & STORED != 0,
-            bytes,
-        };
+        let run =
+            Run { frames: per_run.min(frames - i * per_run), stored: length & STORED != 0, bytes };
         if run.stored && run.frames.checked_mul(codec.frame_bytes()) != Some(bytes.len()) {
             let found = format!("{} stored bytes in run {i}", bytes.len());
             let expected = format!("{} frames of {} bytes", run.frames, codec.frame_bytes());

@@ -5,8 +5,8 @@ use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
     PROVENANCE, TABLE, VMLP,
 };
-use super::runs::{EncodedAtlas, compress};
 use super::rules::level_prefix;
+use super::runs::{EncodedAtlas, compress};
 use super::{mask, network};
 use crate::baked::{Group, Metadata, Table};
 use crate::bytes::Output;

@@ -39,9 +39,8 @@ impl FreeSpace {
         match &self.lookup {
             Lookup::Nearest(inside) => {
                 let nearest = at.map(libm::rint);
-                let within = (0..3).all(|axis| {
-                    nearest[axis] >= 0.0 && nearest[axis] < self.nodes.0[axis] as f64
-                });
+                let within = (0..3)
+                    .all(|axis| nearest[axis] >= 0.0 && nearest[axis] < self.nodes.0[axis] as f64);
                 within && inside[self.index(nearest.map(|at| at as usize))]
             }
             Lookup::Trilinear { values, threshold } => {

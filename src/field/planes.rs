@@ -12,7 +12,7 @@ use crate::grid::{NodeMask, mask};
 pub const EMPTY_DENSITY: f32 = -100.0;
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
-const BRIDGED_BYTES: usize = 1024;
+const BRIDGED_BYTES: usize = 256;
 
 /// What happens to values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -288,7 +288,8 @@ mod tests {
 
     /// All nodes within one step of `at` along each axis, below it if `down`, above it if `up`.
     fn around(nodes: Nodes, at: [usize; 3], down: usize, up: usize) -> Vec<[usize; 3]> {
-        let range = |axis: usize| at[axis].saturating_sub(down)..(at[axis] + up + 1).min(nodes.0[axis]);
+        let range =
+            |axis: usize| at[axis].saturating_sub(down)..(at[axis] + up + 1).min(nodes.0[axis]);
         let mut all = Vec::new();
         for x in range(0) {
             for y in range(1) {
@@ -300,7 +301,9 @@ mod tests {
 
     #[test]
     fn cells_and_corners_agree_with_their_definition() {
-        for (seed, sizes) in [[2, 2, 2], [3, 5, 63], [4, 3, 64], [2, 7, 65], [5, 4, 130]].iter().enumerate() {
+        for (seed, sizes) in
+            [[2, 2, 2], [3, 5, 63], [4, 3, 64], [2, 7, 65], [5, 4, 130]].iter().enumerate()
+        {
             let nodes = Nodes(*sizes);
             let visible = mask(nodes, seed as u64);
             let cells = visible.cells_with_a_corner().expect("no error");

@@ -83,7 +83,8 @@ impl Regions {
         let mut levels = needed;
         for (level, step) in steps.iter().enumerate().rev() {
             let coarse = &levels[level + 1];
-            let planes = parallel::map(levels[level].nodes().0[0], |x| Ok(step.read_rows(x, coarse)))?;
+            let planes =
+                parallel::map(levels[level].nodes().0[0], |x| Ok(step.read_rows(x, coarse)))?;
             let read = NodeMask::from_planes(levels[level].nodes(), planes);
             levels[level].unite(&read);
         }
@@ -279,8 +280,11 @@ impl<'a> Cascade<'a> {
         stage.made = made;
         let taps = &stage.step.axes[0];
         let first = if made < taps.outputs() { taps.window(made).0 } else { taps.inputs() };
-        while stage.ring_first < first {
-            self.spare.extend(stage.ring.pop_front().into_iter().flatten());
+        // Without a low-pass some planes are read by nobody, and may be yet to come.
+        while stage.ring_first < first
+            && let Some(planes) = stage.ring.pop_front()
+        {
+            self.spare.extend(planes);
             stage.ring_first += 1;
         }
     }

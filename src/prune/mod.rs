@@ -193,7 +193,7 @@ mod tests {
         for interval in [1e-5f32, 0.25, 0.5, 1.0, 100.0] {
             for threshold in [1e-9f32, 1e-4, 1e-3, 0.05, 0.9] {
                 let raw = raw_threshold(threshold, -4.595_12, interval);
-                let below = activate::opacity(raw.into(), -4.595_12f32.into(), interval.into());
+                let below = activate::opacity(raw.into(), f64::from(-4.595_12f32), interval.into());
                 assert!(below < f64::from(threshold), "{interval} {threshold}");
                 assert!(below > f64::from(threshold) * 0.9999, "{interval} {threshold}");
             }

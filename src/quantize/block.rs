@@ -63,9 +63,8 @@ impl BlockEncoder {
         let BlockSource { slab, needed: mask, place } = source;
         let edge = self.edge;
         let sizes = mask.nodes().0;
-        let [start, end] = [0, 1].map(|up| {
-            [0, 1, 2].map(|axis| ((place[axis] + up) * edge).min(sizes[axis]))
-        });
+        let [start, end] =
+            [0, 1].map(|up| [0, 1, 2].map(|axis| ((place[axis] + up) * edge).min(sizes[axis])));
         let count = end[2] - start[2];
         for x in start[0]..end[0] {
             let plane = slab.plane(x - slab.first, channel);

@@ -38,9 +38,7 @@ pub fn decode_values(encoding: &Encoding, codes: impl Iterator<Item = u32>, valu
     for (value, code) in values.iter_mut().zip(codes) {
         *value = match encoding.number {
             NumberType::F32 => f32::from_bits(float_from_code(code, 32)),
-            NumberType::F16 => {
-                half::f16::from_bits(float_from_code(code, 16) as u16).to_f32()
-            }
+            NumberType::F16 => half::f16::from_bits(float_from_code(code, 16) as u16).to_f32(),
             NumberType::U8 | NumberType::U16 => encoding.value(code),
         };
     }
@@ -82,8 +80,8 @@ mod tests {
         for (value, code) in values.into_iter().zip(codes) {
             assert_eq!(float_from_code(code, 32), value.to_bits());
         }
-        for bits in 0..=u16::MAX {
-            assert_eq!(float_from_code(float_code(bits.into(), 16), 16), bits.into());
+        for bits in 0..=u32::from(u16::MAX) {
+            assert_eq!(float_from_code(float_code(bits, 16), 16), bits);
         }
     }
 

@@ -24,15 +24,14 @@ pub(super) fn predicted(
     codes: &[u32],
 ) -> u32 {
     let at = (x * edge + y) * edge + z;
-    let mut sum = 0;
-    let mut count = 0;
+    let (mut sum, mut count) = (0u64, 0u64);
     for (lower, distance) in [(x, edge * edge), (y, edge), (z, 1)] {
         if lower > 0 {
             sum += u64::from(codes[at - distance]);
             count += 1;
         }
     }
-    if count == 0 { origin(number) } else { (sum / count) as u32 }
+    sum.checked_div(count).map_or_else(|| origin(number), |mean| mean as u32)
 }
 
 /// A block's residuals as bytes: all lowest bytes first, then the next.

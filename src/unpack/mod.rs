@@ -25,8 +25,7 @@ pub(crate) fn fill_plane(
     x: usize,
     out: &mut [f32],
 ) -> bool {
-    let (Some(codes), Some(encoding)) =
-        (&level.atlases[group as usize], metadata.encoding(group))
+    let (Some(codes), Some(encoding)) = (&level.atlases[group as usize], metadata.encoding(group))
     else {
         return false;
     };

@@ -79,9 +79,8 @@ fn slice(
     let byte = |share: f64| (share * 255.0 + 0.5) as u8;
     if let Some(density) = plane(Group::Density, 0) {
         let (shift, interval) = (metadata.activation.shift, metadata.activation.interval);
-        let opacity = |&raw: &f32| {
-            byte(activate::opacity(raw.into(), shift.into(), interval.into()))
-        };
+        let opacity =
+            |&raw: &f32| byte(activate::opacity(raw.into(), shift.into(), interval.into()));
         let grey: Vec<u8> = density.iter().map(opacity).collect();
         files.push((format!("opacity.x{x:04}.png"), picture::png(nz, ny, &grey)?));
     }

@@ -43,7 +43,8 @@ impl Row {
             _ => 4,
         };
         let bytes = shape.iter().try_fold(size, |bytes: u64, &n| bytes.checked_mul(n as u64));
-        let overflow = || Error::new(ErrorKind::Overflow { what: "tensor" }, Place::Tensor(name.clone()));
+        let overflow =
+            || Error::new(ErrorKind::Overflow { what: "tensor" }, Place::Tensor(name.clone()));
         let bytes = bytes.ok_or_else(overflow)?;
         Ok(Self { name, dtype, shape: shape.to_vec(), bytes })
     }
@@ -61,7 +62,8 @@ pub fn write_tensors(
     let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
     if let Some(&beyond) = levels.iter().find(|&&level| level >= metadata.levels.len()) {
         let count = metadata.levels.len();
-        let message = format!("--levels asks for level {beyond}, but there are {count} levels from 0");
+        let message =
+            format!("--levels asks for level {beyond}, but there are {count} levels from 0");
         return Err(Error::usage(message));
     }
     let mut rows = small_rows(view_mlp.as_ref(), free_space.as_ref())?;
@@ -87,7 +89,8 @@ fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Resu
     let [nx, ny, nz] = level.dimensions;
     for group in Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some()) {
         let channels = group.channels(metadata.features);
-        let shape = if group == Group::Density { vec![nx, ny, nz] } else { vec![channels, nx, ny, nz] };
+        let shape =
+            if group == Group::Density { vec![nx, ny, nz] } else { vec![channels, nx, ny, nz] };
         rows.push(Row::new(name(group.name()), "F32", &shape)?);
     }
     Ok(rows)
