@@ -1,0 +1,232 @@
+//! What several tests share: fixtures, random fields, plain reference code in float64.
+#![allow(dead_code, reason = "every test file uses a part of it")]
+
+pub mod plain;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mipvog_bake::bake::{BakeOptions, Origin, bake};
+use mipvog_bake::baked::Group;
+use mipvog_bake::bytes::{Output, SourceFile, Storage};
+use mipvog_bake::container::Container;
+use mipvog_bake::error::Result;
+use mipvog_bake::field::{
+    Activation, ActivationOrder, FreeSpace, March, RadianceField, Scene, Volume,
+};
+use mipvog_bake::grid::{Bounds, Element, Nodes};
+use mipvog_bake::limits::{Budget, Limits};
+use mipvog_bake::progress::Silent;
+use mipvog_bake::source::{self, SourceOptions};
+use mipvog_bake::tensor::{self, TensorFile, Value};
+use mipvog_bake::unpack::write_tensors;
+
+/// A file under `fixtures/`.
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// A trained scene, as a bake without options takes it.
+pub fn trained(name: &str) -> RadianceField {
+    let path = fixture("trained").join(name);
+    source::open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint").field
+}
+
+/// Numbers that a seed names: xorshift, no period that a test could reach.
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    pub fn below(&mut self, end: usize) -> usize {
+        (self.next() >> 33) as usize % end
+    }
+
+    pub fn between(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * (self.next() >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// A field in memory: density `[x][y][z]`, colour `[channel][x][y][z]`.
+pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField {
+    let count: usize = nodes.iter().product();
+    let bytes = |values: &[f32]| -> Arc<[u8]> {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    };
+    let volume = |values: &[f32]| Volume {
+        nodes: Nodes(nodes),
+        channels: values.len() / count,
+        element: Element::F32,
+        storage: Storage::Memory(bytes(values)),
+        first: 0,
+        strides: [count, nodes[1] * nodes[2], nodes[2]].map(|stride| stride as u64),
+    };
+    let scene = Scene {
+        bounds: Bounds { min: [-1.0, -0.5, 0.0], max: [1.0, 0.75, 3.0] },
+        nodes: Nodes(nodes),
+        activation: Activation { shift: -4.595_12, interval: 0.5, order: ActivationOrder::Raw },
+        march: March {
+            stepsize: 0.5,
+            voxel_size: 0.1,
+            near: 0.0,
+            far: None,
+            color_threshold: 1e-4,
+            alpha_threshold: 0.0,
+        },
+        background: [1.0; 3],
+    };
+    RadianceField {
+        scene,
+        density: volume(density),
+        color: vec![volume(color)],
+        view_mlp: None,
+        free_space: None,
+    }
+}
+
+/// A random field: smooth matter in empty space, `share` of it opaque, and `channels` of colour.
+pub fn random_field(random: &mut Random, nodes: [usize; 3], channels: usize) -> RadianceField {
+    let count: usize = nodes.iter().product();
+    let center = nodes.map(|size| random.between(0.0, size as f32));
+    let radius = random.between(0.5, 6.0);
+    let mut density = Vec::with_capacity(count);
+    for x in 0..nodes[0] {
+        for y in 0..nodes[1] {
+            for z in 0..nodes[2] {
+                let at = [x as f32, y as f32, z as f32];
+                let distance: f32 = (0..3).map(|axis| (at[axis] - center[axis]).powi(2)).sum();
+                let inside = distance.sqrt() < radius;
+                let raw = if inside { random.between(-3.0, 25.0) } else { -100.0 };
+                density.push(if random.below(20) == 0 { random.between(-9.0, 1.0) } else { raw });
+            }
+        }
+    }
+    let color: Vec<f32> = (0..channels * count).map(|_| random.between(-9.0, 9.0)).collect();
+    field(nodes, &density, &color)
+}
+
+/// The same field behind a free-space mask.
+pub fn masked(mut field: RadianceField, free_space: FreeSpace) -> RadianceField {
+    field.free_space = Some(free_space);
+    field
+}
+
+/// Where a field of a test comes from.
+pub fn origin() -> Origin {
+    Origin {
+        kind: "test".to_owned(),
+        digest: [7; 32],
+        covers_values: true,
+        companions: Vec::new(),
+        assumptions: Vec::new(),
+    }
+}
+
+/// A temporary folder that goes with the value.
+pub fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Bakes to bytes.
+pub fn baked_bytes(field: &RadianceField, options: &BakeOptions) -> Result<Vec<u8>> {
+    let folder = folder();
+    let path = folder.path().join("baked.mipvog");
+    let mut output = Output::create(&path, false)?;
+    bake(field, options, &origin(), &mut output, &Silent)?;
+    output.finish()?;
+    Ok(std::fs::read(path).expect("the container"))
+}
+
+/// Opens a container from bytes.
+pub fn open_bytes(bytes: &[u8]) -> Result<Container> {
+    let folder = folder();
+    let path = folder.path().join("container.mipvog");
+    std::fs::write(&path, bytes).expect("writable");
+    // The open file outlives its name.
+    Container::open(Arc::new(SourceFile::open(&path)?), &Limits::default())
+}
+
+/// A container's dense arrays.
+pub struct Unpacked {
+    file: TensorFile,
+    _folder: tempfile::TempDir,
+}
+
+/// Unpacks a container.
+pub fn unpack(container: &Container) -> Result<Unpacked> {
+    let folder = folder();
+    let path = folder.path().join("unpacked.safetensors");
+    let mut output = Output::create(&path, false)?;
+    write_tensors(container, &[], &mut output, &Silent)?;
+    output.finish()?;
+    Ok(Unpacked { file: tensor::open(&path, &Limits::default())?, _folder: folder })
+}
+
+impl Unpacked {
+    /// The open safetensors file.
+    pub fn file(&self) -> &TensorFile {
+        &self.file
+    }
+
+    /// Values of a tensor; none if there is no such tensor.
+    pub fn get(&self, name: &str) -> Option<Vec<f32>> {
+        tensor_values(&self.file, name)
+    }
+
+    /// One group of one level.
+    pub fn level(&self, level: usize, group: Group) -> Vec<f32> {
+        self.get(&format!("level{level}.{}", group.name())).expect("the level has this group")
+    }
+
+    /// Whether a node lies in a stored block.
+    pub fn occupied(&self, level: usize, nodes: [usize; 3], edge: usize) -> Vec<bool> {
+        let blocks = self.get(&format!("level{level}.occupied")).expect("a table");
+        let counts = nodes.map(|size| size.div_ceil(edge));
+        plain::all_nodes(nodes)
+            .map(|[x, y, z]| {
+                blocks[((x / edge) * counts[1] + y / edge) * counts[2] + z / edge] == 1.0
+            })
+            .collect()
+    }
+}
+
+/// Values of a tensor of an open file.
+pub fn tensor_values(file: &TensorFile, name: &str) -> Option<Vec<f32>> {
+    let tensor = file.root.get(name).and_then(Value::tensor)?;
+    Some(tensor.read_f32(&mut Budget::new(&Limits::default())).expect("readable"))
+}
+
+/// All values of a volume, `[channel][x][y][z]`.
+pub fn volume_values(volume: &Volume) -> Vec<f32> {
+    let [nx, ny, nz] = volume.nodes.0;
+    let (mut all, mut row, mut bytes) = (Vec::new(), vec![0.0; nz], Vec::new());
+    for channel in 0..volume.channels {
+        for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
+            volume.read_run(channel, [x, y, 0], &mut row, &mut bytes).expect("a row");
+            all.extend_from_slice(&row);
+        }
+    }
+    all
+}
+
+/// Holds bytes to a golden file, or rewrites it where the environment variable BLESS is set.
+pub fn assert_golden(path: &Path, got: &[u8]) {
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        std::fs::write(path, got).expect("golden is writable");
+        return;
+    }
+    let want = std::fs::read(path).unwrap_or_default();
+    let first = want.iter().zip(got).position(|(a, b)| a != b);
+    let (wanted, found) = (want.len(), got.len());
+    assert!(want == got, "{}: differs at {first:?}, {found} for {wanted} bytes", path.display());
+}

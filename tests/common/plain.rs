@@ -1,0 +1,140 @@
+//! The slow twin: every stage as its definition says, in float64, one node at a time.
+
+use mipvog_bake::mips::Kernel;
+
+/// Every node of a grid, z fastest.
+pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    (0..nx * ny * nz).map(move |i| [i / nz / ny, i / nz % ny, i % nz])
+}
+
+/// A node's number.
+pub fn index(nodes: [usize; 3], [x, y, z]: [usize; 3]) -> usize {
+    (x * nodes[1] + y) * nodes[2] + z
+}
+
+/// The size of the next level.
+pub fn halved(nodes: [usize; 3]) -> [usize; 3] {
+    nodes.map(|size| (size / 2).max(2))
+}
+
+/// One level step: low-pass with mirrored faces, then trilinear resize with corners aligned.
+pub fn next_level(nodes: [usize; 3], values: &[f64], kernel: Kernel) -> Vec<f64> {
+    let mut low = values.to_vec();
+    for axis in 0..3 {
+        low = lowpass(nodes, &low, &kernel.weights(), axis);
+    }
+    let coarse = halved(nodes);
+    all_nodes(coarse)
+        .map(|at| {
+            let u = std::array::from_fn(|axis| {
+                at[axis] as f64 * (nodes[axis] - 1) as f64 / (coarse[axis] - 1) as f64
+            });
+            trilinear(nodes, &low, u)
+        })
+        .collect()
+}
+
+fn lowpass(nodes: [usize; 3], values: &[f64], weights: &[f64], axis: usize) -> Vec<f64> {
+    let radius = (weights.len() / 2) as isize;
+    all_nodes(nodes)
+        .map(|at| {
+            let mut sum = 0.0;
+            for (tap, weight) in weights.iter().enumerate() {
+                let mut from = at;
+                from[axis] = mirror(at[axis] as isize + tap as isize - radius, nodes[axis]);
+                sum += weight * values[index(nodes, from)];
+            }
+            sum
+        })
+        .collect()
+}
+
+fn mirror(mut node: isize, count: usize) -> usize {
+    let last = count as isize - 1;
+    while node < 0 || node > last {
+        node = if node < 0 { -node } else { 2 * last - node };
+    }
+    node as usize
+}
+
+/// Trilinear interpolation at a position in index space.
+pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
+    let mut sum = 0.0;
+    for corner in 0..8usize {
+        let (mut weight, mut at) = (1.0, [0; 3]);
+        for axis in 0..3 {
+            let low = (u[axis] as usize).min(nodes[axis] - 2);
+            let fraction = u[axis] - low as f64;
+            let high = corner >> axis & 1;
+            weight *= if high == 1 { fraction } else { 1.0 - fraction };
+            at[axis] = low + high;
+        }
+        sum += weight * values[index(nodes, at)];
+    }
+    sum
+}
+
+/// Opacity over an interval.
+pub fn opacity(raw: f64, shift: f64, interval: f64) -> f64 {
+    let x = raw + shift;
+    let sigma = x.max(0.0) + (-x.abs()).exp().ln_1p();
+    -(-sigma * interval).exp_m1()
+}
+
+/// The sigmoid.
+pub fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+/// Corners of cells in `cells`, a set of cells by their lowest nodes.
+pub fn corners(nodes: [usize; 3], cells: &[bool]) -> Vec<bool> {
+    all_nodes(nodes)
+        .map(|at| {
+            (0..8usize).any(|corner| {
+                let lower: [Option<usize>; 3] =
+                    std::array::from_fn(|axis| at[axis].checked_sub(corner >> axis & 1));
+                match lower {
+                    [Some(x), Some(y), Some(z)] => cells[index(nodes, [x, y, z])],
+                    _ => false,
+                }
+            })
+        })
+        .collect()
+}
+
+/// Cells, by their lowest nodes, that have a corner in `marked`.
+pub fn cells(nodes: [usize; 3], marked: &[bool]) -> Vec<bool> {
+    all_nodes(nodes)
+        .map(|at| {
+            let is_cell = (0..3).all(|axis| at[axis] + 1 < nodes[axis]);
+            is_cell
+                && (0..8usize).any(|corner| {
+                    let node = std::array::from_fn(|axis| at[axis] + (corner >> axis & 1));
+                    marked[index(nodes, node)]
+                })
+        })
+        .collect()
+}
+
+/// Cells of `coarse` that overlap one of `cells` of `fine`, as fractions of the same box.
+pub fn overlapping(fine: [usize; 3], cells: &[bool], coarse: [usize; 3]) -> Vec<bool> {
+    let overlaps = |a: usize, of_a: usize, b: usize, of_b: usize| {
+        // [a, a + 1] / (of_a - 1) and [b, b + 1] / (of_b - 1) share more than a point.
+        a * (of_b - 1) < (b + 1) * (of_a - 1) && b * (of_a - 1) < (a + 1) * (of_b - 1)
+    };
+    let mut found = vec![false; coarse.iter().product()];
+    for at in all_nodes(fine).filter(|&at| cells[index(fine, at)]) {
+        let ranges: [Vec<usize>; 3] = std::array::from_fn(|axis| {
+            let inside = |&b: &usize| overlaps(at[axis], fine[axis], b, coarse[axis]);
+            (0..coarse[axis] - 1).filter(inside).collect()
+        });
+        for &x in &ranges[0] {
+            for &y in &ranges[1] {
+                for &z in &ranges[2] {
+                    found[index(coarse, [x, y, z])] = true;
+                }
+            }
+        }
+    }
+    found
+}
