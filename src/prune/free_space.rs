@@ -22,9 +22,8 @@ pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Re
 }
 
 /// How much would show if the mask were dropped: the opacity, over one interval, of the visible
-/// samples that only the mask drops, for each visible sample that it keeps. Sampled at 8 points of
-/// each cell that is partly inside, one in each octant, where a boolean mask of the field's own
-/// size decides. A mask's box holds the field's, as training makes it: beyond its nodes nothing is
+/// samples that only the mask drops, for each visible sample that it keeps. Sampled at 27 points of
+/// each cell that is partly inside. A mask's box holds the field's, as training makes it: beyond its nodes nothing is
 /// looked for.
 pub fn masked_share(
     free_space: &FreeSpace,
@@ -56,7 +55,7 @@ pub fn masked_share(
             mask::for_each_run(partial.row(x, y), |start, end| {
                 for z in start..end {
                     let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
-                    for at in octants() {
+                    for at in probes() {
                         let raw = trilinear(at, corner);
                         let world = [0, 1, 2].map(|axis| {
                             let node = [x, y, z][axis] as f64 + at[axis];
@@ -74,7 +73,7 @@ pub fn masked_share(
     })?;
     // What was read twice was counted twice; the pass over all of density has the count.
     planes.take_nonfinite().ok();
-    Ok(sums.iter().sum::<f64>() / (8 * cells.count().max(1)) as f64)
+    Ok(sums.iter().sum::<f64>() / (27 * cells.count().max(1)) as f64)
 }
 
 /// For each cell of `nodes`, whether `from` holds a node in the cell's ranges along each axis.
@@ -160,8 +159,10 @@ fn mask_ranges(
     spans(free_space, bounds, nodes, axis).map(reach).collect()
 }
 
-fn octants() -> impl Iterator<Item = [f64; 3]> {
-    (0..8usize).map(|corner| [2, 1, 0].map(|bit| 0.25 + 0.5 * (corner >> bit & 1) as f64))
+/// Points of a cell at which a mask is asked: its middle, and close to its faces, edges and corners.
+fn probes() -> impl Iterator<Item = [f64; 3]> {
+    const AXIS: [f64; 3] = [1.0 / 64.0, 0.5, 63.0 / 64.0];
+    (0..27usize).map(|probe| [AXIS[probe / 9], AXIS[probe / 3 % 3], AXIS[probe % 3]])
 }
 
 fn trilinear(at: [f64; 3], corner: impl Fn(usize, usize, usize) -> f32) -> f64 {

@@ -1,0 +1,26 @@
+//! Golden containers: the bytes of this version. `BLESS=1 cargo test --test golden` rewrites them.
+
+mod common;
+
+use common::{assert_golden, baked_bytes, fixture, trained};
+use mipvog_bake::bake::{BakeOptions, Filter};
+use mipvog_bake::quantize::Bits;
+
+#[test]
+fn containers_keep_their_bytes() {
+    let cases: [(&str, &str, Filter, Bits); 6] = [
+        ("tiny.code.mipvog", "tiny/fine_last.tar", Filter::Code, Bits::Integer(8)),
+        ("tiny.paper.mipvog", "tiny/fine_last.tar", Filter::Paper, Bits::Integer(8)),
+        ("tiny.12bit.mipvog", "tiny/fine_last.tar", Filter::Paper, Bits::Integer(12)),
+        ("dvgo.mask.mipvog", "dvgo/protocol2.tar", Filter::Paper, Bits::Integer(8)),
+        ("dvgo.f16.mipvog", "dvgo/protocol2.tar", Filter::Code, Bits::F16),
+        ("dvgo.f32.mipvog", "dvgo/protocol2.tar", Filter::Paper, Bits::F32),
+    ];
+    for (name, scene, filter, bits) in cases {
+        let mut options = BakeOptions::default();
+        options.filter = filter;
+        options.bits = bits;
+        let bytes = baked_bytes(&trained(scene), &options).expect("a bake");
+        assert_golden(&fixture("baked").join(name), &bytes);
+    }
+}

@@ -1,0 +1,423 @@
+"""A second reader of `.mipvog` containers, written from formats/mipvog.md alone.
+
+It shares no code with the crate, so that an agreement of the two shows that the page is enough. It reads strictly: what
+the page calls an error raises `Refused`. It is made to be read next to the page, not to be fast.
+
+    python3 reader.py FILE.mipvog OUT.npz                       write every decoded array
+    python3 reader.py FILE.mipvog --compare UNPACKED.safetensors  compare with what `mipvog-bake unpack` wrote
+
+Exit status: 0 equal or written, 1 different, 2 refused, 3 a module is missing.
+"""
+
+import json
+import math
+import struct
+import sys
+import zlib
+
+try:
+    import numpy as np
+    import zstandard
+except ImportError as error:
+    print(f"{error}: pip install -r tests/second_reader/requirements.txt", file=sys.stderr)
+    sys.exit(3)
+
+NO_LEVEL = 0xFFFFFFFF
+# Number type: bytes of a code, prediction of a block's first node, allowed bits, the float it orders.
+NUMBERS = {
+    "u8": (1, 0, range(1, 9), None),
+    "u16": (2, 0, range(9, 17), None),
+    "f16": (2, 1 << 15, (16,), np.float16),
+    "f32": (4, 1 << 31, (32,), np.float32),
+}
+
+
+class Refused(Exception):
+    """The file is not a container that this reader may accept."""
+
+
+def need(truth, message):
+    if not truth:
+        raise Refused(message)
+
+
+# Section 4: metadata. A form is a type, a set of allowed values, a dict (exactly these keys), a list (exactly these
+# items), or a function that checks the value itself.
+
+
+def number(value):
+    need(type(value) in (int, float) and math.isfinite(value), f"{value!r} is no finite number")
+
+
+def f32(value):
+    number(value)
+    need(abs(value) <= np.finfo(np.float32).max and float(np.float32(value)) == value, f"{value!r} is no f32")
+
+
+def whole(low, high=2**32 - 1):
+    return lambda value: need(type(value) is int and low <= value <= high, f"{value!r} is not in {low} to {high}")
+
+
+def maybe(form):
+    return lambda value: value is None or check(value, form)
+
+
+def many(form, low, high):
+    def each(value):
+        need(type(value) is list and low <= len(value) <= high, f"{value!r} has not {low} to {high} items")
+        for item in value:
+            check(item, form)
+
+    return each
+
+
+def check(value, form):
+    if isinstance(form, dict):
+        need(type(value) is dict and value.keys() == form.keys(), f"the keys {', '.join(form)} are wanted in {value!r}")
+        for key in form:
+            check(value[key], form[key])
+    elif isinstance(form, list):
+        need(type(value) is list and len(value) == len(form), f"{value!r} has not {len(form)} items")
+        for item, of in zip(value, form):
+            check(item, of)
+    elif isinstance(form, set):
+        need(type(value) is str and value in form, f"{value!r} is not one of {sorted(form)}")
+    elif isinstance(form, type):
+        need(type(value) is form, f"{value!r} is no {form.__name__}")
+    else:
+        form(value)
+
+
+def encoding(decode):
+    form = {"number": set(NUMBERS), "bits": int, "low": f32, "step": f32, "empty": f32, "empty_code": bool}
+    form |= {"decode": {decode}, "max_error": number}
+
+    def whole_encoding(value):
+        check(value, form)
+        need(value["bits"] in NUMBERS[value["number"]][2], f"{value['bits']} bits of {value['number']}")
+        if value["number"][0] == "f":
+            need(value["low"] == value["step"] == 0 and not value["empty_code"], "a float with low, step or empty_code")
+
+    return whole_encoding
+
+
+LEVEL = {
+    "dimensions": [whole(2)] * 3,
+    "block_size": whole(1, 64),
+    "blocks_stored": whole(0),
+    "density": maybe(encoding("raw_density")),
+    "diffuse": encoding("logit"),
+    "features": maybe(encoding("logit")),
+}
+META = {
+    "bounds": {"max": [number] * 3, "min": [number] * 3},
+    "activation": {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number},
+    "march": {"far": maybe(number)}
+    | dict.fromkeys(("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number),
+    "step_rule": {"constant"},
+    "level_of_detail": {"bias": number, "factor": number, "most": maybe(number)},
+    "blend": {"before_activation"},
+    "background": [number] * 3,
+    "color_space": {"srgb_display"},
+    "features": whole(0),
+    "view": maybe(
+        {
+            "frequencies": whole(0),
+            "input": {"diffuse_and_features", "features"},
+            "widths": many(whole(1), 2, 2**16),
+        }
+    ),
+    "free_space": bool,
+    "alpha_threshold": number,
+    "filter": str,
+    "levels": many(LEVEL, 1, 32),
+}
+
+
+def once(pairs):
+    need(len(dict(pairs)) == len(pairs), "a key of the metadata is repeated")
+    need([key.encode() for key, _ in pairs] == sorted(key.encode() for key, _ in pairs), "keys are not sorted")
+    return dict(pairs)
+
+
+def metadata(data):
+    try:
+        meta = json.loads(data.decode("utf-8"), object_pairs_hook=once)
+    except (ValueError, RecursionError) as error:
+        raise Refused(f"META is no JSON: {error}") from None
+    check(meta, META)
+    need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
+    levels = meta["levels"]
+    need(levels[0]["density"] is not None, "level 0 has no density")
+    for level, finer in zip(levels[1:], levels):
+        need(all(a <= b for a, b in zip(level["dimensions"], finer["dimensions"])), "a level is finer than the next")
+    for level in levels:
+        need((level["features"] is None) == (meta["features"] == 0), "encodings of features disagree with `features`")
+        need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
+    if view := meta["view"]:
+        first = 3 + 6 * view["frequencies"] + meta["features"] + 3 * (view["input"] == "diffuse_and_features")
+        need(view["widths"][0] == first and view["widths"][-1] == 3, "first or last width of the network")
+    return meta
+
+
+def blocks_of(level):
+    return [-(-nodes // level["block_size"]) for nodes in level["dimensions"]]
+
+
+# Sections 2 and 3: header and directory.
+
+
+def directory(data):
+    """The chunks, as (type, level, bytes, prefix, end with padding), after every check that needs no metadata."""
+    need(data[:8] == b"\x89MVG\r\n\x1a\n", "another signature")
+    need(len(data) >= 64, "shorter than a header")
+    major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
+    need(major == 1, f"major version {major}")
+    need(required == 0, f"unknown required features {required:#x}")
+    need(length == len(data), f"{len(data)} bytes, but the header says {length}")
+    need(start == 64, "the directory is not at 64")
+    end = 64 + 64 * count
+    need(end <= len(data), "the directory goes beyond the file")
+    need(zlib.crc32(data[:48] + bytes(4) + data[52:end]) == crc, "checksum of header and directory")
+    need(zero == zero2 == 0 and not any(tail), "a reserved field of the header is set")
+    chunks = []
+    for at in range(64, end, 64):
+        kind, level, offset, size, prefix, crc, tail = struct.unpack("<4sIQQQI28s", data[at : at + 64])
+        need(kind.isalpha(), f"a chunk's type {kind!r} is not of letters")
+        kind = kind.decode("ascii")
+        need(not any(tail), f"a reserved field of {kind} is set")
+        need(offset == end, f"{kind} does not start right after what is before it")
+        end = -(-(offset + size) // 64) * 64
+        need(end <= len(data), f"{kind} goes beyond the file")
+        body = data[offset : offset + size]
+        need(zlib.crc32(body) == crc, f"checksum of {kind}")
+        need(not any(data[offset + size : end]), f"padding after {kind}")
+        need(kind in KNOWN or kind[0].islower(), f"unknown critical chunk {kind}")
+        chunks.append((kind, level, body, prefix, end))
+    need(end == len(data), "bytes after the last chunk")
+    return chunks
+
+
+KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT")
+ATLASES = (("DENS", "density"), ("DIFF", "diffuse"), ("FEAT", "features"))
+
+
+def arrange(chunks):
+    """The metadata, and the bytes of known chunks by type and level, once they are those that the metadata asks for."""
+    need(chunks and chunks[0][0] == "META", "the first chunk is not META")
+    meta = metadata(chunks[0][2])
+    wanted = [("META", NO_LEVEL)]
+    wanted += [("VMLP", NO_LEVEL)] * (meta["view"] is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
+    wanted += [("prov", NO_LEVEL)]
+    for k in reversed(range(len(meta["levels"]))):
+        wanted += [("TABL", k)] + [(kind, k) for kind, key in ATLASES if meta["levels"][k][key] is not None]
+    known = [chunk for chunk in chunks if chunk[0] in KNOWN]
+    found = [chunk[:2] for chunk in known]
+    need(found == wanted, f"chunks {found}, but the metadata asks for {wanted}")
+    alone = all(level["density"] is not None for level in meta["levels"])
+    ends = {level: end for _, level, _, _, end in known}  # the last of each level stays
+    for kind, level, _, prefix, _ in known:
+        right = 0 if level == NO_LEVEL else ends[level] if alone else chunks[-1][4]
+        need(prefix == right, f"prefix of {kind} {level} is {prefix}, not {right}")
+    return meta, {chunk[:2]: chunk[2] for chunk in known}
+
+
+# Sections 4 and 5: the chunks.
+
+
+def inflate(data, size, what):
+    """One zstd frame of exactly `size` bytes, and nothing after it."""
+    try:
+        stated = zstandard.frame_content_size(data)
+        need(stated in (-1, size), f"{what}: the frame holds {stated} bytes, not {size}")
+        out = zstandard.ZstdDecompressor().decompress(data, max_output_size=size, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise Refused(f"{what}: {error}") from None
+    need(len(out) == size, f"{what}: {len(out)} bytes, not {size}")
+    return out
+
+
+def network(data, widths):
+    values, at, out = np.frombuffer(data, "<f4", len(data) // 4), 0, {}
+    need(len(data) == 4 * sum((a + 1) * b for a, b in zip(widths, widths[1:])), "VMLP has another size")
+    need(np.isfinite(values).all(), "VMLP holds a number that is not finite")
+    for i, (a, b) in enumerate(zip(widths, widths[1:])):
+        out[f"mlp.{i}.weight"] = values[at : at + a * b].reshape(b, a)
+        out[f"mlp.{i}.bias"] = values[at + a * b : at + (a + 1) * b]
+        at += (a + 1) * b
+    return out
+
+
+def mask(data):
+    need(len(data) >= 72, "MASK is too short")
+    lookup, *nodes = struct.unpack_from("<4I", data)
+    scale, shift = np.frombuffer(data, "<f8", 6, 16).reshape(2, 3)
+    threshold, zero = struct.unpack_from("<fI", data, 64)
+    need(lookup in (0, 1) and zero == 0 and min(nodes) >= 2, "MASK: lookup, nodes or reserved field")
+    need(np.isfinite([*scale, *shift, threshold]).all(), "MASK holds a number that is not finite")
+    need(lookup or struct.pack("<f", threshold) == bytes(4), "MASK: a threshold for nearest")
+    kind = np.dtype("<f4" if lookup else "u1")
+    values = np.frombuffer(inflate(data[72:], math.prod(nodes) * kind.itemsize, "MASK"), kind).reshape(nodes)
+    need(np.isfinite(values).all() if lookup else values.max() <= 1, "MASK: a value of a node")
+    # The names and the third row are those of unpacked files.
+    table = np.array([scale, shift, [threshold, 0, 0]])
+    return {"free_space.map": table, "free_space.values" if lookup else "free_space.inside": values}
+
+
+def residuals(data, stored, channels, width, nodes, what):
+    """All residuals of an atlas as uint64 [channels, frames, nodes]; `width` is in bytes."""
+    need(len(data) >= 8, f"{what} is too short")
+    full, runs = struct.unpack_from("<II", data)
+    need(full >= 1 and runs == -(-stored // full), f"{what}: {runs} runs of {full} frames for {stored} blocks")
+    at = 8 + 4 * runs
+    need(len(data) >= at, f"{what} is too short")
+    out = np.zeros((channels, stored, nodes), np.uint64)
+    for run, word in enumerate(struct.unpack_from(f"<{runs}I", data, 8)):
+        piece, at = data[at : at + (word & 0x7FFFFFFF)], at + (word & 0x7FFFFFFF)
+        need(at <= len(data), f"{what}: run {run} goes beyond the chunk")
+        frames = min(full, stored - run * full)
+        size = channels * width * frames * nodes
+        if not word >> 31:
+            piece = inflate(piece, size, f"{what}, run {run}")
+        need(len(piece) == size, f"{what}: run {run} has {len(piece)} bytes, not {size}")
+        planes = np.frombuffer(piece, np.uint8).reshape(channels, width, frames, nodes)
+        for byte in range(width):  # planes of bytes, lowest first
+            out[:, run * full : run * full + frames] |= planes[:, byte].astype(np.uint64) << np.uint64(8 * byte)
+    need(at == len(data), f"{what}: bytes after the last run")
+    return out
+
+
+def codes_of(residual, b, width, first):
+    """Undo the prediction. A node needs only nodes of smaller x + y + z, so one such diagonal goes at a time, in every
+    frame and channel at once."""
+    channels, frames, _ = residual.shape
+    residual = residual.transpose(2, 0, 1).reshape(b**3, channels * frames)
+    # One plane of zeros before each axis: the neighbours that a block does not have add nothing.
+    codes = np.zeros(((b + 1) ** 3, channels * frames), np.uint64)
+    x, y, z = np.indices((b, b, b)).reshape(3, -1)
+    have = ((x > 0).astype(np.uint64) + (y > 0) + (z > 0)).astype(np.uint64)[:, None]
+    sx, sy = (b + 1) ** 2, b + 1
+    place = (x + 1) * sx + (y + 1) * sy + z + 1
+    for diagonal in range(3 * b - 2):
+        node = np.flatnonzero(x + y + z == diagonal)
+        at = place[node]
+        if diagonal:
+            mean = (codes[at - sx] + codes[at - sy] + codes[at - 1]) // have[node]
+        else:
+            mean = np.uint64(first)
+        codes[at] = (mean + residual[node]) & np.uint64((1 << 8 * width) - 1)
+    return codes[place].reshape(b**3, channels, frames).transpose(1, 2, 0)
+
+
+def values_of(codes, encoding):
+    """Codes to f32: the product is rounded, then the sum."""
+    width, _, _, float_type = NUMBERS[encoding["number"]]
+    if float_type:
+        unsigned, top = np.dtype(f"u{width}"), np.uint64(1 << 8 * width - 1)
+        bits = np.where(codes & top, codes ^ top, ~codes).astype(unsigned)  # the cast drops the upper bits
+        return bits.view(float_type).astype(np.float32)
+    low, step, empty = (np.float32(encoding[key]) for key in ("low", "step", "empty"))
+    shifted = codes.astype(np.int64) - encoding["empty_code"]
+    values = low + shifted.astype(np.float32) * step
+    return np.where(codes == 0, empty, values) if encoding["empty_code"] else values
+
+
+def atlas(data, channels, level, occupied, encoding, what):
+    """The dense array [channels, Nx, Ny, Nz] of one atlas."""
+    b, dims = level["block_size"], level["dimensions"]
+    width, first, _, _ = NUMBERS[encoding["number"]]
+    codes = codes_of(residuals(data, level["blocks_stored"], channels, width, b**3, what), b, width, first)
+    # Whole blocks first, cut to the grid at the end.
+    shape = [channels, *occupied.shape, b, b, b]
+    whole_blocks = np.full(shape, np.float32(encoding["empty"]), np.float32)
+    whole_codes = np.zeros(shape, np.uint64)
+    # Booleans pick blocks in C order, which is that of the frames.
+    whole_blocks[:, occupied] = values_of(codes, encoding).reshape(channels, -1, b, b, b)
+    whole_codes[:, occupied] = codes.reshape(channels, -1, b, b, b)
+
+    def dense(array):
+        grid = array.transpose(0, 1, 4, 2, 5, 3, 6).reshape(channels, *(n * b for n in occupied.shape))
+        return np.ascontiguousarray(grid[:, : dims[0], : dims[1], : dims[2]])
+
+    # Nodes beyond the grid's end are arbitrary, so only the others are held to `bits`.
+    need(not (dense(whole_codes) >> np.uint64(encoding["bits"])).any(), f"{what}: a code has more than its bits")
+    return dense(whole_blocks)
+
+
+def read(data):
+    """Every array of a container, by the names of unpacked files, and its metadata."""
+    meta, chunks = arrange(directory(data))
+    out = {}
+    if meta["view"]:
+        out |= network(chunks["VMLP", NO_LEVEL], meta["view"]["widths"])
+    if meta["free_space"]:
+        out |= mask(chunks["MASK", NO_LEVEL])
+    for k, level in enumerate(meta["levels"]):
+        blocks = blocks_of(level)
+        table = np.frombuffer(inflate(chunks["TABL", k], math.prod(blocks), f"TABL {k}"), np.uint8).reshape(blocks)
+        need(table.max() <= 1, f"TABL {k}: a byte that is neither 0 nor 1")
+        need(int(table.sum(dtype=np.uint64)) == level["blocks_stored"], f"TABL {k} disagrees with blocks_stored")
+        out[f"level{k}.occupied"] = table
+        for (kind, key), channels in zip(ATLASES, (1, 3, meta["features"])):
+            if level[key] is not None:
+                dense = atlas(chunks[kind, k], channels, level, table == 1, level[key], f"{kind} {k}")
+                out[f"level{k}.{key}"] = dense[0] if kind == "DENS" else dense
+    return out, meta
+
+
+# The script.
+
+
+def safetensors(data):
+    """The arrays of a safetensors file, with no checks: the crate's own tests do those."""
+    (length,) = struct.unpack_from("<Q", data)
+    types = {"F32": "<f4", "F64": "<f8", "U8": "u1"}
+    out = {}
+    for name, entry in json.loads(data[8 : 8 + length]).items():
+        if name != "__metadata__":
+            begin, end = entry["data_offsets"]
+            raw = data[8 + length + begin : 8 + length + end]
+            out[name] = np.frombuffer(raw, types[entry["dtype"]]).reshape(entry["shape"])
+    return out
+
+
+def difference(ours, theirs):
+    """The first difference of two sets of arrays in words, or None."""
+    for name in sorted(ours.keys() | theirs.keys()):
+        if name not in ours or name not in theirs:
+            return f"{name} is only in {'this reading' if name in ours else 'the unpacked file'}"
+        a, b = np.ascontiguousarray(ours[name]), np.ascontiguousarray(theirs[name])
+        if a.dtype != b.dtype or a.shape != b.shape:
+            return f"{name}: {a.dtype} {a.shape} here, {b.dtype} {b.shape} there"
+        bits = np.dtype(f"u{a.itemsize}")  # so that -0 is not 0, and a NaN is itself
+        wrong = np.argwhere(a.view(bits) != b.view(bits))
+        if len(wrong):
+            at = tuple(wrong[0])
+            return f"{name}{[int(i) for i in at]}: {a[at]!r} here, {b[at]!r} there ({len(wrong)} differ)"
+    return None
+
+
+def main(arguments):
+    if len(arguments) not in (2, 3) or (len(arguments) == 3) != ("--compare" in arguments[1:2]):
+        print(__doc__, file=sys.stderr)
+        return 2
+    with open(arguments[0], "rb") as file:
+        data = file.read()
+    try:
+        arrays, meta = read(data)
+    except Refused as error:
+        print(f"{arguments[0]}: refused: {error}")
+        return 2
+    said = f"{len(meta['levels'])} levels, {len(arrays)} arrays"
+    if len(arguments) == 2:
+        np.savez(arguments[1], **arrays)
+        print(f"{arguments[0]}: {said}")
+        return 0
+    with open(arguments[2], "rb") as file:
+        found = difference(arrays, safetensors(file.read()))
+    print(f"{arguments[0]}: {found or said + ', all bits equal'}")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
