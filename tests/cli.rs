@@ -1,0 +1,203 @@
+//! The program as users and pipelines see it: reports, exit codes, files.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use common::{fixture, folder};
+use serde_json::Value;
+
+/// Runs the program in `folder`.
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.current_dir(folder).args(arguments).env_clear().output().expect("starts")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs the program, which must succeed, and holds its report to the verb's schema.
+fn report(folder: &Path, arguments: &[&str]) -> Value {
+    let output = run(folder, &[arguments, &["--format", "json"]].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    against_schema(arguments[0], &output.stdout)
+}
+
+fn against_schema(verb: &str, stdout: &[u8]) -> Value {
+    let report: Value = serde_json::from_slice(stdout).expect("one JSON document");
+    assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
+    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{verb}.schema.json"));
+    let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
+    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
+    let errors: Vec<String> = validator
+        .iter_errors(&report)
+        .map(|error| format!("{}: {error}", error.instance_path()))
+        .collect();
+    assert!(errors.is_empty(), "{verb}: {errors:?}");
+    report
+}
+
+/// Runs the program, which must fail with this code and say each of these things.
+fn refused(folder: &Path, arguments: &[&str], code: i32, says: &[&str]) {
+    let before = entries(folder);
+    let output = run(folder, arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    for part in says {
+        assert!(message.contains(part), "{arguments:?}: no {part:?} in {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert_eq!(entries(folder), before, "{arguments:?} left something behind");
+}
+
+fn entries(folder: &Path) -> Vec<std::ffi::OsString> {
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder).expect("a folder").flatten().map(|e| e.file_name()).collect();
+    names.sort();
+    names
+}
+
+fn scene() -> String {
+    fixture("trained/lego64/fine_last.tar").display().to_string()
+}
+
+#[test]
+fn a_trained_scene_bakes_end_to_end() {
+    let folder = folder();
+    let here = folder.path();
+    let bake = report(here, &["bake", &scene(), "-o", "lego.mipvog", "--preset", "faithful"]);
+    let bytes = std::fs::metadata(here.join("lego.mipvog")).expect("written").len();
+    assert_eq!(bake["output_bytes"], bytes);
+    let inspect = report(here, &["inspect", "lego.mipvog"]);
+    assert_eq!(
+        (&inspect["file_bytes"], &inspect["levels"]),
+        (&bake["output_bytes"], &bake["levels"])
+    );
+    assert_eq!(inspect["mlp"], serde_json::json!([34, 16, 16, 3]));
+    assert_eq!(inspect["version"], serde_json::json!([1, 0]));
+    let validate = report(here, &["validate", "lego.mipvog"]);
+    assert_eq!(validate["valid"], true);
+    report(here, &["unpack", "lego.mipvog", "-o", "lego.safetensors"]);
+    report(here, &["bake", "lego.safetensors", "-o", "again.mipvog"]);
+    let read = |name: &str| std::fs::read(here.join(name)).expect("written");
+    assert!(read("lego.mipvog") == read("again.mipvog"));
+    let checkpoint = report(here, &["inspect", &scene()]);
+    assert_eq!(checkpoint["model"]["dimensions"], serde_json::json!([64, 64, 64]));
+}
+
+#[test]
+fn every_kind_of_input_can_be_inspected() {
+    let folder = folder();
+    for name in
+        ["tiny/fine_last.tar", "dvgo/flat.npz", "dvgo/flat.safetensors", "dvgo/protocol4.tar"]
+    {
+        let path = fixture("trained").join(name).display().to_string();
+        let report = report(folder.path(), &["inspect", &path]);
+        assert!(report["problem"].is_null(), "{name}: {}", report["problem"]);
+    }
+}
+
+#[test]
+fn coarser_levels_come_first_and_prefixes_grow() {
+    let folder = folder();
+    let here = folder.path();
+    report(here, &["bake", &scene(), "-o", "a.mipvog", "--filter", "paper"]);
+    let inspect = report(here, &["inspect", "a.mipvog"]);
+    let levels = inspect["levels"].as_array().expect("levels");
+    let prefixes: Vec<u64> =
+        levels.iter().map(|l| l["prefix_bytes"].as_u64().expect("bytes")).collect();
+    assert!(prefixes.is_sorted_by(|fine, coarse| fine > coarse), "{prefixes:?}");
+    assert_eq!(Some(prefixes[0]), inspect["file_bytes"].as_u64());
+}
+
+#[test]
+fn damage_is_found_and_told() {
+    let folder = folder();
+    let here = folder.path();
+    let mut bytes = std::fs::read(fixture("baked/tiny.code.mipvog")).expect("a fixture");
+    let last = bytes.len() - 3000;
+    bytes[last] ^= 4;
+    std::fs::write(here.join("bad.mipvog"), &bytes).expect("writable");
+    let output = run(here, &["validate", "bad.mipvog", "--format", "json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let report = against_schema("validate", &output.stdout);
+    assert_eq!(report["valid"], false);
+    assert_eq!(report["findings"][0]["code"], "chunk-checksum");
+    refused(
+        here,
+        &["unpack", "bad.mipvog", "-o", "x.safetensors"],
+        3,
+        &["bad.mipvog", "checksum", "help:"],
+    );
+}
+
+#[test]
+fn bad_inputs_have_their_exit_codes() {
+    let folder = folder();
+    let here = folder.path();
+    std::fs::write(here.join("empty"), b"").expect("writable");
+    std::fs::write(here.join("notes.txt"), b"just some text").expect("writable");
+    std::fs::create_dir(here.join("sub")).expect("writable");
+    std::fs::write(here.join("taken.mipvog"), b"mine").expect("writable");
+    let hostile = |name: &str| fixture("trained/hostile").join(name).display().to_string();
+    let out = ["-o", "x.mipvog"];
+    let bake = |input: &str| -> Vec<String> {
+        ["bake", input].into_iter().chain(out).map(str::to_owned).collect()
+    };
+    for (input, code, says) in [
+        ("empty".to_owned(), 3, "empty"),
+        ("notes.txt".to_owned(), 3, "text"),
+        ("missing".to_owned(), 5, "missing"),
+        ("sub".to_owned(), 5, "sub"),
+        (hostile("os_system.tar"), 4, "os.system"),
+        (hostile("bomb.tar"), 6, "bomb.tar"),
+        (hostile("huge_shape.tar"), 3, "huge_shape.tar"),
+    ] {
+        let arguments = bake(&input);
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        refused(here, &arguments, code, &[says, "error:", "help:"]);
+    }
+    refused(here, &["bake", &scene(), "-o", "taken.mipvog"], 5, &["taken.mipvog", "--force"]);
+    assert_eq!(std::fs::read(here.join("taken.mipvog")).expect("kept"), b"mine");
+    refused(here, &["bake", &scene(), "-o", "nowhere/x.mipvog"], 5, &["nowhere"]);
+    refused(here, &["bake", &scene(), "-o", "sub"], 5, &["sub"]);
+    refused(here, &["bake", &scene(), "-o", "x.mipvog", "--bits", "3"], 2, &["--bits"]);
+    refused(
+        here,
+        &["bake", &scene(), "-o", "x.mipvog", "--block-size", "65"],
+        2,
+        &["--block-size"],
+    );
+    refused(here, &["bake", &scene(), "-o", "x.mipvog", "--filter", "sharp"], 2, &["mean5"]);
+    refused(here, &["frobnicate"], 2, &["frobnicate"]);
+    refused(here, &["inspect", "notes.txt"], 3, &["notes.txt"]);
+}
+
+#[test]
+fn slices_are_written_to_folders() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("baked/dvgo.mask.mipvog").display().to_string();
+    report(here, &["unpack", &tiny, "-o", "exr/", "--levels", "1"]);
+    report(here, &["unpack", &tiny, "-o", "png/", "--slices", "png"]);
+    // Levels of 9 x 7 x 5 nodes: 9 planes, then 4.
+    assert_eq!(entries(&here.join("exr")).len(), 4);
+    assert_eq!(entries(&here.join("png")).len(), 2 * (9 + 4));
+    let exr = std::fs::read(here.join("exr/level1.x0000.exr")).expect("written");
+    assert_eq!(exr[..4], [0x76, 0x2f, 0x31, 0x01]);
+    let picture = std::fs::read(here.join("png/level0.diffuse.x0003.png")).expect("written");
+    assert!(picture.starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn completions_and_the_manual_print() {
+    let folder = folder();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let output = run(folder.path(), &["completions", shell]);
+        assert!(output.status.success() && output.stdout.len() > 500, "{shell}");
+    }
+    let output = run(folder.path(), &["man"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("alpha\\-threshold"));
+}

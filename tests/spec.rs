@@ -1,0 +1,54 @@
+//! The specification's tables against the code.
+
+use mipvog_bake::baked::{Decode, NumberType};
+use mipvog_bake::container::layout::{
+    ALIGNMENT, ATLASES, ENTRY_BYTES, HEADER_BYTES, MASK, META, PROVENANCE, SIGNATURE, TABLE,
+    VERSION, VMLP,
+};
+use mipvog_bake::finding::{Code, Severity};
+
+const SPEC: &str = include_str!("../formats/mipvog.md");
+const CATALOGUE: &str = include_str!("../formats/validation.md");
+
+fn name(value: impl serde::Serialize) -> String {
+    let value = serde_json::to_value(value).expect("a name");
+    value.as_str().expect("text").to_owned()
+}
+
+#[test]
+fn number_types_have_their_rows() {
+    for number in [NumberType::U8, NumberType::U16, NumberType::F16, NumberType::F32] {
+        let row = format!("| `{}` | {} |", name(number), number.bytes());
+        assert_eq!(SPEC.matches(&row).count(), 1, "formats/mipvog.md should hold {row}");
+    }
+    for decode in [Decode::RawDensity, Decode::Logit] {
+        let row = format!("| `{}` | ", name(decode));
+        assert_eq!(SPEC.matches(&row).count(), 1, "formats/mipvog.md should hold {row}");
+    }
+}
+
+#[test]
+fn constants_are_those_of_the_page() {
+    let hex: Vec<String> = SIGNATURE.iter().map(|byte| format!("{byte:02X}")).collect();
+    assert!(SPEC.contains(&format!("signature `{}`", hex.join(" "))));
+    assert!(SPEC.contains(&format!("version {}.{}", VERSION[0], VERSION[1])));
+    assert_eq!((HEADER_BYTES, ENTRY_BYTES, ALIGNMENT), (64, 64, 64));
+    for kind in [META, VMLP, MASK, PROVENANCE, TABLE].into_iter().chain(ATLASES) {
+        assert!(SPEC.contains(&kind.escape_ascii().to_string()), "no chunk {kind:?}");
+    }
+}
+
+#[test]
+fn the_catalogue_lists_every_finding_and_no_other() {
+    let mut rows = 0;
+    for &code in Code::ALL {
+        let severity = match code.severity() {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        let row = format!("| `{}` | {severity} | {} |", code.name(), code.meaning().trim());
+        assert_eq!(CATALOGUE.matches(&row).count(), 1, "formats/validation.md should hold {row}");
+        rows += 1;
+    }
+    assert_eq!(CATALOGUE.lines().filter(|line| line.starts_with("| `")).count(), rows);
+}
