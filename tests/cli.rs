@@ -83,6 +83,15 @@ fn a_trained_scene_bakes_end_to_end() {
     report(here, &["bake", "lego.safetensors", "-o", "again.mipvog"]);
     let read = |name: &str| std::fs::read(here.join(name)).expect("written");
     assert!(read("lego.mipvog") == read("again.mipvog"));
+    // What is asked for and already so is no change.
+    report(here, &["bake", "lego.safetensors", "-o", "third.mipvog", "--preset", "faithful"]);
+    assert!(read("lego.mipvog") == read("third.mipvog"));
+    let deeper = ["--bits", "12", "--background", "0"];
+    report(here, &[&["bake", "lego.safetensors", "-o", "deep.mipvog"], &deeper[..]].concat());
+    let deep = report(here, &["inspect", "deep.mipvog"]);
+    assert_eq!(deep["metadata"]["levels"][0]["diffuse"]["bits"], 12);
+    report(here, &["bake", "lego.safetensors", "-o", "paper.mipvog", "--filter", "paper"]);
+    assert_eq!(report(here, &["inspect", "paper.mipvog"])["metadata"]["filter"], "paper");
     let checkpoint = report(here, &["inspect", &scene()]);
     assert_eq!(checkpoint["model"]["dimensions"], serde_json::json!([64, 64, 64]));
 }

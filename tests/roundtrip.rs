@@ -163,7 +163,7 @@ fn values_that_are_not_finite_are_refused_or_emptied() {
     let count: usize = nodes.iter().product();
     for (channel, at) in [(0, [3, 4, 5]), (2, [0, 8, 8])] {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let mut values = vec![vec![10.0; count], vec![0.5; 3 * count]];
+            let mut values = [vec![10.0; count], vec![0.5; 3 * count]];
             let place = plain::index(nodes, at);
             match channel {
                 0 => values[0][place] = bad,

@@ -34,7 +34,7 @@ use crate::baked::{
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{Nonfinite, Planes, RadianceField};
+use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::mips::{Cascade, Regions};
 use crate::progress::{Progress, Step};
@@ -243,6 +243,7 @@ fn encode_levels(
     tables: Vec<Table>,
     progress: &dyn Progress,
 ) -> Result<Encoded> {
+    let needed_nodes = planes.field().scene.nodes;
     let needed: Vec<NodeMask> = pruned.levels.iter().map(|level| level.needed.clone()).collect();
     let regions = Regions::new(needed, options.filter.kernel())?;
     let channels = planes.channels();
@@ -260,15 +261,20 @@ fn encode_levels(
     let nx = metadata.levels[0].dimensions[0];
     progress.begin(Step::Encode, nx as u64);
     let bytes_read = AtomicU64::new(0);
-    let checksums = Mutex::new(vec![0; nx * (channels - 1)]);
+    let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
+    let whole = reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(needed_nodes));
     Cascade::new(&regions, channels, filtered, options.block_size).run(
         |x, channel, region, plane| {
+            let Some(color) = channel.checked_sub(1) else {
+                let read = planes.read(channel, x, region, plane)?;
+                bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
+                return Ok(());
+            };
+            let region = whole.as_ref().map_or(region, |whole| whole.plane(x));
             let read = planes.read(channel, x, region, plane)?;
             bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-            if let Some(color) = channel.checked_sub(1) {
-                let mut checksums = checksums.lock().unwrap_or_else(PoisonError::into_inner);
-                checksums[x * (channels - 1) + color] = read.checksum.finalize();
-            }
+            let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
+            hashers[color * nx + x] = read.checksum;
             Ok(())
         },
         |level, slab| {
@@ -281,9 +287,19 @@ fn encode_levels(
             encoders[level].take(slab)
         },
     )?;
+    let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if let (Some(expected), Some(_)) = (planes.color_crc32(), whole) {
+        verify_crc32("k0", &hashers, expected)?;
+    }
     Ok(Encoded {
         levels: encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?,
         bytes_read: bytes_read.into_inner(),
-        checksums: checksums.into_inner().unwrap_or_else(PoisonError::into_inner),
+        checksums: hashers.into_iter().map(crc32fast::Hasher::finalize).collect(),
     })
+}
+
+/// Whether to read all of colour: where nearly all of it is needed anyway, the rest costs little and
+/// lets the file's checksum be verified.
+fn reads_whole_color(planes: &Planes, region: &NodeMask) -> bool {
+    planes.color_crc32().is_some() && 8 * region.count() >= 7 * region.nodes().count() as u64
 }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::encode::{EncodeOptions, LevelEncoder};
 use super::report::{BakeReport, StageReport, level_reports};
-use crate::baked::{Group, Metadata};
+use crate::baked::{Encoding, Group, Metadata};
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -58,11 +58,12 @@ impl Changes {
 
     fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.bits {
+            let density = density_encoding(bits, &metadata.activation);
+            let color = color_encoding(bits);
             for level in &mut metadata.levels {
-                let density = density_encoding(bits, &metadata.activation);
-                level.density = level.density.as_ref().map(|_| density);
-                level.diffuse = level.diffuse.as_ref().map(|_| color_encoding(bits));
-                level.features = level.features.as_ref().map(|_| color_encoding(bits));
+                change(&mut level.density, &density);
+                change(&mut level.diffuse, &color);
+                change(&mut level.features, &color);
             }
         }
         metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));
@@ -83,6 +84,15 @@ impl Changes {
             "background": self.background,
             "color_threshold": self.color_threshold,
         })
+    }
+}
+
+/// Takes over another encoding, unless the old one has as many bits: then its range stays.
+fn change(encoding: &mut Option<Encoding>, to: &Encoding) {
+    if let Some(encoding) = encoding
+        && (encoding.number, encoding.bits) != (to.number, to.bits)
+    {
+        *encoding = to.clone();
     }
 }
 
@@ -107,7 +117,9 @@ pub fn rebake(
         bytes_read += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
         progress.advance(Step::Encode, 1);
     }
-    let provenance = if *changes == Changes::default() {
+    let unchanged = metadata == unpacked.metadata
+        && changes.zstd_level.is_none_or(|level| Some(level) == stated);
+    let provenance = if unchanged {
         unpacked.provenance.clone()
     } else {
         json!({

@@ -233,13 +233,25 @@ impl Arguments {
                            container states these itself";
             return Err(Error::usage(message));
         }
-        let anew = self.preset.is_some()
-            || self.filter.is_some()
-            || self.alpha_threshold.is_some()
-            || self.block_size.is_some();
-        if let Some(field) = unpacked.field().filter(|_| anew) {
-            let mut field = field;
-            let changes = self.changes();
+        let metadata = &unpacked.metadata;
+        let asked = |given: bool| given || self.preset.is_some();
+        let changes = Changes {
+            bits: asked(self.bits.is_some()).then_some(options.bits),
+            zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
+            levels: self.levels,
+            lod_scale: self.lod_scale,
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        };
+        // What is asked for and already so is no change.
+        let anew = (asked(self.filter.is_some()) && options.filter.name() != metadata.filter)
+            || (asked(self.alpha_threshold.is_some())
+                && options.alpha_threshold != metadata.alpha_threshold)
+            || (asked(self.block_size.is_some())
+                && metadata.levels.iter().any(|level| level.block_size != options.block_size));
+        if let Some(mut field) = unpacked.field().filter(|_| anew) {
             changes.apply_to_scene(&mut field.scene);
             let origin = Origin {
                 kind: "unpacked container".to_owned(),
@@ -250,21 +262,7 @@ impl Arguments {
             };
             return Ok((bake(&field, options, &origin, output, bar)?, options.to_json()));
         }
-        let changes = self.changes();
         Ok((rebake(unpacked, &changes, output, bar)?, changes.to_json()))
-    }
-
-    fn changes(&self) -> Changes {
-        Changes {
-            bits: self.bits,
-            levels: self.levels,
-            zstd_level: self.zstd_level,
-            lod_scale: self.lod_scale,
-            near: self.near,
-            far: self.far,
-            background: self.background.map(|Background(color)| color),
-            color_threshold: self.color_threshold,
-        }
     }
 
     fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {

@@ -7,7 +7,7 @@ mod scene;
 mod volume;
 
 pub use free_space::{FreeSpace, Lookup};
-pub use planes::{EMPTY_DENSITY, Found, Nonfinite, PlaneRead, Planes};
+pub use planes::{EMPTY_DENSITY, Found, Nonfinite, PlaneRead, Planes, verify_crc32};
 pub use scene::{Activation, ActivationOrder, March, Scene};
 pub use volume::Volume;
 

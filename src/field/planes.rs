@@ -132,21 +132,39 @@ impl<'a> Planes<'a> {
         };
     }
 
-    /// Holds the checksums of all density planes, in order, against the one that the file states,
-    /// if it does. Returns one for each plane.
-    pub fn density_checksums(&self, hashers: Vec<crc32fast::Hasher>) -> Result<Vec<u32>> {
-        let volume = &self.field.density;
-        if let Some(expected) = volume.storage.crc32().filter(|_| volume.fills_storage()) {
-            let mut whole = crc32fast::Hasher::new();
-            hashers.iter().for_each(|hasher| whole.combine(hasher));
-            let found = whole.finalize();
-            if found != expected {
-                let kind = ErrorKind::Checksum { what: "density".to_owned(), found, expected };
-                return Err(Error::new(kind, Place::Tensor("density".to_owned())));
-            }
-        }
-        Ok(hashers.into_iter().map(crc32fast::Hasher::finalize).collect())
+    /// The checksum that the file states of all of density.
+    pub fn density_crc32(&self) -> Option<u32> {
+        stated_crc32(&self.field.density)
     }
+
+    /// The checksum that the file states of all of colour, where it is one tensor.
+    pub fn color_crc32(&self) -> Option<u32> {
+        match self.field.color.as_slice() {
+            [color] => stated_crc32(color),
+            _ => None,
+        }
+    }
+}
+
+fn stated_crc32(volume: &Volume) -> Option<u32> {
+    volume.storage.crc32().filter(|_| volume.fills_storage())
+}
+
+/// Holds the checksums of a tensor's planes, in the order of the file, against the one that the
+/// file states for all of it.
+pub fn verify_crc32<'h>(
+    tensor: &str,
+    planes: impl IntoIterator<Item = &'h crc32fast::Hasher>,
+    expected: u32,
+) -> Result<()> {
+    let mut whole = crc32fast::Hasher::new();
+    planes.into_iter().for_each(|plane| whole.combine(plane));
+    let found = whole.finalize();
+    if found == expected {
+        return Ok(());
+    }
+    let kind = ErrorKind::Checksum { what: "its values".to_owned(), found, expected };
+    Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
 }
 
 /// Runs of consecutive values of a plane that cover the region, short gaps bridged.

@@ -19,7 +19,7 @@ pub use free_space::{inside_cells, masked_share};
 
 use crate::activate;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{Nonfinite, Planes, RadianceField};
+use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
 use crate::grid::{NodeMask, Nodes, mask};
 use crate::mips::{Cascade, Kernel, Regions};
 use crate::parallel;
@@ -156,7 +156,11 @@ fn opaque_nodes(
     )?;
     let masks = sizes.iter().zip(rows).map(|(&nodes, rows)| NodeMask::from_planes(nodes, rows));
     let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok((masks.collect(), planes.density_checksums(hashers)?))
+    if let Some(expected) = planes.density_crc32() {
+        verify_crc32("density", &hashers, expected)?;
+    }
+    let checksums = hashers.into_iter().map(crc32fast::Hasher::finalize).collect();
+    Ok((masks.collect(), checksums))
 }
 
 /// The nodes of a plane that are above the threshold, as rows of bits.

@@ -215,8 +215,8 @@ def arrange(chunks):
     found = [chunk[:2] for chunk in known]
     need(found == wanted, f"chunks {found}, but the metadata asks for {wanted}")
     alone = all(level["density"] is not None for level in meta["levels"])
-    ends = {level: end for _, level, _, _, end in known}  # the last of each level stays
-    for kind, level, _, prefix, _ in known:
+    ends = {level: end for _, level, _, _, end in chunks}  # the last of each level stays
+    for kind, level, _, prefix, _ in chunks:
         right = 0 if level == NO_LEVEL else ends[level] if alone else chunks[-1][4]
         need(prefix == right, f"prefix of {kind} {level} is {prefix}, not {right}")
     return meta, {chunk[:2]: chunk[2] for chunk in known}
@@ -231,7 +231,7 @@ def inflate(data, size, what):
         stated = zstandard.frame_content_size(data)
         need(stated in (-1, size), f"{what}: the frame holds {stated} bytes, not {size}")
         out = zstandard.ZstdDecompressor().decompress(data, max_output_size=size, allow_extra_data=False)
-    except zstandard.ZstdError as error:
+    except (zstandard.ZstdError, OverflowError, MemoryError) as error:
         raise Refused(f"{what}: {error}") from None
     need(len(out) == size, f"{what}: {len(out)} bytes, not {size}")
     return out
@@ -324,24 +324,17 @@ def values_of(codes, encoding):
 
 def atlas(data, channels, level, occupied, encoding, what):
     """The dense array [channels, Nx, Ny, Nz] of one atlas."""
-    b, dims = level["block_size"], level["dimensions"]
+    b = level["block_size"]
     width, first, _, _ = NUMBERS[encoding["number"]]
     codes = codes_of(residuals(data, level["blocks_stored"], channels, width, b**3, what), b, width, first)
-    # Whole blocks first, cut to the grid at the end.
-    shape = [channels, *occupied.shape, b, b, b]
-    whole_blocks = np.full(shape, np.float32(encoding["empty"]), np.float32)
-    whole_codes = np.zeros(shape, np.uint64)
+    # Of nodes beyond the grid's end too: their values are arbitrary, their codes are codes.
+    need(not (codes >> np.uint64(encoding["bits"])).any(), f"{what}: a code has more than its bits")
+    blocks = np.full((channels, *occupied.shape, b, b, b), np.float32(encoding["empty"]), np.float32)
     # Booleans pick blocks in C order, which is that of the frames.
-    whole_blocks[:, occupied] = values_of(codes, encoding).reshape(channels, -1, b, b, b)
-    whole_codes[:, occupied] = codes.reshape(channels, -1, b, b, b)
-
-    def dense(array):
-        grid = array.transpose(0, 1, 4, 2, 5, 3, 6).reshape(channels, *(n * b for n in occupied.shape))
-        return np.ascontiguousarray(grid[:, : dims[0], : dims[1], : dims[2]])
-
-    # Nodes beyond the grid's end are arbitrary, so only the others are held to `bits`.
-    need(not (dense(whole_codes) >> np.uint64(encoding["bits"])).any(), f"{what}: a code has more than its bits")
-    return dense(whole_blocks)
+    blocks[:, occupied] = values_of(codes, encoding).reshape(channels, -1, b, b, b)
+    grid = blocks.transpose(0, 1, 4, 2, 5, 3, 6).reshape(channels, *(n * b for n in occupied.shape))
+    nx, ny, nz = level["dimensions"]
+    return grid[:, :nx, :ny, :nz]
 
 
 def read(data):
