@@ -391,14 +391,14 @@ def difference(ours, theirs):
 
 
 def main(arguments):
-    if len(arguments) not in (2, 3) or (len(arguments) == 3) != ("--compare" in arguments[1:2]):
+    if len(arguments) not in (2, 3) or (len(arguments) == 3) != (arguments[1] == "--compare"):
         print(__doc__, file=sys.stderr)
         return 2
     with open(arguments[0], "rb") as file:
         data = file.read()
     try:
         arrays, meta = read(data)
-    except Refused as error:
+    except (Refused, MemoryError) as error:
         print(f"{arguments[0]}: refused: {error}")
         return 2
     said = f"{len(meta['levels'])} levels, {len(arrays)} arrays"

@@ -1,0 +1,95 @@
+//! A second reader, written in Python from `formats/mipvog.md` alone, reads what the crate reads, bit for bit.
+//!
+//! It runs with `python3`, or the interpreter that `MIPVOG_PYTHON` names, and needs
+//! `pip install -r tests/second_reader/requirements.txt`.
+
+#![cfg(feature = "cli")]
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const INSTALL: &str = "pip install -r tests/second_reader/requirements.txt";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn python() -> OsString {
+    std::env::var_os("MIPVOG_PYTHON").unwrap_or_else(|| "python3".into())
+}
+
+/// Runs the reader; its exit status and all that it printed.
+fn read(arguments: &[&Path]) -> (Option<i32>, String) {
+    let output = Command::new(python())
+        .arg(root().join("tests/second_reader/reader.py"))
+        .args(arguments)
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .output()
+        .unwrap_or_else(|error| {
+            panic!("{}: {error}; it needs Python 3.11 and {INSTALL}", python().display())
+        });
+    let printed = [output.stdout, output.stderr]
+        .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+        .concat();
+    // The reader's own status for a module that it cannot import; its message says how to get it.
+    assert!(output.status.code() != Some(3), "{printed}");
+    (output.status.code(), printed)
+}
+
+/// The committed containers; never none.
+fn containers() -> Vec<PathBuf> {
+    let folder = root().join("fixtures/baked");
+    let mut found: Vec<PathBuf> = std::fs::read_dir(&folder)
+        .expect("the folder of containers")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "mipvog"))
+        .collect();
+    found.sort();
+    assert!(!found.is_empty(), "no .mipvog file in {}", folder.display());
+    found
+}
+
+fn unpack(container: &Path, output: &Path) {
+    let status = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"))
+        .args(["--quiet", "unpack", "--output"])
+        .args([output, container])
+        .status()
+        .expect("the program runs");
+    assert!(status.success(), "{}: unpack failed", container.display());
+}
+
+#[test]
+fn both_readers_decode_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for container in containers() {
+        let unpacked = folder.path().join("unpacked.safetensors");
+        unpack(&container, &unpacked);
+        let (status, printed) = read(&[&container, "--compare".as_ref(), &unpacked]);
+        assert_eq!(status, Some(0), "{printed}");
+        std::fs::remove_file(&unpacked).expect("the unpacked file");
+    }
+}
+
+/// The comparison above would be worth nothing if it never failed.
+#[test]
+fn the_second_reader_sees_a_difference_and_damage() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let container = containers().remove(0);
+    let unpacked = folder.path().join("unpacked.safetensors");
+    unpack(&container, &unpacked);
+
+    let mut bytes = std::fs::read(&unpacked).expect("the unpacked file");
+    *bytes.last_mut().expect("bytes") ^= 1;
+    std::fs::write(&unpacked, bytes).expect("the changed file");
+    let (status, printed) = read(&[&container, "--compare".as_ref(), &unpacked]);
+    assert_eq!(status, Some(1), "{printed}");
+
+    let mut bytes = std::fs::read(&container).expect("the container");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    let damaged = folder.path().join("damaged.mipvog");
+    std::fs::write(&damaged, bytes).expect("the damaged file");
+    let (status, printed) = read(&[&damaged, "--compare".as_ref(), &unpacked]);
+    assert_eq!(status, Some(2), "{printed}");
+}
