@@ -4,6 +4,7 @@ pub mod activate;
 pub mod bake;
 pub mod baked;
 pub mod bytes;
+pub mod camera;
 pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -19,6 +20,8 @@ pub mod picture;
 pub mod progress;
 pub mod prune;
 pub mod quantize;
+pub mod render;
+pub mod sample;
 pub mod source;
 pub mod tensor;
 pub mod unpack;

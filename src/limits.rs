@@ -18,8 +18,10 @@ pub struct Limits {
     pub channels: u64,
     /// Bytes of one pickle, header or metadata text. Default: 64 MiB
     pub header_bytes: u64,
-    /// Entries of an archive, tensors of a file, chunks of a container. Default: 65,536
+    /// Entries of an archive, tensors of a file. Default: 65,536
     pub entries: u64,
+    /// Chunks of a container. Default: 4096
+    pub chunks: u64,
     /// Objects that a pickle makes. Default: 4,194,304
     pub pickle_objects: u64,
     /// Bytes of tensors, tables and codes held at once because a file says so. Default: 16 GiB
@@ -34,6 +36,7 @@ impl Default for Limits {
             channels: 64,
             header_bytes: 64 << 20,
             entries: 1 << 16,
+            chunks: 1 << 12,
             pickle_objects: 1 << 22,
             memory: 16 << 30,
         }

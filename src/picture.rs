@@ -1,6 +1,7 @@
 //! Pictures as files: 8-bit PNG and float32 EXR. The only door to `image` and `exr`.
 
 use std::io::Cursor;
+use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -47,4 +48,45 @@ fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
 
 fn failed(message: String) -> Error {
     Error::new(ErrorKind::Io(std::io::Error::other(message)), Place::File)
+}
+
+/// Width and height of a picture file, from its header.
+pub fn size(path: &Path) -> Result<[usize; 2]> {
+    let (width, height) = image::image_dimensions(path).map_err(|error| unreadable(error, path))?;
+    Ok([width as usize, height as usize])
+}
+
+/// A picture file as 8-bit RGBA, rows from the top.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rgba {
+    /// Pixels along a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Four bytes a pixel, alpha not multiplied in.
+    pub bytes: Vec<u8>,
+}
+
+/// Reads a PNG, at most `most_bytes` of it once decoded.
+pub fn read(path: &Path, most_bytes: u64) -> Result<Rgba> {
+    let mut reader = image::ImageReader::open(path)
+        .map_err(|error| Error::io(error, path))?
+        .with_guessed_format()
+        .map_err(|error| Error::io(error, path))?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(most_bytes);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|error| unreadable(error, path))?.into_rgba8();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Ok(Rgba { width, height, bytes: picture.into_raw() })
+}
+
+fn unreadable(error: image::ImageError, path: &Path) -> Error {
+    let found = match error {
+        image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Error::io(error, path);
+        }
+        error => format!("a picture that cannot be read ({error})"),
+    };
+    Error::malformed(Place::File, found, "a PNG").in_file(path)
 }

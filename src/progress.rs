@@ -12,6 +12,8 @@ pub enum Step {
     Write,
     /// Reading and decoding an input.
     Decode,
+    /// Rendering frames.
+    Render,
 }
 
 impl Step {
@@ -22,6 +24,7 @@ impl Step {
             Self::Encode => "encode",
             Self::Write => "write",
             Self::Decode => "decode",
+            Self::Render => "render",
         }
     }
 }

@@ -9,6 +9,7 @@
 //! is coordinate-major: `d` (3), then all sines, then all cosines, each ordered x*1, x*2, x*4,
 //! x*8, y*1, ... , z*8.
 
+use crate::activate::lanes;
 use crate::error::{Error, Place, Result};
 
 /// A dense layer: `out = weights * in + bias`.
@@ -67,9 +68,10 @@ impl ViewMlp {
                 "layers that join, with 3 outputs at the end",
             ));
         };
-        let embedding = 3 + 6 * frequencies;
+        // Both are small wherever they were checked; where not, no width fits.
+        let embedding = frequencies.saturating_mul(6).saturating_add(3);
         let input = match first.checked_sub(embedding) {
-            Some(rest) if rest == 3 + features => ViewInput::DiffuseAndFeatures,
+            Some(rest) if rest == features.saturating_add(3) => ViewInput::DiffuseAndFeatures,
             Some(rest) if rest == features => ViewInput::Features,
             _ => {
                 return Err(Error::unsupported(
@@ -79,8 +81,8 @@ impl ViewMlp {
                         "{} for a network that runs once a ray on {features} features ({} without \
                          the diffuse colour); networks that run for each sample cannot be baked, \
                          --mlp none leaves the network out",
-                        embedding + 3 + features,
-                        embedding + features
+                        embedding.saturating_add(features).saturating_add(3),
+                        embedding.saturating_add(features)
                     ),
                 ));
             }
@@ -92,5 +94,65 @@ impl ViewMlp {
     pub fn widths(&self) -> Vec<usize> {
         let first = self.layers.first().map(|layer| layer.inputs);
         first.into_iter().chain(self.layers.iter().map(|layer| layer.outputs)).collect()
+    }
+}
+
+/// Rays whose colours are computed together.
+pub const RAYS: usize = 16;
+
+impl ViewMlp {
+    /// View-dependent colour of up to [`RAYS`] rays: `directions` of unit length, and what each ray
+    /// accumulated, diffuse colour first.
+    pub fn colors(&self, directions: &[[f64; 3]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
+        let embedding = 3 + 6 * self.frequencies;
+        let skip = match self.input {
+            ViewInput::DiffuseAndFeatures => 0,
+            ViewInput::Features => 3,
+        };
+        let width = self.layers.first().map_or(0, |layer| layer.inputs);
+        let mut values = vec![[0.0f32; RAYS]; width];
+        for (ray, (direction, accumulated)) in directions.iter().zip(accumulated).enumerate() {
+            self.embed(*direction, |i, value| values[i][ray] = value as f32);
+            for (i, &value) in accumulated[skip..].iter().take(width - embedding).enumerate() {
+                values[embedding + i][ray] = value;
+            }
+        }
+        for (number, layer) in self.layers.iter().enumerate() {
+            let is_last = number + 1 == self.layers.len();
+            values = layer.apply(&values, is_last);
+        }
+        std::array::from_fn(|ray| std::array::from_fn(|channel| values[channel][ray]))
+    }
+
+    /// The embedding of a direction, by its numbers in the first layer's input.
+    fn embed(&self, direction: [f64; 3], mut put: impl FnMut(usize, f64)) {
+        for (axis, &value) in direction.iter().enumerate() {
+            put(axis, value);
+            let (mut sine, mut cosine) = value.sin_cos();
+            for octave in 0..self.frequencies {
+                put(3 + axis * self.frequencies + octave, sine);
+                put(3 + (3 + axis) * self.frequencies + octave, cosine);
+                (sine, cosine) = (2.0 * sine * cosine, (cosine - sine) * (cosine + sine));
+            }
+        }
+    }
+}
+
+impl Layer {
+    fn apply(&self, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f32; RAYS]> {
+        let rows = self.weights.chunks_exact(self.inputs.max(1)).zip(&self.bias);
+        rows.map(|(weights, &bias)| {
+            let mut sums = [bias; RAYS];
+            for (input, &weight) in inputs.iter().zip(weights) {
+                for ray in 0..RAYS {
+                    sums[ray] += weight * input[ray];
+                }
+            }
+            match is_last {
+                true => sums.map(lanes::sigmoid),
+                false => sums.map(|sum| sum.max(0.0)),
+            }
+        })
+        .collect()
     }
 }

@@ -210,3 +210,46 @@ fn completions_and_the_manual_print() {
     let output = run(folder.path(), &["man"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("alpha\\-threshold"));
 }
+
+#[test]
+fn an_option_on_an_unpacked_container_leaves_the_others_as_they_are() {
+    let folder = folder();
+    let here = folder.path();
+    let shape = ["--filter", "paper", "--bits", "12", "--alpha-threshold", "0.01"];
+    report(here, &[&["bake", &scene(), "-o", "a.mipvog"], &shape[..]].concat());
+    report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
+    report(here, &["bake", "a.safetensors", "-o", "b.mipvog", "--block-size", "4"]);
+    let metadata = report(here, &["inspect", "b.mipvog"])["metadata"].clone();
+    assert_eq!(metadata["filter"], "paper");
+    assert_eq!(metadata["levels"][0]["density"]["bits"], 12);
+    assert_eq!(metadata["levels"][0]["block_size"], 4);
+    for bad in [["--near", "nan"], ["--background", "inf"], ["--color-threshold", "2"]] {
+        refused(
+            here,
+            &[&["bake", "a.safetensors", "-o", "x.mipvog"], &bad[..]].concat(),
+            2,
+            &[bad[0]],
+        );
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn pipes_devices_and_odd_names_are_no_trap() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder();
+    let here = folder.path();
+    let fifo = Command::new("mkfifo").arg(here.join("pipe")).status().expect("mkfifo");
+    assert!(fifo.success());
+    refused(here, &["inspect", "pipe"], 5, &["pipe", "regular"]);
+    refused(here, &["bake", "/dev/null", "-o", "x.mipvog"], 5, &["/dev/null"]);
+    refused(here, &["bake", &scene(), "-o", "pipe", "--force"], 5, &["pipe"]);
+    refused(here, &["validate", "pipe", "--threads", "100000"], 2, &["--threads"]);
+    let odd = std::ffi::OsStr::from_bytes(b"odd\xff.mipvog");
+    let mut bake = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    let bake = bake.current_dir(here).args(["bake", &scene(), "-o"]).arg(odd);
+    // Nobody reads the warnings either.
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("a full device");
+    let status = bake.stdout(std::process::Stdio::null()).stderr(full).status().expect("starts");
+    assert!(status.success() && here.join(odd).is_file());
+}

@@ -1,6 +1,6 @@
 //! A second reader, written in Python from `formats/mipvog.md` alone, reads what the crate reads, bit for bit.
 //!
-//! It runs with `python3`, or the interpreter that `MIPVOG_PYTHON` names, and needs
+//! It runs with the interpreter that `MIPVOG_PYTHON` names, else `target/python/bin/python3`, else `python3`, and needs
 //! `pip install -r tests/second_reader/requirements.txt`.
 
 #![cfg(feature = "cli")]
@@ -16,7 +16,9 @@ fn root() -> &'static Path {
 }
 
 fn python() -> OsString {
-    std::env::var_os("MIPVOG_PYTHON").unwrap_or_else(|| "python3".into())
+    let own = root().join("target/python/bin/python3");
+    let found = if own.is_file() { own.into() } else { "python3".into() };
+    std::env::var_os("MIPVOG_PYTHON").unwrap_or(found)
 }
 
 /// Runs the reader; its exit status and all that it printed.

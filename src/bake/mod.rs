@@ -83,6 +83,22 @@ impl Default for BakeOptions {
 }
 
 impl BakeOptions {
+    /// The options that made a container, as far as its metadata and provenance tell.
+    pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
+        let mut options = Self::default();
+        options.filter = metadata.filter.parse().unwrap_or(options.filter);
+        options.levels = Some(metadata.levels.len());
+        options.alpha_threshold = metadata.alpha_threshold;
+        if let Some(finest) = metadata.levels.first() {
+            options.block_size = finest.block_size;
+            options.bits = finest.diffuse.as_ref().map_or(options.bits, Bits::of);
+        }
+        let zstd_level = provenance["options"]["zstd_level"].as_i64();
+        let zstd_level = zstd_level.and_then(|level| i32::try_from(level).ok());
+        options.zstd_level = zstd_level.unwrap_or(options.zstd_level);
+        options
+    }
+
     /// Refuses values that no bake can follow.
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {

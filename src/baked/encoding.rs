@@ -7,6 +7,8 @@
 //! f16, f32: value = the number itself
 //! ```
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 
 /// Values that share an encoding and a chunk.
@@ -107,9 +109,18 @@ pub struct Encoding {
 }
 
 impl Encoding {
-    /// The highest code.
+    /// The highest integer code.
     pub fn last_code(&self) -> u32 {
-        if self.number.is_float() { 0 } else { (1 << self.bits) - 1 }
+        (1 << self.bits) - 1
+    }
+
+    /// The codes that may be: those that `bits` can hold, those of finite floats.
+    pub fn codes(&self) -> RangeInclusive<u32> {
+        match self.number {
+            NumberType::U8 | NumberType::U16 => 0..=self.last_code(),
+            NumberType::F16 => 0x0400..=0xfbff,
+            NumberType::F32 => 0x0080_0000..=0xff7f_ffff,
+        }
     }
 
     /// The lowest code that is not emptiness.

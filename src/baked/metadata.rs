@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Encoding, Group};
-use crate::field::{Activation, March};
+use crate::field::{Activation, March, nullable};
 use crate::grid::{BlockGrid, Bounds, Nodes};
 use crate::view_mlp::ViewInput;
 
@@ -30,6 +30,7 @@ pub struct Metadata {
     /// Specular features of a node.
     pub features: usize,
     /// View-dependent colour; `None` for a diffuse field.
+    #[serde(deserialize_with = "nullable")]
     pub view: Option<ViewMetadata>,
     /// Whether samples outside the free-space mask in chunk `MASK` are dropped.
     pub free_space: bool,
@@ -52,10 +53,13 @@ pub struct LevelMetadata {
     /// Stored blocks.
     pub blocks_stored: usize,
     /// Density; `None` where every level uses level 0's.
+    #[serde(deserialize_with = "nullable")]
     pub density: Option<Encoding>,
     /// Diffuse colour.
+    #[serde(deserialize_with = "nullable")]
     pub diffuse: Option<Encoding>,
     /// Specular features; `None` without any.
+    #[serde(deserialize_with = "nullable")]
     pub features: Option<Encoding>,
 }
 
@@ -109,6 +113,7 @@ pub struct LevelOfDetail {
     /// Added after the factor.
     pub bias: f32,
     /// An upper bound beside the last level, if there is one.
+    #[serde(deserialize_with = "nullable")]
     pub most: Option<f32>,
 }
 

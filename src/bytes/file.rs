@@ -21,11 +21,18 @@ impl SourceFile {
     /// Opens a regular file.
     pub fn open(path: &Path) -> Result<Self> {
         let io = |error| Error::io(error, path);
-        let file = File::open(path).map_err(io)?;
-        let metadata = file.metadata().map_err(io)?;
-        if metadata.is_dir() {
+        // Looked at before it is opened: opening a pipe waits for somebody to write to it.
+        let found = std::fs::metadata(path).map_err(io)?;
+        if found.is_dir() {
             return Err(io(std::io::ErrorKind::IsADirectory.into()));
         }
+        if !found.is_file() {
+            return Err(io(std::io::Error::other(
+                "not a regular file: it cannot be read by position",
+            )));
+        }
+        let file = File::open(path).map_err(io)?;
+        let metadata = file.metadata().map_err(io)?;
         let length = metadata.len();
         Ok(Self { file, path: path.to_owned(), length, bytes_read: AtomicU64::new(0) })
     }

@@ -20,8 +20,14 @@ impl Output {
     /// Starts writing `path`. An existing file there is refused unless `overwrite`.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
         let io = |error| Error::io(error, path);
-        if path.is_dir() {
-            return Err(io(std::io::ErrorKind::IsADirectory.into()));
+        // A link is replaced, not followed; devices, pipes and folders are not to be replaced.
+        if let Ok(found) = path.symlink_metadata()
+            && !found.is_file()
+            && !found.is_symlink()
+        {
+            let kind = if found.is_dir() { "a folder" } else { "a device or pipe" };
+            let message = format!("{kind} is in the output's place");
+            return Err(io(std::io::Error::other(message)));
         }
         if !overwrite && path.symlink_metadata().is_ok() {
             return Err(Error::new(ErrorKind::Exists, Place::File).in_file(path));

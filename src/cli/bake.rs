@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::inspect::levels_text;
 use super::progress::Bar;
-use super::{Common, Outcome, readable, warn};
+use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{BakeOptions, BakeReport, Changes, Filter, Origin, bake, rebake};
 use crate::bytes::Output;
 use crate::error::{Error, Result};
@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Nodes along a block's edge [default: 8]
     #[arg(long, value_name = "NODES")]
     block_size: Option<usize>,
-    /// Compression level of zstd, 1 to 22 [default: 12]
+    /// Compression level of zstd, 1 to 22 [default: 1]
     #[arg(long, value_name = "LEVEL")]
     zstd_level: Option<i32>,
     /// Multiplies the filter's level-of-detail factor [default: 1]
@@ -120,22 +120,31 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = Limits::default();
     let file = tensor::open(&arguments.input, &limits)?;
-    let mut options = arguments.preset.map_or_else(BakeOptions::default, Preset::options);
+    let unpacked = match metadata_text(&file) {
+        Some(_) => Some(Unpacked::open(&file, &limits)?),
+        None => None,
+    };
+    // What an unpacked container is stays, unless an option or a preset says otherwise.
+    let mut options = match (arguments.preset, &unpacked) {
+        (Some(preset), _) => preset.options(),
+        (None, Some(unpacked)) => {
+            BakeOptions::of_container(&unpacked.metadata, &unpacked.provenance)
+        }
+        (None, None) => BakeOptions::default(),
+    };
     arguments.apply(&mut options);
     options.check()?;
+    arguments.source_options().check()?;
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
         let name = preset.to_possible_value().map(|value| value.get_name().to_owned());
-        eprintln!("preset {}: {}", name.unwrap_or_default(), options.to_json());
+        say(&format!("preset {}: {}", name.unwrap_or_default(), options.to_json()));
     }
     let mut output = Output::create(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
-    let (report, resolved) = match metadata_text(&file) {
-        Some(_) => {
-            let unpacked = Unpacked::open(&file, &limits)?;
-            arguments.bake_unpacked(&unpacked, &file, &options, &mut output, &bar)
-        }
+    let (report, resolved) = match &unpacked {
+        Some(unpacked) => arguments.bake_unpacked(unpacked, &file, &options, &mut output, &bar),
         None => arguments.bake_trained(&file, &options, &limits, &mut output, &bar, common),
     }
     .map_err(|error| error.in_file(&arguments.input))?;
@@ -147,8 +156,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let seconds = clock.elapsed().as_secs_f64();
     let mut json = json!({
-        "input": arguments.input,
-        "output": arguments.output,
+        "input": arguments.input.to_string_lossy(),
+        "output": arguments.output.to_string_lossy(),
         "seconds": seconds,
         "peak_memory_bytes": peak_memory_bytes(),
         "bytes_read": file.file.bytes_read(),
@@ -178,6 +187,18 @@ impl Arguments {
         };
     }
 
+    fn source_options(&self) -> SourceOptions {
+        SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        }
+    }
+
     fn bake_trained(
         &self,
         file: &TensorFile,
@@ -187,16 +208,7 @@ impl Arguments {
         bar: &Bar,
         common: &Common,
     ) -> Result<(BakeReport, Value)> {
-        let source_options = SourceOptions {
-            stepsize: self.stepsize,
-            coarse: self.coarse.clone(),
-            mlp: self.mlp.clone(),
-            near: self.near,
-            far: self.far,
-            background: self.background.map(|Background(color)| color),
-            color_threshold: self.color_threshold,
-        };
-        let source = source::open_tensors(file, &source_options, limits)?;
+        let source = source::open_tensors(file, &self.source_options(), limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }

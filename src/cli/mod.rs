@@ -45,8 +45,9 @@ struct Common {
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// Threads to use; 0 is one for each processor
-    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    #[arg(long, global = true, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u16).range(0..=256))]
+    threads: u16,
     /// Print no report, no progress and no warnings
     #[arg(long, short, global = true)]
     quiet: bool,
@@ -114,7 +115,7 @@ pub fn main() -> ExitCode {
         }
     };
     let common = &cli.common;
-    let outcome = parallel::with_threads(common.threads, || match &cli.verb {
+    let outcome = parallel::with_threads(common.threads.into(), || match &cli.verb {
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments).map(Some),
         Verb::Validate(arguments) => validate::run(arguments).map(Some),
@@ -131,7 +132,7 @@ pub fn main() -> ExitCode {
         let bold = common.color == When::Always
             || (common.color == When::Auto && std::io::IsTerminal::is_terminal(&std::io::stderr()));
         let (red, plain) = if bold { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
-        eprintln!("{red}error:{plain} {error}\n  help: {}", error.remedy());
+        say(&format!("{red}error:{plain} {error}\n  help: {}", error.remedy()));
         ExitCode::from(exit_code(error.kind()))
     })
 }
@@ -176,8 +177,13 @@ fn write_stdout(bytes: &[u8]) -> Result<()> {
 /// A warning on stderr.
 fn warn(message: &str, common: &Common) {
     if !common.quiet {
-        eprintln!("warning: {message}");
+        say(&format!("warning: {message}"));
     }
+}
+
+/// A line on stderr. Where nobody can read it there is nobody to tell.
+fn say(line: &str) {
+    writeln!(std::io::stderr(), "{line}").ok();
 }
 
 fn command() -> clap::Command {

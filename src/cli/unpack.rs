@@ -47,13 +47,14 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let container = Container::open(file, &Limits::default())?;
     let (output, levels) = (&arguments.output, &arguments.levels);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
+    let input = arguments.file.to_string_lossy();
     if is_folder(output) {
         let format = match arguments.slices {
             Slices::Exr => SliceFormat::Exr,
             Slices::Png => SliceFormat::Png,
         };
         write_slices(&container, levels, format, output, arguments.force)?;
-        let report = json!({ "input": arguments.file, "output": output, "levels": count });
+        let report = json!({ "input": input, "output": output.to_string_lossy(), "levels": count });
         let text = format!("{}: slices of {count} levels\n", output.display());
         return Outcome::new("unpack", &report, text);
     }
@@ -62,7 +63,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bytes = tensors.length();
     tensors.finish()?;
     let report = json!({
-        "input": arguments.file, "output": output, "output_bytes": bytes, "levels": count,
+        "input": input, "output": output.to_string_lossy(), "output_bytes": bytes, "levels": count,
     });
     let text = format!("{}: {count} levels, {}\n", output.display(), readable(bytes));
     Outcome::new("unpack", &report, text)

@@ -13,18 +13,18 @@ pub fn to_canonical(value: &impl Serialize) -> Result<String> {
     Ok(sorted(value).to_string())
 }
 
-/// Reads canonical JSON, and refuses any other form of the same value.
-pub fn from_canonical<T: DeserializeOwned>(text: &[u8], place: &Place) -> Result<T> {
-    let value: Value = serde_json::from_slice(text).map_err(|error| not_json(&error, place))?;
-    let value = sorted(value);
-    if value.to_string().as_bytes() != text {
-        return Err(Error::malformed(
-            place.clone(),
-            "JSON in another form",
-            "canonical JSON: sorted keys, no spaces, shortest numbers",
-        ));
+/// Reads canonical JSON, and refuses any other form of the same value: what is read, written
+/// again, must be the same bytes.
+pub fn from_canonical<T: DeserializeOwned + Serialize>(text: &[u8], place: &Place) -> Result<T> {
+    let value: T = serde_json::from_slice(text).map_err(|error| not_json(&error, place))?;
+    if to_canonical(&value)?.as_bytes() == text {
+        return Ok(value);
     }
-    serde_json::from_value(value).map_err(|error| not_json(&error, place))
+    Err(Error::malformed(
+        place.clone(),
+        "JSON in another form",
+        "canonical JSON: sorted keys, no spaces, shortest numbers",
+    ))
 }
 
 fn sorted(value: Value) -> Value {

@@ -54,6 +54,9 @@ pub fn read(
     if map.iter().any(|value| !value.is_finite()) || !threshold.is_finite() {
         return Err(bad("a number that is not finite", "finite numbers"));
     }
+    if id == 0 && threshold.to_bits() != 0 {
+        return Err(bad("a threshold for a nearest lookup", "0"));
+    }
     if reader.u32()? != 0 {
         return Err(bad("a reserved byte that is set", "zeros"));
     }
@@ -66,7 +69,7 @@ pub fn read(
             Lookup::Nearest(values.iter().map(|&byte| byte == 1).collect())
         }
         0 => return Err(bad("a byte other than 0 or 1", "one of them for each node")),
-        1 if threshold.is_finite() => {
+        1 => {
             let floats: Vec<f32> =
                 values.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
             if floats.iter().any(|value| !value.is_finite()) {

@@ -168,7 +168,8 @@ impl Container {
         report: &mut Report,
     ) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         let (mut view_mlp, mut free_space) = (None, None);
-        for entry in self.entries.iter().filter(|entry| entry.level.is_none()) {
+        let bulk = |entry: &&Entry| entry.level.is_some() && rules::is_known(entry.kind);
+        for entry in self.entries.iter().filter(|entry| !bulk(entry)) {
             let Some(bytes) = self.chunk(entry, report)? else { continue };
             let mut reader = ByteReader::new(&bytes, entry.offset);
             let place = entry.place();
@@ -251,7 +252,7 @@ impl Container {
 
 fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<Vec<Entry>> {
     let place = Place::Offset(HEADER_BYTES);
-    limits::check("chunks", header.entries.into(), limits.entries, &place)?;
+    limits::check("chunks", header.entries.into(), limits.chunks, &place)?;
     let length = HEADER_BYTES + ENTRY_BYTES * u64::from(header.entries);
     let bytes = file.read(0, length, length)?;
     read_directory(header, &bytes)

@@ -5,7 +5,7 @@ use super::layout::{
     PROVENANCE, TABLE, VMLP,
 };
 use super::read::unknown_features;
-use crate::baked::{Encoding, Group, Metadata, NumberType};
+use crate::baked::{Decode, Encoding, Group, Metadata, NumberType};
 use crate::bytes::SourceFile;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::finding::{Code, Finding, Report, checked, strict};
@@ -128,8 +128,8 @@ pub fn metadata(
         && lod.bias.is_finite()
         && lod.most.is_none_or(|most| most >= 0.0 && most.is_finite());
     require(lod_fits, "level_of_detail", "a positive factor, a finite bias and bound")?;
-    let features = metadata.features as u64;
-    require(features + 3 <= limits.channels, "features", "at most as many as limits allow")?;
+    let most = limits.channels.saturating_sub(3);
+    require(metadata.features as u64 <= most, "features", "at most as many as limits allow")?;
     let layers = metadata.view.as_ref().map(|view| &view.widths);
     let wide = layers.is_none_or(|w| (2..=32).contains(&w.len()) && w.iter().all(|&w| w <= 4096));
     require(wide, "view.widths", "2 to 32 widths of at most 4096")?;
@@ -154,7 +154,7 @@ pub fn metadata(
         let has_features = level.features.is_some() == (metadata.features > 0);
         require(has_features, &key("features"), "an encoding where there are features")?;
         for group in Group::ALL {
-            let sound = level.encoding(group).is_none_or(encoding_is_sound);
+            let sound = level.encoding(group).is_none_or(|e| encoding_is_sound(group, e));
             require(sound, &key(group.name()), "a type with as many bits, a finite range")?;
         }
         finer = Some(level.dimensions);
@@ -169,7 +169,7 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-fn encoding_is_sound(encoding: &Encoding) -> bool {
+fn encoding_is_sound(group: Group, encoding: &Encoding) -> bool {
     let bits = match encoding.number {
         NumberType::U8 => 1..=8,
         NumberType::U16 => 9..=16,
@@ -182,7 +182,11 @@ fn encoding_is_sound(encoding: &Encoding) -> bool {
     } else {
         encoding.low.is_finite() && encoding.step > 0.0 && highest.is_finite()
     };
-    let rest = encoding.empty.is_finite() && encoding.max_error >= 0.0;
+    let decode = match group {
+        Group::Density => Decode::RawDensity,
+        Group::Diffuse | Group::Features => Decode::Logit,
+    };
+    let rest = encoding.empty.is_finite() && encoding.max_error >= 0.0 && encoding.decode == decode;
     bits.contains(&encoding.bits) && range && rest && encoding.max_error.is_finite()
 }
 
@@ -204,7 +208,18 @@ pub fn contents(
         let present = groups.filter(|&(group, _)| level.encoding(group).is_some());
         expected.extend(present.map(|(_, kind)| (kind, number)));
     }
-    let ancillary = |entry: &&Entry| entry.kind == PROVENANCE || !is_known(entry.kind);
+    if entries.first().is_none_or(|entry| entry.kind != META) {
+        let error = Error::malformed(Place::File, "another chunk first", "chunk META");
+        report(Finding { code: Code::ChunkUnexpected, error })?;
+    }
+    // Ancillary chunks may stand anywhere after that; of levels that there are.
+    let ancillary = |entry: &&Entry| {
+        let fits = match entry.kind {
+            PROVENANCE => entry.level.is_none(),
+            _ => entry.level.is_none_or(|level| (level as usize) < metadata.levels.len()),
+        };
+        !entry.is_critical() && fits
+    };
     let mut found = entries.iter().filter(|entry| !ancillary(entry)).peekable();
     for (kind, level) in expected {
         match found.next_if(|entry| entry.kind == kind && entry.level == level) {

@@ -18,6 +18,8 @@ use crate::quantize::unpredict;
 /// Uncompressed bytes of a full run, about: small enough for many at once, large enough that
 /// compression loses nothing.
 const RUN_BYTES: usize = 256 << 10;
+/// First bytes of a zstd frame.
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Top bit of a run's length: the run is stored, not compressed.
 const STORED: u32 = 1 << 31;
 
@@ -116,6 +118,12 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     let wrong = |found: String| {
         Err(Error::malformed(place.clone(), found, format!("a zstd frame of {length} bytes")))
     };
+    // One frame, no skippable ones, nothing after it: there is one way to write the same content.
+    let is_one = bytes.starts_with(&ZSTD_MAGIC)
+        && zstd::zstd_safe::find_frame_compressed_size(bytes).is_ok_and(|size| size == bytes.len());
+    if !is_one {
+        return wrong("bytes that are not one zstd frame".to_owned());
+    }
     match zstd::bulk::decompress(bytes, length) {
         Ok(out) if out.len() == length => Ok(out),
         Ok(out) => wrong(format!("a zstd frame of {} bytes", out.len())),
@@ -140,7 +148,7 @@ pub fn decode(
         place,
     )?;
     budget.spend(values as u64 * codec.number.bytes() as u64, "bytes of codes", place)?;
-    let last = if codec.number.is_float() { u32::MAX } else { encoding.last_code() };
+    let allowed = encoding.codes();
     let decoded = parallel::map(runs.len(), |i| {
         let Some(run) = runs.get(i) else { return Ok(Vec::new()) };
         let length = run.frames * codec.frame_bytes();
@@ -152,12 +160,12 @@ pub fn decode(
             &inflated
         };
         let codes = run_codes(codec, run.frames, bytes);
-        match codes.iter().position(|&code| code > last) {
+        match codes.iter().position(|code| !allowed.contains(code)) {
             None => Ok(codes),
             Some(at) => Err(Error::malformed(
                 place.clone(),
                 format!("code {} at value {at} of run {i}", codes.get(at).copied().unwrap_or(0)),
-                format!("codes up to {last}"),
+                format!("codes from {} to {}", allowed.start(), allowed.end()),
             )),
         }
     })?;

@@ -5,13 +5,14 @@ use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
     PROVENANCE, TABLE, VMLP,
 };
-use super::rules::level_prefix;
+use super::rules::{check_metadata, level_prefix};
 use super::runs::{EncodedAtlas, compress};
 use super::{mask, network};
 use crate::baked::{Group, Metadata, Table};
 use crate::bytes::Output;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::FreeSpace;
+use crate::field::{FreeSpace, Lookup};
+use crate::limits::Limits;
 use crate::view_mlp::ViewMlp;
 
 /// A level as it is written.
@@ -46,6 +47,7 @@ struct Chunk {
 
 /// Writes a container of these levels, finest first, to `output` and returns its directory.
 pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Result<Vec<Entry>> {
+    check(head)?;
     let chunks = chunks(head, levels)?;
     let mut entries = Vec::with_capacity(chunks.len());
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
@@ -75,6 +77,31 @@ pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Resul
         output.pad(ALIGNMENT)?;
     }
     Ok(entries)
+}
+
+/// Refuses what a reader would refuse: values of inputs and options meet here.
+fn check(head: &Head) -> Result<()> {
+    check_metadata(head.metadata, &Limits::default(), &Place::File)?;
+    let layers = head.view_mlp.iter().flat_map(|network| &network.layers);
+    let mut weights = layers.flat_map(|layer| layer.weights.iter().chain(&layer.bias));
+    if weights.any(|weight| !weight.is_finite()) {
+        let place = Place::Key("view network".to_owned());
+        return Err(Error::malformed(place, "a weight that is not finite", "finite weights"));
+    }
+    let mask_is_finite = head.free_space.is_none_or(|mask| {
+        let map = mask.scale.iter().chain(&mask.shift).all(|value| value.is_finite());
+        map && match &mask.lookup {
+            Lookup::Nearest(_) => true,
+            Lookup::Trilinear { values, threshold } => {
+                threshold.is_finite() && values.iter().all(|value| value.is_finite())
+            }
+        }
+    });
+    if mask_is_finite {
+        return Ok(());
+    }
+    let place = Place::Key("free-space mask".to_owned());
+    Err(Error::malformed(place, "a number that is not finite", "finite numbers"))
 }
 
 fn chunks(head: &Head, levels: &[EncodedLevel]) -> Result<Vec<Chunk>> {

@@ -1,6 +1,7 @@
 //! Values of a trained field as everything downstream sees them: read by position where somebody
 //! needs them, emptied outside the free-space mask, counted where they are not finite.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -32,6 +33,8 @@ pub struct Planes<'a> {
     outside: Option<NodeMask>,
     nonfinite: Nonfinite,
     found: Mutex<Found>,
+    /// Density was read once; what is not finite in it is known.
+    density_is_known: AtomicBool,
 }
 
 /// What one call read.
@@ -55,7 +58,13 @@ pub struct Found {
 impl<'a> Planes<'a> {
     /// Planes of `field`; `inside` are the nodes that keep their density.
     pub fn new(field: &'a RadianceField, outside: Option<NodeMask>, nonfinite: Nonfinite) -> Self {
-        Self { field, outside, nonfinite, found: Mutex::default() }
+        Self {
+            field,
+            outside,
+            nonfinite,
+            found: Mutex::default(),
+            density_is_known: AtomicBool::new(false),
+        }
     }
 
     /// The field that is read.
@@ -99,8 +108,10 @@ impl<'a> Planes<'a> {
         Ok(read)
     }
 
-    /// What was found since the last call, or the error that it is.
+    /// What was found since the last call, or the error that it is. All of density must have been
+    /// read before the first call; from then on it is not counted again.
     pub fn take_nonfinite(&self) -> Result<Found> {
+        self.density_is_known.store(true, Ordering::Relaxed);
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         let found = std::mem::take(&mut *found);
         match (self.nonfinite, found.first) {
@@ -123,6 +134,9 @@ impl<'a> Planes<'a> {
             *value = empty;
             here.count += 1;
             here.first.get_or_insert([channel, x, (start + i) / nz, (start + i) % nz]);
+        }
+        if channel == 0 && self.density_is_known.load(Ordering::Relaxed) {
+            return;
         }
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         found.count += here.count;

@@ -1,6 +1,6 @@
 //! What a renderer needs beside the grids.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::grid::{Bounds, Nodes};
 
@@ -54,9 +54,17 @@ pub struct March {
     /// Rays start no nearer than this, in units of the unnormalised direction.
     pub near: f32,
     /// Rays enter the box no farther than this; `None` is without bound.
+    #[serde(deserialize_with = "nullable")]
     pub far: Option<f32>,
     /// Samples of at most this weight add no colour.
     pub color_threshold: f32,
     /// Samples of at most this opacity are dropped altogether.
     pub alpha_threshold: f32,
+}
+
+/// A key that must be there, though its value may be null.
+pub(crate) fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    Option::deserialize(from)
 }

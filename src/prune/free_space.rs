@@ -16,9 +16,14 @@ const SLACK: f64 = 1e-4;
 
 /// The cells of a level that the mask touches.
 pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<NodeMask> {
-    let inside = inside_nodes(free_space);
-    let ranges = [0, 1, 2].map(|axis| mask_ranges(free_space, bounds, nodes, axis));
-    gather(&inside, nodes, &ranges)
+    touched_cells(free_space, &cell_faces(bounds, nodes))
+}
+
+/// The cells between `faces` (world positions along each axis, ascending) that the mask touches, as
+/// a mask of as many nodes as there are faces.
+pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<NodeMask> {
+    let nodes = Nodes([0, 1, 2].map(|axis| faces[axis].len()));
+    gather(&inside_nodes(free_space), nodes, &mask_ranges(free_space, faces))
 }
 
 /// How much would show if the mask were dropped: the opacity, over one interval, of the visible
@@ -35,7 +40,7 @@ pub fn masked_share(
     let bounds = &field.scene.bounds;
     let nodes = cells.nodes();
     let outside = inside_nodes(free_space).complement();
-    let ranges = [0, 1, 2].map(|axis| mask_ranges(free_space, bounds, nodes, axis));
+    let ranges = mask_ranges(free_space, &cell_faces(bounds, nodes));
     let mut partial = gather(&outside, nodes, &ranges)?;
     partial.intersect(cells);
     let corners = partial.corners()?;
@@ -71,8 +76,6 @@ pub fn masked_share(
         }
         Ok(sum)
     })?;
-    // What was read twice was counted twice; the pass over all of density has the count.
-    planes.take_nonfinite().ok();
     Ok(sums.iter().sum::<f64>() / (27 * cells.count().max(1)) as f64)
 }
 
@@ -130,33 +133,28 @@ fn inside_nodes(free_space: &FreeSpace) -> NodeMask {
     NodeMask::from_planes(nodes, planes.collect())
 }
 
-/// The interval of mask index space that each cell of an axis spans.
-fn spans(
-    free_space: &FreeSpace,
-    bounds: &Bounds,
-    nodes: Nodes,
-    axis: usize,
-) -> impl Iterator<Item = (f64, f64)> {
-    let (min, spacing) = (f64::from(bounds.min[axis]), nodes.spacing(bounds)[axis]);
-    let (scale, shift) = (free_space.scale[axis], free_space.shift[axis]);
-    let at = move |node: usize| (min + node as f64 * spacing) * scale + shift;
-    (0..nodes.0[axis] - 1).map(move |cell| (at(cell) - SLACK, at(cell + 1) + SLACK))
+/// World positions of a level's nodes along each axis.
+fn cell_faces(bounds: &Bounds, nodes: Nodes) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|axis| {
+        let (min, spacing) = (f64::from(bounds.min[axis]), nodes.spacing(bounds)[axis]);
+        (0..nodes.0[axis]).map(|node| min + node as f64 * spacing).collect()
+    })
 }
 
-/// Mask nodes that lookups from each cell of an axis can reach, clipped to those that there are.
-fn mask_ranges(
-    free_space: &FreeSpace,
-    bounds: &Bounds,
-    nodes: Nodes,
-    axis: usize,
-) -> Vec<(usize, usize)> {
-    let count = free_space.nodes.0[axis];
-    let clip = |at: f64| at.clamp(0.0, count as f64) as usize;
-    let reach = |(low, high): (f64, f64)| match free_space.lookup {
-        Lookup::Nearest(_) => (clip(libm::rint(low)), clip(libm::rint(high) + 1.0)),
-        Lookup::Trilinear { .. } => (clip(low.floor()), clip(high.ceil() + 1.0)),
-    };
-    spans(free_space, bounds, nodes, axis).map(reach).collect()
+/// Mask nodes that lookups from each cell between `faces` can reach, clipped to those that there
+/// are: first and one past the last, by axis.
+fn mask_ranges(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> [Vec<(usize, usize)>; 3] {
+    [0, 1, 2].map(|axis| {
+        let count = free_space.nodes.0[axis];
+        let clip = |at: f64| at.clamp(0.0, count as f64) as usize;
+        let at = |face: f64| face * free_space.scale[axis] + free_space.shift[axis];
+        let reach = |low: f64, high: f64| match free_space.lookup {
+            Lookup::Nearest(_) => (clip(libm::rint(low)), clip(libm::rint(high) + 1.0)),
+            Lookup::Trilinear { .. } => (clip(low.floor()), clip(high.ceil() + 1.0)),
+        };
+        let cells = faces[axis].windows(2);
+        cells.map(|pair| reach(at(pair[0]) - SLACK, at(pair[1]) + SLACK)).collect()
+    })
 }
 
 /// Points of a cell at which a mask is asked: its middle, and close to its faces, edges and corners.

@@ -15,7 +15,7 @@ mod free_space;
 
 use std::sync::{Mutex, PoisonError};
 
-pub use free_space::{inside_cells, masked_share};
+pub use free_space::{inside_cells, masked_share, touched_cells};
 
 use crate::activate;
 use crate::error::{Error, ErrorKind, Place, Result};

@@ -87,6 +87,6 @@ fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
     encode_values(encoding, &[limit], &mut codes);
     let mut values = [0.0];
     // The nearest code may lie above the limit; the one below it cannot.
-    super::decode_values(encoding, codes.into_iter(), &mut values);
+    super::code::decode_values(encoding, codes.into_iter(), &mut values);
     if values[0] > limit { codes[0].saturating_sub(1) } else { codes[0] }
 }

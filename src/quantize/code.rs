@@ -1,6 +1,6 @@
 //! Values to codes and back, row by row.
 
-use crate::baked::{Encoding, NumberType};
+use crate::baked::{Codes, Encoding, NumberType};
 
 /// The code of each value: the nearest for integers, with emptiness one of the candidates where it
 /// has a code; the ordered bits for floats ([`float_code`]).
@@ -34,13 +34,35 @@ pub fn encode_values(encoding: &Encoding, values: &[f32], codes: &mut [u32]) {
 }
 
 /// The values of codes.
-pub fn decode_values(encoding: &Encoding, codes: impl Iterator<Item = u32>, values: &mut [f32]) {
+pub(super) fn decode_values(
+    encoding: &Encoding,
+    codes: impl Iterator<Item = u32>,
+    values: &mut [f32],
+) {
     for (value, code) in values.iter_mut().zip(codes) {
         *value = match encoding.number {
             NumberType::F32 => f32::from_bits(float_from_code(code, 32)),
             NumberType::F16 => half::f16::from_bits(float_from_code(code, 16) as u16).to_f32(),
             NumberType::U8 | NumberType::U16 => encoding.value(code),
         };
+    }
+}
+
+/// The values of a run of codes.
+pub fn decode_codes(
+    encoding: &Encoding,
+    codes: &Codes,
+    run: std::ops::Range<usize>,
+    values: &mut [f32],
+) {
+    match codes {
+        Codes::U8(codes) => {
+            decode_values(encoding, codes[run].iter().map(|&code| code.into()), values);
+        }
+        Codes::U16(codes) => {
+            decode_values(encoding, codes[run].iter().map(|&code| code.into()), values);
+        }
+        Codes::U32(codes) => decode_values(encoding, codes[run].iter().copied(), values),
     }
 }
 

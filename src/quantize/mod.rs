@@ -11,6 +11,6 @@ mod predict;
 mod range;
 
 pub use block::{BlockEncoder, BlockSource};
-pub use code::decode_values;
+pub use code::decode_codes;
 pub use predict::{residual_bytes, unpredict};
 pub use range::{Bits, color_encoding, density_encoding, unneeded_density};

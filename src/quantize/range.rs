@@ -28,6 +28,15 @@ pub enum Bits {
 }
 
 impl Bits {
+    /// The bits of an encoding.
+    pub fn of(encoding: &Encoding) -> Self {
+        match encoding.number {
+            NumberType::U8 | NumberType::U16 => Self::Integer(encoding.bits),
+            NumberType::F16 => Self::F16,
+            NumberType::F32 => Self::F32,
+        }
+    }
+
     fn number(self) -> (NumberType, u32) {
         match self {
             Self::Integer(bits @ ..=8) => (NumberType::U8, bits),

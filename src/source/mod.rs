@@ -185,6 +185,22 @@ fn assemble<'a>(
     let mask = Mask::find(&names, &bounds, nodes, path, options, limits, &mut assumptions)?;
     let coarse = mask.as_ref().and_then(|mask| mask.coarse.as_ref()?.file.clone());
     companions.extend(coarse.map(|(path, digest)| Companion { role: "coarse", path, digest }));
+    if let Some(path) = options
+        .coarse
+        .as_ref()
+        .filter(|_| companions.iter().all(|companion: &Companion| companion.role != "coarse"))
+    {
+        // A file that was named must be there, even where this scene does without it.
+        SourceFile::open(path)?;
+        assumptions.push(Assumption {
+            key: "coarse",
+            value: "unused".to_owned(),
+            message: format!(
+                "--coarse {} is not used: this scene's mask needs none",
+                path.display()
+            ),
+        });
+    }
     let background = options.background.unwrap_or([1.0; 3]);
     let scene = Scene { bounds, nodes, activation, march, background };
     let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
@@ -202,7 +218,7 @@ fn assemble<'a>(
 
 impl SourceOptions {
     /// Refuses values that no scene has.
-    fn check(&self) -> Result<()> {
+    pub fn check(&self) -> Result<()> {
         let usage = |message: String| Err(Error::usage(message));
         if let Some(step) = self.stepsize.filter(|step| !(*step > 0.0 && *step <= 64.0)) {
             return usage(format!(

@@ -13,7 +13,20 @@ pub use slices::{SliceFormat, write_slices};
 pub use tensors::write_tensors;
 
 use crate::baked::{BakedLevel, Codes, Group, LevelMetadata};
-use crate::quantize::decode_values;
+use crate::container::Container;
+use crate::error::{Error, Result};
+use crate::quantize::decode_codes;
+
+/// Refuses levels that a container does not have.
+fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
+    let count = container.metadata().levels.len();
+    match levels.iter().find(|&&level| level >= count) {
+        None => Ok(()),
+        Some(beyond) => Err(Error::usage(format!(
+            "--levels asks for level {beyond}, but there are {count} levels from 0"
+        ))),
+    }
+}
 
 /// Fills one x plane, `ny * nz` values, of one channel of a group. `false`, and nothing done,
 /// where the level has no such group.
@@ -50,19 +63,7 @@ pub(crate) fn fill_plane(
             for y in j * edge..ny.min((j + 1) * edge) {
                 let at = block + (x % edge * edge + y % edge) * edge;
                 let row = &mut out[y * nz + k * edge..][..count];
-                match codes {
-                    Codes::U8(codes) => {
-                        let codes = codes[at..at + count].iter().map(|&code| code.into());
-                        decode_values(encoding, codes, row);
-                    }
-                    Codes::U16(codes) => {
-                        let codes = codes[at..at + count].iter().map(|&code| code.into());
-                        decode_values(encoding, codes, row);
-                    }
-                    Codes::U32(codes) => {
-                        decode_values(encoding, codes[at..at + count].iter().copied(), row);
-                    }
-                }
+                decode_codes(encoding, codes, at..at + count, row);
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::baked::{Group, Metadata, Occupancy, Table};
 use crate::container::{check_metadata, json::from_canonical};
 use crate::error::{Error, Place, Result};
 use crate::field::{FreeSpace, Lookup, RadianceField, Scene, Volume};
-use crate::grid::Nodes;
+use crate::grid::{Element, Nodes};
 use crate::limits::{Budget, Limits};
 use crate::tensor::{Tensor, TensorFile, Value};
 use crate::view_mlp::{Layer, ViewMlp};
@@ -55,7 +55,10 @@ impl Unpacked {
         let metadata: Metadata = from_canonical(text.as_bytes(), &place)?;
         check_metadata(&metadata, limits, &place)?;
         let provenance = match file.root.at(&["__metadata__", "mipvog_provenance"]) {
-            Some(Value::Text(text)) => from_canonical(text.as_bytes(), &place)?,
+            Some(Value::Text(text)) => {
+                let place = Place::Key("__metadata__.mipvog_provenance".to_owned());
+                from_canonical(text.as_bytes(), &place)?
+            }
             _ => Json::Null,
         };
         let mut budget = Budget::new(limits);
@@ -63,6 +66,7 @@ impl Unpacked {
         for (number, level) in metadata.levels.iter().enumerate() {
             let name = |part: &str| format!("level{number}.{part}");
             let occupied = tensor(file, &name("occupied"))?;
+            let occupied = of_type(occupied, Element::U8)?;
             let bytes = shaped(occupied, &level.grid().counts())?.read_f32(&mut budget)?;
             let blocks = bytes.iter().map(|&id| Occupancy::from_id(id as u8));
             let blocks: Option<Vec<_>> = blocks.collect();
@@ -84,7 +88,13 @@ impl Unpacked {
                 }
                 *volume = Some(found);
             }
-            levels.push(UnpackedLevel { table: Table::new(level.grid(), blocks), volumes });
+            let table = Table::new(level.grid(), blocks);
+            if table.frames() != level.blocks_stored {
+                let found = format!("{} occupied blocks", table.frames());
+                let expected = format!("{}, as the metadata says", level.blocks_stored);
+                return Err(Error::malformed(place_of(occupied), found, expected));
+            }
+            levels.push(UnpackedLevel { table, volumes });
         }
         let view_mlp = network(file, &metadata, &mut budget)?;
         let free_space = match metadata.free_space {
@@ -127,6 +137,14 @@ fn place_of(tensor: &Tensor) -> Place {
     Place::Tensor(tensor.name().to_owned())
 }
 
+fn of_type(tensor: &Tensor, element: Element) -> Result<&Tensor> {
+    if tensor.element() == element {
+        return Ok(tensor);
+    }
+    let found = format!("{} values", tensor.element().name());
+    Err(Error::malformed(place_of(tensor), found, element.name()))
+}
+
 fn shaped<'a>(tensor: &'a Tensor, shape: &[usize]) -> Result<&'a Tensor> {
     if tensor.shape().iter().eq(shape.iter().map(|&size| size as u64).collect::<Vec<_>>().iter()) {
         return Ok(tensor);
@@ -145,8 +163,9 @@ fn network(file: &TensorFile, metadata: &Metadata, budget: &mut Budget) -> Resul
         layers.push(Layer {
             inputs,
             outputs,
-            weights: shaped(weights, &[outputs, inputs])?.read_f32(budget)?,
-            bias: shaped(bias, &[outputs])?.read_f32(budget)?,
+            weights: shaped(of_type(weights, Element::F32)?, &[outputs, inputs])?
+                .read_f32(budget)?,
+            bias: shaped(of_type(bias, Element::F32)?, &[outputs])?.read_f32(budget)?,
         });
     }
     let place = Place::Key("mlp".to_owned());
@@ -168,8 +187,12 @@ fn free_space(file: &TensorFile, limits: &Limits, budget: &mut Budget) -> Result
         return Err(Error::malformed(place_of(values), found, "three axes"));
     };
     let nodes = Nodes::checked([x, y, z], limits, &place_of(values))?;
-    let read = values.read_f32(budget)?;
+    let element = if inside.is_some() { Element::U8 } else { Element::F32 };
+    let read = of_type(values, element)?.read_f32(budget)?;
     let lookup = match inside {
+        Some(_) if read.iter().any(|&byte| byte > 1.0) => {
+            return Err(Error::malformed(place_of(values), "a byte above 1", "0 or 1"));
+        }
         Some(_) => Lookup::Nearest(read.into_iter().map(|value| value != 0.0).collect()),
         None => Lookup::Trilinear { values: read, threshold: threshold as f32 },
     };

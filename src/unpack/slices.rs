@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::fill_plane;
+use super::{check_levels, fill_plane};
 use crate::activate;
 use crate::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 use crate::bytes::Output;
 use crate::container::Container;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Place, Result};
 use crate::parallel;
 use crate::picture;
 
@@ -29,18 +29,30 @@ pub fn write_slices(
     folder: &Path,
     overwrite: bool,
 ) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
-    container.read_head()?;
+    check_levels(container, levels)?;
     let metadata = container.metadata();
-    container.for_each_level(|number, level| {
-        let Some(of_level) = metadata.levels.get(number) else { return Ok(()) };
-        if !levels.is_empty() && !levels.contains(&number) {
-            return Ok(());
+    let wanted = |number: usize| levels.is_empty() || levels.contains(&number);
+    // Everything that can be wrong is found before the first file is written.
+    container.read_head()?;
+    container.for_each_level(|_, _| Ok(()))?;
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+    let path = |number: usize, name: &str| folder.join(format!("level{number}.{name}"));
+    for (number, level) in metadata.levels.iter().enumerate().filter(|(n, _)| wanted(*n)) {
+        for name in (0..level.dimensions[0]).flat_map(|x| names(level, format, x)) {
+            let path = path(number, &name);
+            if !overwrite && path.symlink_metadata().is_ok() {
+                return Err(Error::new(ErrorKind::Exists, Place::File).in_file(&path));
+            }
         }
+    }
+    container.for_each_level(|number, level| {
+        let Some(of_level) = metadata.levels.get(number).filter(|_| wanted(number)) else {
+            return Ok(());
+        };
         parallel::map(of_level.dimensions[0], |x| {
-            for (name, bytes) in slice(&level, of_level, metadata, format, x)? {
-                let mut output =
-                    Output::create(&folder.join(format!("level{number}.{name}")), overwrite)?;
+            let files = slice(&level, of_level, metadata, format, x)?;
+            for (name, bytes) in names(of_level, format, x).iter().zip(files) {
+                let mut output = Output::create(&path(number, name), overwrite)?;
                 output.append(&bytes)?;
                 output.finish()?;
             }
@@ -50,14 +62,25 @@ pub fn write_slices(
     })
 }
 
-/// The files of one plane, by the rest of their names.
+/// The rest of the names of a plane's files.
+fn names(level: &LevelMetadata, format: SliceFormat, x: usize) -> Vec<String> {
+    match format {
+        SliceFormat::Exr => vec![format!("x{x:04}.exr")],
+        SliceFormat::Png => {
+            let opacity = level.density.as_ref().map(|_| format!("opacity.x{x:04}.png"));
+            opacity.into_iter().chain([format!("diffuse.x{x:04}.png")]).collect()
+        }
+    }
+}
+
+/// The files of one plane, in the order of their [`names`].
 fn slice(
     level: &BakedLevel,
     of_level: &LevelMetadata,
     metadata: &Metadata,
     format: SliceFormat,
     x: usize,
-) -> Result<Vec<(String, Vec<u8>)>> {
+) -> Result<Vec<Vec<u8>>> {
     let [_, ny, nz] = of_level.dimensions;
     let plane = |group, channel| {
         let mut plane = vec![0.0; ny * nz];
@@ -73,7 +96,7 @@ fn slice(
             let name = format!("feature{channel}");
             channels.extend(plane(Group::Features, channel).map(|plane| (name, plane)));
         }
-        return Ok(vec![(format!("x{x:04}.exr"), picture::exr(nz, ny, channels)?)]);
+        return Ok(vec![picture::exr(nz, ny, channels)?]);
     }
     let mut files = Vec::new();
     let byte = |share: f64| (share * 255.0 + 0.5) as u8;
@@ -82,7 +105,7 @@ fn slice(
         let opacity =
             |&raw: &f32| byte(activate::opacity(raw.into(), shift.into(), interval.into()));
         let grey: Vec<u8> = density.iter().map(opacity).collect();
-        files.push((format!("opacity.x{x:04}.png"), picture::png(nz, ny, &grey)?));
+        files.push(picture::png(nz, ny, &grey)?);
     }
     let mut rgb = vec![0; 3 * ny * nz];
     for channel in 0..3 {
@@ -91,6 +114,6 @@ fn slice(
             pixel[channel] = byte(activate::sigmoid(raw.into()));
         }
     }
-    files.push((format!("diffuse.x{x:04}.png"), picture::png(nz, ny, &rgb)?));
+    files.push(picture::png(nz, ny, &rgb)?);
     Ok(files)
 }

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::fill_plane;
+use super::{check_levels, fill_plane};
 use crate::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 use crate::bytes::Output;
 use crate::container::Container;
@@ -60,12 +60,7 @@ pub fn write_tensors(
     let metadata = container.metadata();
     let (view_mlp, free_space) = container.read_head()?;
     let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
-    if let Some(&beyond) = levels.iter().find(|&&level| level >= metadata.levels.len()) {
-        let count = metadata.levels.len();
-        let message =
-            format!("--levels asks for level {beyond}, but there are {count} levels from 0");
-        return Err(Error::usage(message));
-    }
+    check_levels(container, levels)?;
     let mut rows = small_rows(view_mlp.as_ref(), free_space.as_ref())?;
     // Coarse to fine, as levels are read.
     for (number, level) in metadata.levels.iter().enumerate().rev().filter(|(n, _)| wanted(*n)) {

@@ -1,0 +1,38 @@
+//! Cameras for scenes that have none: a circle around the box.
+
+use glam::{DMat4, DVec3};
+
+use super::{Camera, Lens};
+use crate::grid::Bounds;
+
+/// `count` cameras on a circle around the box, 30 degrees above its middle, far enough that the
+/// box's sphere fills a picture of `size` pixels. The world's z is up, as in training.
+pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera> {
+    let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
+    let (min, max) = (corner(bounds.min), corner(bounds.max));
+    let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+    // A field of view of about 40 degrees along the shorter side.
+    let half_angle: f64 = 0.35;
+    let distance = radius / half_angle.sin();
+    let focal = 0.5 * size[0].min(size[1]) as f64 / half_angle.tan();
+    let lens = Lens {
+        width: size[0],
+        height: size[1],
+        focal: [focal; 2],
+        center: [0.5 * size[0] as f64, 0.5 * size[1] as f64],
+    };
+    let camera = |i: usize| {
+        let around = std::f64::consts::TAU * i as f64 / count as f64;
+        let up = std::f64::consts::FRAC_PI_6;
+        let back = DVec3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin());
+        let right = DVec3::Z.cross(back).normalize();
+        let to_world = DMat4::from_cols(
+            right.extend(0.0),
+            back.cross(right).extend(0.0),
+            back.extend(0.0),
+            (middle + distance * back).extend(1.0),
+        );
+        Camera { name: format!("turn_{i:03}"), to_world, lens, picture: None }
+    };
+    (0..count).map(camera).collect()
+}

@@ -1,0 +1,245 @@
+//! Pictures of a field.
+
+use glam::DVec3;
+
+use super::march::{Gathered, march};
+use super::view::{Field, View};
+use crate::camera::{Camera, Lens};
+use crate::error::Result;
+use crate::parallel;
+use crate::progress::Progress;
+use crate::sample::Sample;
+use crate::view_mlp::RAYS;
+
+/// Pixels along a tile's edge. Neighbouring rays read the same blocks.
+const TILE: usize = 16;
+
+/// Which level samples read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LevelChoice {
+    /// As the field's rule says.
+    #[default]
+    Auto,
+    /// Always this one.
+    Fixed(usize),
+}
+
+/// How to render.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameOptions {
+    /// Which level samples read.
+    pub levels: LevelChoice,
+    /// Rays along each side of a pixel; their mean is the pixel.
+    pub supersample: usize,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        Self { levels: LevelChoice::Auto, supersample: 1 }
+    }
+}
+
+/// A picture and its companions, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Pixels along a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Colour over the background, not clamped.
+    pub color: Vec<[f32; 3]>,
+    /// Light left behind the field.
+    pub transmittance: Vec<f32>,
+    /// Expected distance in world units; what is left behind the field counts at `far`, if there is one.
+    pub distance: Vec<f32>,
+    /// Weighted mean level of the samples, 0 where there are none.
+    pub level: Vec<f32>,
+    /// Diffuse colour and features, `channels` a pixel.
+    pub accumulated: Vec<f32>,
+    /// Values of `accumulated` for a pixel.
+    pub channels: usize,
+    /// What it took.
+    pub statistics: Statistics,
+}
+
+/// What rendering took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Statistics {
+    /// Rays.
+    pub rays: u64,
+    /// Samples that were interpolated.
+    pub samples: u64,
+    /// Samples between the rays' entry and exit, looked at or not.
+    pub steps: u64,
+}
+
+impl std::ops::AddAssign for Statistics {
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.samples += other.samples;
+        self.steps += other.steps;
+    }
+}
+
+/// Renders one frame.
+pub fn render(
+    field: &Field,
+    camera: &Camera,
+    options: &FrameOptions,
+    progress: &dyn Progress,
+) -> Result<Frame> {
+    camera.check()?;
+    let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
+    let frame = match field {
+        Field::Lanes4(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
+        Field::Lanes8(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
+        Field::Lanes16(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
+    };
+    progress.advance(crate::progress::Step::Render, 1);
+    Ok(frame.box_downsampled(options.supersample))
+}
+
+/// One tile's pixels in rows.
+struct Tile<const C: usize> {
+    origin: [usize; 2],
+    size: [usize; 2],
+    gathered: Vec<Gathered<C>>,
+    specular: Vec<[f32; 3]>,
+}
+
+fn render_lanes<const C: usize>(
+    view: &View,
+    field: &dyn Sample<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+) -> Result<Frame> {
+    let Lens { width, height, .. } = camera.lens;
+    let across = width.div_ceil(TILE);
+    let tiles = parallel::map(across * height.div_ceil(TILE), |i| {
+        let origin = [i % across * TILE, i / across * TILE];
+        let size = [TILE.min(width - origin[0]), TILE.min(height - origin[1])];
+        Ok(render_tile(view, field, camera, options, origin, size))
+    })?;
+    let channels = 3 + view.features;
+    let mut frame = Frame::black(width, height, channels);
+    for tile in &tiles {
+        tile.place(view, &mut frame);
+    }
+    Ok(frame)
+}
+
+fn render_tile<const C: usize>(
+    view: &View,
+    field: &dyn Sample<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+    origin: [usize; 2],
+    size: [usize; 2],
+) -> Tile<C> {
+    let mut gathered = Vec::with_capacity(size[0] * size[1]);
+    let mut directions = Vec::with_capacity(size[0] * size[1]);
+    let fixed = match options.levels {
+        LevelChoice::Auto => None,
+        LevelChoice::Fixed(level) => Some(level),
+    };
+    let needs_footprint = fixed.is_none() && view.level_of_detail.is_some() && field.levels() > 1;
+    for y in origin[1]..origin[1] + size[1] {
+        for x in origin[0]..origin[0] + size[0] {
+            let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
+            let ray = camera.ray(x, y);
+            let aside = needs_footprint.then(|| [camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
+            gathered.push(march(view, field, &ray, aside, fixed));
+            directions.push(unit(ray.direction));
+        }
+    }
+    let mut specular = Vec::with_capacity(gathered.len());
+    if let Some(network) = &view.view_mlp {
+        let channels = 3 + view.features;
+        for (rays, directions) in gathered.chunks(RAYS).zip(directions.chunks(RAYS)) {
+            let accumulated: Vec<&[f32]> = rays.iter().map(|ray| &ray.color[..channels]).collect();
+            let colors = network.colors(directions, &accumulated);
+            specular.extend_from_slice(&colors[..rays.len()]);
+        }
+    } else {
+        specular.resize(gathered.len(), [0.0; 3]);
+    }
+    Tile { origin, size, gathered, specular }
+}
+
+fn unit(direction: DVec3) -> [f64; 3] {
+    (direction / direction.length()).to_array()
+}
+
+impl<const C: usize> Tile<C> {
+    fn place(&self, view: &View, frame: &mut Frame) {
+        for (i, (ray, specular)) in self.gathered.iter().zip(&self.specular).enumerate() {
+            let [x, y] = [self.origin[0] + i % self.size[0], self.origin[1] + i / self.size[0]];
+            let pixel = y * frame.width + x;
+            frame.color[pixel] = [0, 1, 2].map(|channel| {
+                let behind = ray.transmittance * view.background[channel];
+                ray.color[channel] + specular[channel] + behind
+            });
+            let far = view.march.far.unwrap_or(0.0);
+            frame.transmittance[pixel] = ray.transmittance;
+            frame.distance[pixel] = ray.distance + ray.transmittance * far;
+            frame.level[pixel] = ray.level;
+            let channels = frame.channels;
+            frame.accumulated[pixel * channels..][..channels]
+                .copy_from_slice(&ray.color[..channels]);
+            let (samples, steps) = (ray.samples.into(), ray.steps.into());
+            frame.statistics += Statistics { rays: 1, samples, steps };
+        }
+    }
+}
+
+impl Frame {
+    fn black(width: usize, height: usize, channels: usize) -> Self {
+        let pixels = width * height;
+        Self {
+            width,
+            height,
+            color: vec![[0.0; 3]; pixels],
+            transmittance: vec![0.0; pixels],
+            distance: vec![0.0; pixels],
+            level: vec![0.0; pixels],
+            accumulated: vec![0.0; pixels * channels],
+            channels,
+            statistics: Statistics::default(),
+        }
+    }
+
+    /// The mean of `factor` by `factor` pixels; what is left over at the right and below is dropped.
+    #[must_use]
+    pub fn box_downsampled(self, factor: usize) -> Self {
+        if factor == 1 {
+            return self;
+        }
+        let (width, height) = (self.width / factor, self.height / factor);
+        let mut small = Self::black(width, height, self.channels);
+        small.statistics = self.statistics;
+        let share = 1.0 / (factor * factor) as f64;
+        let mean = |of: &dyn Fn(usize) -> f32, x: usize, y: usize| {
+            let mut sum = 0.0;
+            for row in y * factor..(y + 1) * factor {
+                for column in x * factor..(x + 1) * factor {
+                    sum += f64::from(of(row * self.width + column));
+                }
+            }
+            (sum * share) as f32
+        };
+        for y in 0..height {
+            for x in 0..width {
+                let pixel = y * width + x;
+                small.color[pixel] = [0, 1, 2].map(|c| mean(&|from| self.color[from][c], x, y));
+                small.transmittance[pixel] = mean(&|from| self.transmittance[from], x, y);
+                small.distance[pixel] = mean(&|from| self.distance[from], x, y);
+                small.level[pixel] = mean(&|from| self.level[from], x, y);
+                for channel in 0..self.channels {
+                    small.accumulated[pixel * self.channels + channel] =
+                        mean(&|from| self.accumulated[from * self.channels + channel], x, y);
+                }
+            }
+        }
+        small
+    }
+}

@@ -1,0 +1,124 @@
+//! What a trained scene or a container says about rendering, as one set of rules.
+
+use crate::baked::{BakedField, LevelOfDetail, Metadata};
+use crate::error::{Error, Place, Result};
+use crate::field::{Activation, FreeSpace, March, RadianceField};
+use crate::grid::{Bounds, Nodes};
+use crate::limits::Limits;
+use crate::sample::{Dense, Levels, Sample, Sparse};
+use crate::view_mlp::ViewMlp;
+
+/// Everything but the values between nodes.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// The box.
+    pub bounds: Bounds,
+    /// Nodes of level 0.
+    pub nodes: Nodes,
+    /// Density to opacity.
+    pub activation: Activation,
+    /// Steps along a ray.
+    pub march: March,
+    /// Colour behind the field.
+    pub background: [f32; 3],
+    /// Which level a sample reads; none reads level 0.
+    pub level_of_detail: Option<LevelOfDetail>,
+    /// View-dependent colour.
+    pub view_mlp: Option<ViewMlp>,
+    /// Where samples count.
+    pub free_space: Option<FreeSpace>,
+    /// Specular features.
+    pub features: usize,
+}
+
+/// A field to be rendered: rules, and values in as many lanes as its channels need.
+pub enum Field {
+    /// Diffuse colour only.
+    Lanes4(View, Box<dyn Sample<4>>),
+    /// Up to 5 features.
+    Lanes8(View, Box<dyn Sample<8>>),
+    /// Up to 13 features.
+    Lanes16(View, Box<dyn Sample<16>>),
+}
+
+impl Field {
+    /// A trained field, with coarser levels if `levels` says so.
+    pub fn trained(
+        field: &RadianceField,
+        levels: Option<(Levels, LevelOfDetail)>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let scene = &field.scene;
+        let features = field.color_channels() - 3;
+        let view = View {
+            bounds: scene.bounds,
+            nodes: scene.nodes,
+            activation: scene.activation,
+            march: scene.march,
+            background: scene.background,
+            level_of_detail: levels.map(|(_, rule)| rule),
+            view_mlp: field.view_mlp.clone(),
+            free_space: field.free_space.clone(),
+            features,
+        };
+        let levels = levels.map_or(Levels::FINEST, |(levels, _)| levels);
+        Ok(match features {
+            0..=1 => Self::Lanes4(view, Box::new(Dense::new(field, levels, limits)?)),
+            2..=5 => Self::Lanes8(view, Box::new(Dense::new(field, levels, limits)?)),
+            6..=13 => Self::Lanes16(view, Box::new(Dense::new(field, levels, limits)?)),
+            _ => return Err(too_many(features)),
+        })
+    }
+
+    /// A baked field.
+    pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
+        let view = View::of_metadata(&field.metadata, field);
+        Ok(match view.features {
+            0..=1 => Self::Lanes4(view, Box::new(Sparse::new(field, limits)?)),
+            2..=5 => Self::Lanes8(view, Box::new(Sparse::new(field, limits)?)),
+            6..=13 => Self::Lanes16(view, Box::new(Sparse::new(field, limits)?)),
+            features => return Err(too_many(features)),
+        })
+    }
+
+    /// The rules.
+    pub fn view(&self) -> &View {
+        match self {
+            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
+        }
+    }
+
+    /// The rules, to be overridden.
+    pub fn view_mut(&mut self) -> &mut View {
+        match self {
+            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
+        }
+    }
+}
+
+impl View {
+    fn of_metadata(metadata: &Metadata, field: &BakedField) -> Self {
+        Self {
+            bounds: metadata.bounds,
+            nodes: metadata.levels[0].grid().nodes,
+            activation: metadata.activation,
+            march: metadata.march,
+            background: metadata.background,
+            level_of_detail: Some(metadata.level_of_detail),
+            view_mlp: field.view_mlp.clone(),
+            free_space: field.free_space.clone(),
+            features: metadata.features,
+        }
+    }
+
+    /// Takes another step length, in voxels; the interval goes with it.
+    pub fn set_stepsize(&mut self, stepsize: f32) {
+        self.activation.interval *= stepsize / self.march.stepsize;
+        self.march.stepsize = stepsize;
+    }
+}
+
+fn too_many(features: usize) -> Error {
+    let found = format!("{features} features");
+    Error::unsupported(Place::File, found, "at most 13")
+}

@@ -1,0 +1,185 @@
+//! A field as trained, in memory.
+
+use super::level::{Cell, Values, split};
+use super::skip::{SkipGrid, mark_blocks};
+use super::{Sample, interpolated_density};
+use crate::activate;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::{Activation, EMPTY_DENSITY, Nonfinite, RadianceField};
+use crate::grid::{BlockGrid, NodeMask, Nodes};
+use crate::limits::{Budget, Limits};
+use crate::mips::{Cascade, Kernel, Regions, level_sizes};
+use crate::prune;
+
+/// Opacity up to which a sample of a trained field is not looked at: 10^4 of them move a picture by
+/// less than a part in 10^6.
+const UNSEEN: f64 = 1e-10;
+/// Level-0 cells along a macro cell's edge.
+const MACRO_EDGE: usize = 8;
+
+/// Coarser levels to make of a trained field.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Levels {
+    /// Levels in all, at most.
+    pub most: usize,
+    /// The low-pass before each halving.
+    pub kernel: Kernel,
+    /// Whether coarser levels have density of their own.
+    pub density: bool,
+}
+
+impl Levels {
+    /// Level 0 alone.
+    pub const FINEST: Self = Self { most: 1, kernel: Kernel::None, density: true };
+}
+
+/// Dense levels.
+#[derive(Debug)]
+pub struct Dense<const C: usize> {
+    nodes: Vec<Nodes>,
+    values: Vec<Values<C>>,
+    skip: SkipGrid,
+}
+
+impl<const C: usize> Dense<C> {
+    /// Reads all of `field` and makes its levels.
+    pub fn new(field: &RadianceField, levels: Levels, limits: &Limits) -> Result<Self> {
+        let place = Place::File;
+        let nodes = level_sizes(field.scene.nodes, levels.most);
+        let mut budget = Budget::new(limits);
+        let mut values = Vec::new();
+        for (level, size) in nodes.iter().enumerate() {
+            let count = size.count();
+            let has_density = level == 0 || levels.density;
+            let density = match has_density {
+                true => Some(budget.zeroed(count, "bytes of density", &place)?),
+                false => None,
+            };
+            budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
+            let strides = [size.0[1] * size.0[2], size.0[2]];
+            values.push(Values { density, color: vec![[0.0; C]; count], strides });
+        }
+        fill(field, levels, &nodes, &mut values)?;
+        let seen = seen(&field.scene.activation, &nodes, &values);
+        for values in &mut values {
+            let raw = values.density.iter_mut().flatten();
+            raw.for_each(|raw| *raw = interpolated_density(&field.scene.activation, *raw));
+        }
+        let (bounds, mask) = (&field.scene.bounds, field.free_space.as_ref());
+        let skip = SkipGrid::new(nodes[0], MACRO_EDGE, bounds, mask, seen)?;
+        Ok(Self { nodes, values, skip })
+    }
+}
+
+impl<const C: usize> Sample<C> for Dense<C> {
+    fn levels(&self) -> usize {
+        self.nodes.len()
+    }
+
+    #[inline(always)]
+    fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
+        let Nodes(sizes) = self.nodes[level];
+        let [(x, fx), (y, fy), (z, fz)] = [0, 1, 2].map(|a| split(position[a], sizes[a]));
+        Some(Cell { node: (x * sizes[1] + y) * sizes[2] + z, fraction: [fx, fy, fz] })
+    }
+
+    #[inline(always)]
+    fn density(&self, level: usize, cell: &Cell) -> Option<f32> {
+        self.values[level].density(cell)
+    }
+
+    #[inline(always)]
+    fn color(&self, level: usize, cell: &Cell) -> [f32; C] {
+        self.values[level].color(cell)
+    }
+
+    fn density_level(&self, level: usize) -> bool {
+        self.values.get(level).is_some_and(|values| values.density.is_some())
+    }
+
+    fn empty_density(&self, _level: usize) -> f32 {
+        EMPTY_DENSITY
+    }
+
+    fn skip(&self) -> &SkipGrid {
+        &self.skip
+    }
+}
+
+/// Streams the field through its levels into the arrays.
+fn fill<const C: usize>(
+    field: &RadianceField,
+    levels: Levels,
+    nodes: &[Nodes],
+    values: &mut [Values<C>],
+) -> Result<()> {
+    let planes = prune::masked_planes(field, Nonfinite::Refuse)?;
+    let channels = planes.channels();
+    if channels - 1 > C {
+        let found = format!("{} colour channels", channels - 1);
+        return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
+    }
+    let whole = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
+    let regions = Regions::new(whole, levels.kernel)?;
+    let filtered = if levels.density { 0..channels } else { 1..channels };
+    Cascade::new(&regions, channels, filtered, MACRO_EDGE).run(
+        |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
+        |level, slab| {
+            let Values { density, color, strides } = &mut values[level];
+            let plane = strides[0];
+            for i in 0..slab.count() {
+                let start = (slab.first + i) * plane;
+                let mut channel = 0;
+                if let Some(density) = density {
+                    density[start..start + plane].copy_from_slice(slab.plane(i, 0));
+                    channel = 1;
+                }
+                for lane in 0..slab.channels - channel {
+                    let from = slab.plane(i, channel + lane);
+                    for (node, &value) in color[start..start + plane].iter_mut().zip(from) {
+                        node[lane] = value;
+                    }
+                }
+            }
+            Ok(())
+        },
+    )?;
+    planes.take_nonfinite().map(|_| ()).map_err(|error| match error.kind() {
+        ErrorKind::NonFinite { .. } => error,
+        _ => Error::malformed(Place::File, error.to_string(), "a readable field"),
+    })
+}
+
+/// The macro cells of each level in which a sample may have any opacity worth looking at.
+fn seen<const C: usize>(
+    activation: &Activation,
+    nodes: &[Nodes],
+    values: &[Values<C>],
+) -> Vec<Vec<bool>> {
+    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
+    let limit = activate::raw_at_opacity(UNSEEN, shift, interval) as f32;
+    let finest = nodes[0];
+    let mut all: Vec<Vec<bool>> = Vec::new();
+    for (&nodes, values) in nodes.iter().zip(values) {
+        let Some(density) = &values.density else {
+            // Colour alone: what level 0 shows.
+            all.push(all[0].clone());
+            continue;
+        };
+        let grid = BlockGrid { nodes, edge: MACRO_EDGE };
+        let [_, by, bz] = grid.counts();
+        let mut blocks = vec![false; grid.total()];
+        for (i, _) in density.iter().enumerate().filter(|(_, raw)| **raw > limit) {
+            let [_, ny, nz] = nodes.0;
+            // A node is a corner of the cells of its own block and of those below it.
+            let at = [i / nz / ny, i / nz % ny, i % nz];
+            for corner in 0..8usize {
+                let lowest = [0, 1, 2].map(|axis| at[axis].saturating_sub(corner >> axis & 1));
+                let [x, y, z] = lowest.map(|node| node / MACRO_EDGE);
+                blocks[(x * by + y) * bz + z] = true;
+            }
+        }
+        all.push(mark_blocks(&blocks, nodes, MACRO_EDGE, finest, MACRO_EDGE));
+    }
+    all
+}
