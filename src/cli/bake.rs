@@ -7,6 +7,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::field::SceneArguments;
 use super::inspect::levels_text;
 use super::progress::Bar;
 use super::{Common, Outcome, readable, say, warn};
@@ -16,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::field::Nonfinite;
 use crate::limits::Limits;
 use crate::quantize::Bits;
-use crate::source::{self, MlpChoice, SourceOptions};
+use crate::source::{self, MlpChoice};
 use crate::tensor::{self, TensorFile};
 use crate::unpack::{Unpacked, metadata_text};
 
@@ -59,27 +60,8 @@ pub struct Arguments {
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
-    /// Step length in voxels, as trained [default: 0.5, with a warning]
-    #[arg(long, value_name = "VOXELS")]
-    stepsize: Option<f32>,
-    /// Weight up to which a sample adds no colour [default: the checkpoint's, else 0.0001]
-    #[arg(long, value_name = "WEIGHT")]
-    color_threshold: Option<f32>,
-    /// Where rays start [default: 0]
-    #[arg(long, value_name = "T")]
-    near: Option<f32>,
-    /// Where rays enter the box at the latest [default: without bound]
-    #[arg(long, value_name = "T")]
-    far: Option<f32>,
-    /// Colour behind the field: one number or three, 0 to 1 [default: 1, white]
-    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
-    background: Option<Background>,
-    /// The view network: auto, none, or the file that holds it
-    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
-    mlp: MlpChoice,
-    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
-    #[arg(long, value_name = "FILE")]
-    coarse: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneArguments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -100,8 +82,9 @@ enum NonfiniteChoice {
     Empty,
 }
 
+/// Colour behind the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Background([f32; 3]);
+pub struct Background(pub [f32; 3]);
 
 impl Preset {
     fn options(self) -> BakeOptions {
@@ -134,7 +117,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     arguments.apply(&mut options);
     options.check()?;
-    arguments.source_options().check()?;
+    arguments.scene.source_options().check()?;
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
@@ -187,18 +170,6 @@ impl Arguments {
         };
     }
 
-    fn source_options(&self) -> SourceOptions {
-        SourceOptions {
-            stepsize: self.stepsize,
-            coarse: self.coarse.clone(),
-            mlp: self.mlp.clone(),
-            near: self.near,
-            far: self.far,
-            background: self.background.map(|Background(color)| color),
-            color_threshold: self.color_threshold,
-        }
-    }
-
     fn bake_trained(
         &self,
         file: &TensorFile,
@@ -208,7 +179,7 @@ impl Arguments {
         bar: &Bar,
         common: &Common,
     ) -> Result<(BakeReport, Value)> {
-        let source = source::open_tensors(file, &self.source_options(), limits)?;
+        let source = source::open_tensors(file, &self.scene.source_options(), limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
@@ -240,7 +211,7 @@ impl Arguments {
         output: &mut Output,
         bar: &Bar,
     ) -> Result<(BakeReport, Value)> {
-        if self.stepsize.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
+        if self.scene.stepsize.is_some() || self.scene.coarse.is_some() || self.scene.mlp != MlpChoice::Auto {
             let message = "--stepsize, --coarse and --mlp belong to a trained input; an unpacked \
                            container states these itself";
             return Err(Error::usage(message));
@@ -252,10 +223,10 @@ impl Arguments {
             zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
             levels: self.levels,
             lod_scale: self.lod_scale,
-            near: self.near,
-            far: self.far,
-            background: self.background.map(|Background(color)| color),
-            color_threshold: self.color_threshold,
+            near: self.scene.near,
+            far: self.scene.far,
+            background: self.scene.background.map(|Background(color)| color),
+            color_threshold: self.scene.color_threshold,
         };
         // What is asked for and already so is no change.
         let anew = (asked(self.filter.is_some()) && options.filter.name() != metadata.filter)
@@ -310,7 +281,8 @@ fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
     }
 }
 
-fn parse_background(text: &str) -> std::result::Result<Background, String> {
+/// One number or three.
+pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match *numbers.unwrap_or_default() {
         [grey] => Ok(Background([grey; 3])),
@@ -319,7 +291,8 @@ fn parse_background(text: &str) -> std::result::Result<Background, String> {
     }
 }
 
-fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
+/// A word or a file.
+pub fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
     Ok(match text {
         "auto" => MlpChoice::Auto,
         "none" => MlpChoice::None,

@@ -4,8 +4,10 @@
 
 mod bake;
 mod document;
+mod field;
 mod inspect;
 mod progress;
+mod render;
 mod unpack;
 mod validate;
 
@@ -34,6 +36,7 @@ enum Verb {
     Inspect(inspect::Arguments),
     Validate(validate::Arguments),
     Unpack(unpack::Arguments),
+    Render(render::Arguments),
     Completions(document::CompletionArguments),
     Man,
 }
@@ -120,6 +123,7 @@ pub fn main() -> ExitCode {
         Verb::Inspect(arguments) => inspect::run(arguments).map(Some),
         Verb::Validate(arguments) => validate::run(arguments).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
+        Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),
     });

@@ -1,0 +1,104 @@
+//! Fields that verbs render: a container or a trained input, and what the user says about it.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::bake::{Background, parse_background, parse_mlp};
+use super::{Common, warn};
+use crate::bake::Filter;
+use crate::bytes::SourceFile;
+use crate::container::{Container, is_container};
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use crate::render::Field;
+use crate::sample::Levels;
+use crate::source::{self, MlpChoice, SourceOptions};
+
+/// What the user says about a scene, beside what its file says.
+#[derive(Debug, Clone, Args)]
+pub struct SceneArguments {
+    /// Step length in voxels [default: the container's; 0.5 for checkpoints, with a warning]
+    #[arg(long, value_name = "VOXELS")]
+    pub stepsize: Option<f32>,
+    /// Weight up to which a sample adds no colour [default: the file's, else 0.0001]
+    #[arg(long, value_name = "WEIGHT")]
+    pub color_threshold: Option<f32>,
+    /// Where rays start [default: the container's, else 0]
+    #[arg(long, value_name = "T")]
+    pub near: Option<f32>,
+    /// Where rays enter the box at the latest [default: the container's, else without bound]
+    #[arg(long, value_name = "T")]
+    pub far: Option<f32>,
+    /// Colour behind the field: one number or three, 0 to 1 [default: the container's, else 1]
+    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
+    pub background: Option<Background>,
+    /// The view network of a checkpoint: auto, none, or the file that holds it
+    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
+    pub mlp: MlpChoice,
+    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    #[arg(long, value_name = "FILE")]
+    pub coarse: Option<std::path::PathBuf>,
+}
+
+impl SceneArguments {
+    /// As the library takes them.
+    pub fn source_options(&self) -> SourceOptions {
+        SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        }
+    }
+
+    /// Opens a container or a trained input for rendering. `filter` makes coarser levels of a trained
+    /// input; without it there is level 0 alone.
+    pub fn open(&self, path: &Path, filter: Option<Filter>, common: &Common) -> Result<Field> {
+        let limits = Limits::default();
+        let options = self.source_options();
+        options.check()?;
+        let file = Arc::new(SourceFile::open(path)?);
+        if is_container(&file) {
+            if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
+                let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
+                               states these itself";
+                return Err(Error::usage(message));
+            }
+            let container = Container::open(file, &limits)?;
+            let mut field = Field::baked(&container.read()?, &limits)?;
+            self.override_container(&mut field);
+            return Ok(field);
+        }
+        drop(file);
+        let source = source::open(path, &options, &limits)?;
+        for assumption in &source.assumptions {
+            warn(&assumption.message, common);
+        }
+        let levels = filter.map(|filter| {
+            let sizes = filter.level_sizes(source.field.scene.nodes, None);
+            let levels = Levels {
+                most: sizes.len(),
+                kernel: filter.kernel(),
+                density: filter.filters_density(),
+            };
+            (levels, filter.level_of_detail(1.0))
+        });
+        Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
+    }
+
+    fn override_container(&self, field: &mut Field) {
+        let view = field.view_mut();
+        if let Some(stepsize) = self.stepsize {
+            view.set_stepsize(stepsize);
+        }
+        view.march.color_threshold = self.color_threshold.unwrap_or(view.march.color_threshold);
+        view.march.near = self.near.unwrap_or(view.march.near);
+        view.march.far = self.far.or(view.march.far);
+        view.background = self.background.map_or(view.background, |Background(color)| color);
+    }
+}
