@@ -10,7 +10,7 @@
 //! ```
 //!
 //! [`layout`] has the records, [`runs`] the compressed runs of frames, [`json`] canonical JSON,
-//! [`write`] and [`read`] put them together. The reader checks everything before it allocates.
+//! `write` and `read` put them together. The reader checks everything before it allocates.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 pub mod json;
