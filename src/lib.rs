@@ -8,6 +8,7 @@ pub mod camera;
 pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod compare;
 pub mod container;
 pub mod error;
 pub mod field;

@@ -24,12 +24,7 @@ fn camera(rows: &[f32], size: usize, focal: f64) -> Camera {
     Camera {
         name: String::new(),
         to_world: DMat4::from_cols(row(0), row(1), row(2), row(3)).transpose(),
-        lens: Lens {
-            width: size,
-            height: size,
-            focal: [focal; 2],
-            center: [size as f64 / 2.0; 2],
-        },
+        lens: Lens { width: size, height: size, focal: [focal; 2], center: [size as f64 / 2.0; 2] },
         picture: None,
     }
 }
@@ -70,14 +65,18 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
             let want = |part: &str| {
                 tensor_values(&vectors, &format!("view{view}.{name}.{part}")).expect("a vector")
             };
-            let frame = render(&plain, &camera, &FrameOptions::default(), &Silent).expect("a frame");
+            let frame =
+                render(&plain, &camera, &FrameOptions::default(), &Silent).expect("a frame");
             let (over, most) = beyond(colors(&frame), &want("rgb"), BOUND);
             // The weight threshold is a step: a sample on it falls to either side.
             assert!(over * 1000 <= 3 * size * size, "view {view} {name} rgb: {over}, {most}");
             let (over, most) = beyond(frame.transmittance.clone(), &want("transmittance"), BOUND);
             assert_eq!(over, 0, "view {view} {name} transmittance: {most}");
             let (over, most) = beyond(frame.accumulated.clone(), &want("accumulated"), BOUND);
-            assert!(over * 1000 <= 7 * size * size, "view {view} {name} accumulated: {over}, {most}");
+            assert!(
+                over * 1000 <= 7 * size * size,
+                "view {view} {name} accumulated: {over}, {most}"
+            );
             let (over, most) = beyond(frame.distance.clone(), &want("depth"), 1e-3);
             assert_eq!(over, 0, "view {view} {name} depth: {most}");
             let frame = render(&mips, &camera, &FrameOptions::default(), &Silent).expect("a frame");

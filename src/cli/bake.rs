@@ -211,7 +211,10 @@ impl Arguments {
         output: &mut Output,
         bar: &Bar,
     ) -> Result<(BakeReport, Value)> {
-        if self.scene.stepsize.is_some() || self.scene.coarse.is_some() || self.scene.mlp != MlpChoice::Auto {
+        if self.scene.stepsize.is_some()
+            || self.scene.coarse.is_some()
+            || self.scene.mlp != MlpChoice::Auto
+        {
             let message = "--stepsize, --coarse and --mlp belong to a trained input; an unpacked \
                            container states these itself";
             return Err(Error::usage(message));

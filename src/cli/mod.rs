@@ -3,6 +3,7 @@
 //! One file a verb. Verbs return what they report; printing and exit codes are here.
 
 mod bake;
+mod compare;
 mod document;
 mod field;
 mod inspect;
@@ -37,6 +38,7 @@ enum Verb {
     Validate(validate::Arguments),
     Unpack(unpack::Arguments),
     Render(render::Arguments),
+    Compare(compare::Arguments),
     Completions(document::CompletionArguments),
     Man,
 }
@@ -124,6 +126,7 @@ pub fn main() -> ExitCode {
         Verb::Validate(arguments) => validate::run(arguments).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
+        Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),
     });

@@ -184,7 +184,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let share = 100.0 * report.skipped_share;
     let (rays, samples) = (report.rays_per_second, report.samples_per_ray);
-    writeln!(text, "{rays:.0} rays a second, {samples:.1} samples a ray, {share:.1} % of samples skipped").ok();
+    writeln!(
+        text,
+        "{rays:.0} rays a second, {samples:.1} samples a ray, {share:.1} % of samples skipped"
+    )
+    .ok();
     Outcome::new("render", &report, text)
 }
 
