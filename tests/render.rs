@@ -5,6 +5,7 @@ mod common;
 use common::{fixture, tensor_values, trained};
 use glam::{DMat4, DVec4};
 use mipvog_bake::bake::Filter;
+use mipvog_bake::baked::Aside;
 use mipvog_bake::camera::{Camera, Lens};
 use mipvog_bake::limits::Limits;
 use mipvog_bake::progress::Silent;
@@ -56,7 +57,7 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     let levels = Levels { most: 4, kernel: Filter::Code.kernel(), density: false };
     let limits = Limits::default();
     let plain = Field::trained(&field, None, &limits).expect("a field");
-    let rule = Filter::Code.level_of_detail(1.0);
+    let rule = Filter::Code.level_of_detail(Aside::SameIndex, 1.0);
     let mips = Field::trained(&field, Some((levels, rule)), &limits).expect("a field");
     let matrices = tensor_values(&vectors, "cameras.c2w").expect("cameras");
     for (view, matrix) in matrices.chunks(16).enumerate() {

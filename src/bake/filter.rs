@@ -1,6 +1,6 @@
 //! The families of coarser levels that a bake can make.
 
-use crate::baked::LevelOfDetail;
+use crate::baked::{Aside, LevelOfDetail};
 use crate::grid::Nodes;
 use crate::mips::{self, Kernel};
 
@@ -57,14 +57,15 @@ impl Filter {
         if self == Self::Code { levels.min(5) } else { levels }
     }
 
-    /// The rule that says which level a sample reads.
-    pub fn level_of_detail(self, scale: f32) -> LevelOfDetail {
-        match self {
-            Self::Code => LevelOfDetail { factor: 0.5 * scale, bias: 0.0, most: Some(4.0) },
-            Self::Paper | Self::Kernel(_) => {
-                LevelOfDetail { factor: scale / 3.0, bias: 0.0, most: None }
-            }
-        }
+    /// The rule that says which level a sample reads. Training measured footprints to the sample of
+    /// the same index; containers measure them at the same distance, which does not depend on where
+    /// rays enter the box.
+    pub fn level_of_detail(self, aside: Aside, scale: f32) -> LevelOfDetail {
+        let (factor, most) = match self {
+            Self::Code => (0.5, Some(4.0)),
+            Self::Paper | Self::Kernel(_) => (1.0 / 3.0, None),
+        };
+        LevelOfDetail { factor: factor * scale, bias: 0.0, aside, most }
     }
 }
 

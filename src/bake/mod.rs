@@ -29,7 +29,8 @@ use report::prune_reports;
 pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
 
 use crate::baked::{
-    Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table, ViewMetadata,
+    Aside, Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table,
+    ViewMetadata,
 };
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
@@ -225,7 +226,7 @@ fn metadata(
         activation: scene.activation,
         march: scene.march,
         step_rule: StepRule::Constant,
-        level_of_detail: options.filter.level_of_detail(options.lod_scale),
+        level_of_detail: options.filter.level_of_detail(Aside::SameDistance, options.lod_scale),
         blend: Blend::BeforeActivation,
         background: scene.background,
         color_space: ColorSpace::SrgbDisplay,

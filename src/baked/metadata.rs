@@ -103,8 +103,19 @@ pub enum ColorSpace {
     SrgbDisplay,
 }
 
+/// Which sample of the ray aside a sample's footprint is measured to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Aside {
+    /// The one at the same distance: the pixel's size there.
+    SameDistance,
+    /// The one of the same index, as in the paper and the research code. Where the box is entered
+    /// through an oblique face, the entries differ, and what lies behind is blurred.
+    SameIndex,
+}
+
 /// `lambda = clamp(factor * log2(rho) + bias, 0, min(last level, most))`, where `rho` is the
-/// footprint of half a pixel in voxels of size `(max - min) / N`.
+/// footprint of half a pixel in voxels of size `(max - min) / N`, doubled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LevelOfDetail {
@@ -112,6 +123,8 @@ pub struct LevelOfDetail {
     pub factor: f32,
     /// Added after the factor.
     pub bias: f32,
+    /// Which sample of the ray aside the footprint is measured to.
+    pub aside: Aside,
     /// An upper bound beside the last level, if there is one.
     #[serde(deserialize_with = "nullable")]
     pub most: Option<f32>,

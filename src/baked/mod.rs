@@ -11,7 +11,7 @@ mod occupancy;
 
 pub use encoding::{Codes, Decode, Encoding, Group, NumberType};
 pub use metadata::{
-    Blend, ColorSpace, LevelMetadata, LevelOfDetail, Metadata, StepRule, ViewMetadata,
+    Aside, Blend, ColorSpace, LevelMetadata, LevelOfDetail, Metadata, StepRule, ViewMetadata,
 };
 pub use occupancy::{Occupancy, Table};
 

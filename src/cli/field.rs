@@ -8,6 +8,7 @@ use clap::Args;
 use super::bake::{Background, parse_background, parse_mlp};
 use super::{Common, warn};
 use crate::bake::Filter;
+use crate::baked::Aside;
 use crate::bytes::SourceFile;
 use crate::container::{Container, is_container};
 use crate::error::{Error, Result};
@@ -86,7 +87,7 @@ impl SceneArguments {
                 kernel: filter.kernel(),
                 density: filter.filters_density(),
             };
-            (levels, filter.level_of_detail(1.0))
+            (levels, filter.level_of_detail(Aside::SameIndex, 1.0))
         });
         Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
     }

@@ -2,7 +2,7 @@
 //!
 //! The reference is rendered at full size (supersampled on request), clamped to 0 to 1 as an 8-bit
 //! picture would be, and box-downsampled in the colour space of training. The field is rendered at
-//! each scale with one ray a pixel, and clamped. [`metrics`] has the figures, [`reference`] the
+//! each scale with one ray a pixel, and clamped. [`metrics`] has the figures, [`Reference`] the
 //! pictures to compare with.
 
 pub mod metrics;

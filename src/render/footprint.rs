@@ -1,8 +1,8 @@
 //! Level of detail from a pixel's footprint.
 //!
 //! `rho` is the larger, over the picture's x and y, of the distance in voxels of size
-//! `(max - min) / N` between a sample and the sample of the same index on the ray half a pixel aside,
-//! divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias, 0, last)`. Both rays' samples
+//! `(max - min) / N` between a sample and one on the ray half a pixel aside (of the same distance or
+//! the same index, as the rule says), divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias, 0, last)`. Both rays' samples
 //! move linearly with their index, so the offset is linear and `rho^2` a quadratic in it.
 
 use crate::baked::LevelOfDetail;

@@ -3,6 +3,7 @@
 use super::footprint::Footprint;
 use super::view::View;
 use crate::activate::lanes;
+use crate::baked::Aside;
 use crate::camera::Ray;
 use crate::field::ActivationOrder;
 use crate::sample::{Cell, Macro, Sample};
@@ -73,7 +74,8 @@ pub fn march<const C: usize, S: Sample<C> + ?Sized>(
     gathered.steps = (path.last - path.first) as u32 + 1;
     let footprint = aside.and_then(|aside| {
         let rule = view.level_of_detail.as_ref()?;
-        Some(Footprint::new(aside.map(|other| offsets(view, ray, &other)), rule, field.levels()))
+        let sides = aside.map(|other| offsets(view, rule.aside, ray, &other));
+        Some(Footprint::new(sides, rule, field.levels()))
     });
     let constant = match (&footprint, fixed_level) {
         (_, Some(level)) => Some(level.min(field.levels() - 1) as f32),
@@ -190,9 +192,14 @@ fn entry_t(view: &View, ray: &Ray) -> f64 {
 
 /// Sample 0 and the way from one sample to the next, `0..=1` along each axis of the box.
 fn entry(view: &View, ray: &Ray) -> ([f64; 3], [f64; 3]) {
-    let entry = entry_t(view, ray);
+    from_entry(view, ray, entry_t(view, ray), ray.direction.length())
+}
+
+/// The same for samples that start at `t = entry` and are a step apart on a ray whose direction is
+/// `length` long.
+fn from_entry(view: &View, ray: &Ray, entry: f64, length: f64) -> ([f64; 3], [f64; 3]) {
     let world_step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
-    let t_step = world_step / ray.direction.length();
+    let t_step = world_step / length;
     let extent = view.bounds.extent();
     let start =
         [0, 1, 2].map(|axis| view.to_box(axis, ray.origin[axis] + ray.direction[axis] * entry));
@@ -201,9 +208,12 @@ fn entry(view: &View, ray: &Ray) -> ([f64; 3], [f64; 3]) {
 
 /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample 0,
 /// and its growth with each step.
-fn offsets(view: &View, ray: &Ray, other: &Ray) -> [[f64; 3]; 2] {
+fn offsets(view: &View, aside: Aside, ray: &Ray, other: &Ray) -> [[f64; 3]; 2] {
     let (start, step) = entry(view, ray);
-    let (other_start, other_step) = entry(view, other);
+    let (other_start, other_step) = match aside {
+        Aside::SameIndex => entry(view, other),
+        Aside::SameDistance => from_entry(view, other, entry_t(view, ray), ray.direction.length()),
+    };
     // Positions are shares of the box, which is N voxels along an axis.
     let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
     [

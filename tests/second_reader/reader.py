@@ -115,7 +115,7 @@ META = {
     "march": {"far": maybe(number)}
     | dict.fromkeys(("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number),
     "step_rule": {"constant"},
-    "level_of_detail": {"bias": number, "factor": number, "most": maybe(number)},
+    "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
     "blend": {"before_activation"},
     "background": [number] * 3,
     "color_space": {"srgb_display"},
