@@ -253,3 +253,87 @@ fn pipes_devices_and_odd_names_are_no_trap() {
     let status = bake.stdout(std::process::Stdio::null()).stderr(full).status().expect("starts");
     assert!(status.success() && here.join(odd).is_file());
 }
+
+#[test]
+fn fields_are_rendered_and_compared() {
+    let folder = folder();
+    let here = folder.path();
+    let cameras = fixture("trained/lego64/transforms_test.json").display().to_string();
+    let view = ["--cameras", &cameras, "--size", "48x48", "--frames", "0,r_50"];
+    let scene_options = ["--stepsize", "0.5", "--near", "2", "--far", "6"];
+    report(
+        here,
+        &[&["bake", &scene(), "-o", "a.mipvog", "--levels", "1"], &scene_options[..]].concat(),
+    );
+    let more = ["--scales", "1,2", "--exr", "--sheet"];
+    let render = report(here, &[&["render", "a.mipvog", "-o", "out"], &view[..], &more].concat());
+    assert_eq!(render["frames"].as_array().map(Vec::len), Some(4));
+    let name = render["frames"][0]["frame"].as_str().expect("a name");
+    for file in ["s1.png", "s2.png", "s1.exr", "s2.exr", "sheet.png"] {
+        assert!(here.join("out").join(format!("{name}.{file}")).is_file(), "{file}");
+    }
+    refused(here, &[&["render", "a.mipvog", "-o", "out"], &view[..]].concat(), 5, &["--force"]);
+    let scene = scene();
+    let compared =
+        [&["compare", &scene, "a.mipvog", "--scales", "1,2"], &view[..], &scene_options].concat();
+    let compare = report(here, &compared);
+    let psnr = |scale: usize| compare["scales"][scale]["psnr"].as_f64().expect("a number");
+    // One level: at full size only the bits differ, at half size one ray stands for four.
+    assert!(psnr(0) > 50.0 && (15.0..40.0).contains(&psnr(1)), "{compare}");
+    let turn = ["--turntable", "2", "--size", "16x16"];
+    report(here, &[&["render", &scene, "-o", "turn"], &turn[..], &scene_options].concat());
+}
+
+#[test]
+fn cameras_that_cannot_be_are_refused() {
+    let folder = folder();
+    let here = folder.path();
+    let frame = |matrix: &str| format!(r#"{{"file_path":"a","transform_matrix":{matrix}}}"#);
+    let identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let cases = [
+        ("empty frames", r#"{"camera_angle_x":0.7,"frames":[]}"#.to_owned(), "frames"),
+        ("no lens", format!(r#"{{"frames":[{}]}}"#, frame(identity)), "focal"),
+        ("no focal length", format!(r#"{{"fl_x":0,"frames":[{}]}}"#, frame(identity)), "focal"),
+        (
+            "flat",
+            format!(
+                r#"{{"fl_x":9,"frames":[{}]}}"#,
+                frame("[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]")
+            ),
+            "determinant",
+        ),
+        (
+            "not finite",
+            format!(
+                r#"{{"fl_x":9,"frames":[{}]}}"#,
+                frame("[[1e999,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")
+            ),
+            "cameras.json",
+        ),
+        (
+            "short matrix",
+            format!(r#"{{"fl_x":9,"frames":[{}]}}"#, frame("[[1,0,0,0]]")),
+            "cameras.json",
+        ),
+        ("huge", format!(r#"{{"fl_x":9,"w":1e6,"h":2,"frames":[{}]}}"#, frame(identity)), "pixels"),
+        ("no JSON", "cameras".to_owned(), "cameras.json"),
+    ];
+    let field = fixture("baked/tiny.code.mipvog").display().to_string();
+    for (case, text, says) in cases {
+        std::fs::write(here.join("cameras.json"), text).expect("writable");
+        let code = if case == "huge" { 6 } else { 3 };
+        refused(here, &["render", &field, "--cameras", "cameras.json", "-o", "out"], code, &[says]);
+    }
+    // Inside the box, looking at nothing in particular: a picture, no error.
+    let inside = "[[1,0,0,0],[0,1,0,0],[0,0,1,0.1],[0,0,0,1]]";
+    let text = format!(r#"{{"fl_x":9,"w":8,"h":8,"frames":[{}]}}"#, frame(inside));
+    std::fs::write(here.join("cameras.json"), text).expect("writable");
+    report(here, &["render", &field, "--cameras", "cameras.json", "-o", "out"]);
+    let missing = ["--cameras", "cameras.json", "--scales", "1"];
+    std::fs::create_dir(here.join("pictures")).expect("writable");
+    refused(here, &[&["compare", "pictures", &field], &missing[..]].concat(), 5, &["a.png"]);
+    std::fs::copy(here.join("out/a.s1.png"), here.join("pictures/a.png")).expect("copied");
+    report(here, &[&["compare", "pictures", &field], &missing[..]].concat());
+    let other = [&["compare", "pictures", &field, "--size", "5x5"], &missing[..]].concat();
+    refused(here, &other, 3, &["multiple"]);
+}

@@ -1,11 +1,15 @@
 //! How values become codes and back.
 //!
 //! ```text
-//! u8, u16:  value = low + code * step          (two roundings to f32, in this order)
-//!           or, where code 0 stands for emptiness:
-//!           value = empty if code = 0, else low + (code - 1) * step
+//! u8, u16:  x = code - 2^(bits - 1),  value = center + x * (step + curve * (x * x))
+//!           each operation rounded to f32, innermost first;
+//!           where code 0 stands for emptiness, it decodes to `empty` instead
 //! f16, f32: value = the number itself
 //! ```
+//!
+//! Codes are dense around `center`, where an activation is steep, and grow sparse towards the ends,
+//! which only have to be in proportion: a surface lies where interpolation between a node inside and
+//! one far outside crosses the visible range.
 
 use std::ops::RangeInclusive;
 
@@ -93,10 +97,12 @@ pub struct Encoding {
     pub number: NumberType,
     /// Bits that codes use: 4 to 16, or those of the float.
     pub bits: u32,
-    /// Value of the lowest code that is not emptiness; 0 for floats.
-    pub low: f32,
-    /// Distance of neighbouring codes' values; 0 for floats.
+    /// Value of the middle code; 0 for floats.
+    pub center: f32,
+    /// Distance of neighbouring codes' values at the middle; 0 for floats.
     pub step: f32,
+    /// How that distance grows towards the ends; 0 for floats.
+    pub curve: f32,
     /// What values in dropped blocks read as.
     pub empty: f32,
     /// Whether code 0 means `empty`.
@@ -123,9 +129,9 @@ impl Encoding {
         }
     }
 
-    /// The lowest code that is not emptiness.
-    pub fn first_code(&self) -> u32 {
-        u32::from(self.empty_code)
+    /// The values of all integer codes, lowest first; ascending in every sound encoding.
+    pub fn values(&self) -> impl Iterator<Item = f32> {
+        (0..=self.last_code()).map(|code| self.value(code))
     }
 
     /// The value of an integer code.
@@ -133,7 +139,8 @@ impl Encoding {
         if self.empty_code && code == 0 {
             return self.empty;
         }
-        self.low + (code - self.first_code()) as f32 * self.step
+        let x = code as f32 - (1u32 << (self.bits - 1)) as f32;
+        self.center + x * (self.step + self.curve * (x * x))
     }
 }
 

@@ -176,11 +176,14 @@ fn encoding_is_sound(group: Group, encoding: &Encoding) -> bool {
         NumberType::F16 => 16..=16,
         NumberType::F32 => 32..=32,
     };
-    let highest = encoding.low + encoding.step * 65536.0;
     let range = if encoding.number.is_float() {
-        encoding.low == 0.0 && encoding.step == 0.0 && !encoding.empty_code
+        let [center, step, curve] = [encoding.center, encoding.step, encoding.curve];
+        center == 0.0 && step == 0.0 && curve == 0.0 && !encoding.empty_code
     } else {
-        encoding.low.is_finite() && encoding.step > 0.0 && highest.is_finite()
+        // The bits were checked first: there are at most 2^16 codes.
+        bits.contains(&encoding.bits)
+            && encoding.values().all(f32::is_finite)
+            && encoding.values().is_sorted_by(|low, high| low < high)
     };
     let decode = match group {
         Group::Density => Decode::RawDensity,

@@ -1,6 +1,6 @@
 //! One block of a slab to residual bytes.
 
-use super::code::encode_values;
+use super::code::Quantizer;
 use super::predict::{for_each_node, predicted, residual_bytes};
 use crate::baked::{Decode, Encoding};
 use crate::grid::{NodeMask, mask};
@@ -20,7 +20,7 @@ pub struct BlockSource<'a> {
 /// Encodes blocks of one group of one level.
 #[derive(Debug, Clone)]
 pub struct BlockEncoder {
-    encoding: Encoding,
+    quantizer: Quantizer,
     edge: usize,
     /// Nodes that nobody needs get at most this code: they must not become visible.
     unneeded_limit: u32,
@@ -29,33 +29,34 @@ pub struct BlockEncoder {
 impl BlockEncoder {
     /// For blocks of `edge` nodes. Nodes that nobody needs get at most the raw density `unneeded`.
     pub fn new(encoding: Encoding, edge: usize, unneeded: f32) -> Self {
-        let unneeded_limit = match encoding.decode {
-            Decode::RawDensity => highest_code_up_to(&encoding, unneeded),
+        let quantizer = Quantizer::new(encoding);
+        let unneeded_limit = match quantizer.encoding().decode {
+            Decode::RawDensity => highest_code_up_to(&quantizer, unneeded),
             Decode::Logit => u32::MAX,
         };
-        Self { encoding, edge, unneeded_limit }
+        Self { quantizer, edge, unneeded_limit }
     }
 
     /// The encoding of every block.
     pub fn encoding(&self) -> &Encoding {
-        &self.encoding
+        self.quantizer.encoding()
     }
 
     /// Appends the residual bytes of one channel of a block.
     pub fn encode(&self, source: BlockSource, channel: usize, out: &mut Vec<u8>) {
-        let edge = self.edge;
+        let (edge, number) = (self.edge, self.encoding().number);
         let mut codes = vec![0; edge.pow(3)];
         let mut needed = vec![false; edge.pow(3)];
         self.gather(source, channel, &mut codes, &mut needed);
         if needed.iter().any(|needed| !needed) {
             for_each_node(edge, |at, place| {
                 if !needed[at] {
-                    let predicted = predicted(self.encoding.number, edge, place, &codes);
+                    let predicted = predicted(number, edge, place, &codes);
                     codes[at] = predicted.min(self.unneeded_limit);
                 }
             });
         }
-        residual_bytes(self.encoding.number, edge, &codes, out);
+        residual_bytes(number, edge, &codes, out);
     }
 
     /// Quantizes the nodes that the grid has; the others stay unneeded.
@@ -71,7 +72,7 @@ impl BlockEncoder {
             for y in start[1]..end[1] {
                 let at = ((x - start[0]) * edge + y - start[1]) * edge;
                 let values = &plane[y * sizes[2] + start[2]..][..count];
-                encode_values(&self.encoding, values, &mut codes[at..at + count]);
+                self.quantizer.encode(values, &mut codes[at..at + count]);
                 let row = mask.row(x, y);
                 for (z, needed) in needed[at..at + count].iter_mut().enumerate() {
                     *needed = mask::get(row, start[2] + z);
@@ -82,11 +83,10 @@ impl BlockEncoder {
 }
 
 /// The highest code whose value is at most `limit`; the lowest of all if none is.
-fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
-    let mut codes = [0];
-    encode_values(encoding, &[limit], &mut codes);
-    let mut values = [0.0];
+fn highest_code_up_to(quantizer: &Quantizer, limit: f32) -> u32 {
+    let (mut codes, mut values) = ([0], [0.0]);
+    quantizer.encode(&[limit], &mut codes);
     // The nearest code may lie above the limit; the one below it cannot.
-    super::code::decode_values(encoding, codes.into_iter(), &mut values);
+    super::code::decode_values(quantizer.encoding(), codes.into_iter(), &mut values);
     if values[0] > limit { codes[0].saturating_sub(1) } else { codes[0] }
 }

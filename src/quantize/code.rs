@@ -2,35 +2,80 @@
 
 use crate::baked::{Codes, Encoding, NumberType};
 
-/// The code of each value: the nearest for integers, with emptiness one of the candidates where it
+/// Finds codes of values: the nearest for integers, emptiness being one of the candidates where it
 /// has a code; the ordered bits for floats ([`float_code`]).
-pub fn encode_values(encoding: &Encoding, values: &[f32], codes: &mut [u32]) {
-    match encoding.number {
-        NumberType::F32 => {
-            for (code, value) in codes.iter_mut().zip(values) {
-                *code = float_code(value.to_bits(), 32);
-            }
+#[derive(Debug, Clone)]
+pub struct Quantizer {
+    encoding: Encoding,
+    /// Between the values of neighbouring integer codes; what is on a border gets the upper code.
+    borders: Vec<f32>,
+    /// The code of each bin's lower end, bins being equally wide from the lowest border to the
+    /// highest.
+    bins: Vec<u32>,
+    bins_per_unit: f32,
+}
+
+impl Quantizer {
+    /// For values of this encoding.
+    pub fn new(encoding: Encoding) -> Self {
+        if encoding.number.is_float() {
+            return Self { encoding, borders: Vec::new(), bins: Vec::new(), bins_per_unit: 0.0 };
         }
-        NumberType::F16 => {
-            for (code, value) in codes.iter_mut().zip(values) {
-                let largest = half::f16::MAX.to_f32();
-                let nearest = half::f16::from_f32(value.clamp(-largest, largest));
-                *code = float_code(nearest.to_bits().into(), 16);
+        let borders = borders(&encoding);
+        // Most bins are narrower than the narrowest codes, so the search after them is short.
+        let count = 16 * borders.len();
+        let (first, last) = (borders[0], borders[borders.len() - 1]);
+        let bins_per_unit = count as f32 / (last - first);
+        // A whole bin lower: rounding can put a value one bin too high, never two.
+        let lower_end = |bin: usize| first + (bin as f32 - 1.0) / bins_per_unit;
+        let code = |bin| borders.partition_point(|&border| border <= lower_end(bin)) as u32;
+        let bins = (0..=count).map(code).collect();
+        Self { encoding, borders, bins, bins_per_unit }
+    }
+
+    /// The encoding.
+    pub fn encoding(&self) -> &Encoding {
+        &self.encoding
+    }
+
+    /// The code of each value.
+    pub fn encode(&self, values: &[f32], codes: &mut [u32]) {
+        match self.encoding.number {
+            NumberType::F32 => {
+                for (code, value) in codes.iter_mut().zip(values) {
+                    *code = float_code(value.to_bits(), 32);
+                }
             }
-        }
-        NumberType::U8 | NumberType::U16 => {
-            let first = encoding.first_code();
-            let most = (encoding.last_code() - first) as f32;
-            let border = 0.5 * (encoding.empty + encoding.low);
-            let border = if encoding.empty_code { border } else { f32::NEG_INFINITY };
-            for (code, &value) in codes.iter_mut().zip(values) {
-                let steps = ((value - encoding.low) / encoding.step).clamp(0.0, most);
-                // Truncation of what is not negative: `round` would be a library call.
-                let nearest = first + (steps + 0.5) as u32;
-                *code = if value < border { 0 } else { nearest };
+            NumberType::F16 => {
+                for (code, value) in codes.iter_mut().zip(values) {
+                    let largest = half::f16::MAX.to_f32();
+                    let nearest = half::f16::from_f32(value.clamp(-largest, largest));
+                    *code = float_code(nearest.to_bits().into(), 16);
+                }
+            }
+            NumberType::U8 | NumberType::U16 => {
+                for (code, &value) in codes.iter_mut().zip(values) {
+                    *code = self.nearest(value);
+                }
             }
         }
     }
+
+    fn nearest(&self, value: f32) -> u32 {
+        // Conversion saturates: what is below the first border is in bin 0, what is above in the last.
+        let bin = ((value - self.borders[0]) * self.bins_per_unit) as usize;
+        let mut code = self.bins[bin.min(self.bins.len() - 1)] as usize;
+        while code < self.borders.len() && self.borders[code] <= value {
+            code += 1;
+        }
+        code as u32
+    }
+}
+
+/// The values between those of neighbouring integer codes, ascending.
+pub(super) fn borders(encoding: &Encoding) -> Vec<f32> {
+    let values: Vec<f32> = encoding.values().collect();
+    values.windows(2).map(|pair| 0.5 * pair[0] + 0.5 * pair[1]).collect()
 }
 
 /// The values of codes.
@@ -89,7 +134,7 @@ mod tests {
 
     fn round_trip(encoding: &Encoding, value: f32) -> (u32, f32) {
         let (mut code, mut back) = ([0], [0.0]);
-        encode_values(encoding, &[value], &mut code);
+        Quantizer::new(encoding.clone()).encode(&[value], &mut code);
         decode_values(encoding, code.into_iter(), &mut back);
         (code[0], back[0])
     }
@@ -107,35 +152,49 @@ mod tests {
         }
     }
 
+    fn activation() -> Activation {
+        Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw }
+    }
+
     #[test]
     fn codes_survive_a_round_trip() {
-        let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
         for bits in 4..=16 {
             let bits = Bits::Integer(bits);
-            for encoding in [density_encoding(bits, &activation), color_encoding(bits)] {
-                for code in 0..=encoding.last_code() {
-                    let value = encoding.value(code);
-                    assert_eq!(round_trip(&encoding, value), (code, value), "{encoding:?}");
-                }
+            for encoding in [density_encoding(bits, &activation()), color_encoding(bits)] {
+                let values: Vec<f32> = encoding.values().collect();
+                let mut codes = vec![0; values.len()];
+                Quantizer::new(encoding.clone()).encode(&values, &mut codes);
+                assert!(codes.iter().enumerate().all(|(i, &code)| code as usize == i), "{bits}");
             }
         }
     }
 
     #[test]
     fn integers_round_to_nearest() {
-        let encoding = color_encoding(Bits::Integer(8));
-        let mut value = -9.0f32;
-        while value < 9.0 {
-            let (_, back) = round_trip(&encoding, value);
-            let clamped = value.clamp(-8.0, 8.0);
-            assert!((back - clamped).abs() <= 0.5001 * encoding.step, "{value} {back}");
-            value += 0.00317;
+        for bits in [4, 8, 11] {
+            for encoding in [
+                density_encoding(Bits::Integer(bits), &activation()),
+                color_encoding(Bits::Integer(bits)),
+            ] {
+                let values: Vec<f32> = encoding.values().collect();
+                let quantizer = Quantizer::new(encoding);
+                let mut value = -120.0f32;
+                while value < 120.0 {
+                    let mut code = [0];
+                    quantizer.encode(&[value], &mut code);
+                    let error = (values[code[0] as usize] - value).abs();
+                    let least = values.iter().map(|v| (v - value).abs()).fold(f32::MAX, f32::min);
+                    assert!(
+                        error <= least * 1.000_01 + 1e-5,
+                        "{bits}: {value}, {error} for {least}"
+                    );
+                    value += 0.0317;
+                }
+            }
         }
-        let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
-        let density = density_encoding(Bits::Integer(8), &activation);
-        assert_eq!(round_trip(&density, -1e30).1, -100.0);
-        assert_eq!(round_trip(&density, -60.0).1, -100.0);
-        assert_eq!(round_trip(&density, -20.0).1, density.low);
+        let density = density_encoding(Bits::Integer(8), &activation());
+        assert_eq!(round_trip(&density, -1e30), (0, -100.0));
+        assert_eq!(round_trip(&density, -100.05), (0, -100.0));
         assert_eq!(round_trip(&density, 1e30).0, 255);
     }
 

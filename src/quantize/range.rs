@@ -1,17 +1,17 @@
 //! Ranges and error bounds.
 //!
-//! Nodes below the opacity threshold still shape surfaces by interpolation, so density's range
-//! starts far below it, and emptiness (-100 where nothing was trained) gets a code of its own
-//! beside the range: clamping it to the range's end would thicken every surface. A colour's range
-//! is fixed and symmetric: values that training left beyond it are as good as saturated.
+//! Nodes far below the opacity threshold, and far inside matter, still shape surfaces by
+//! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB. So
+//! codes reach down to -100, what unseen nodes hold, and as far up; they are dense where opacity
+//! changes and sparse elsewhere ([`Encoding`]). Emptiness has a code of its own, so that it stays
+//! exactly what it was. Colour likewise reaches far into saturation.
 //!
-//! **The bound.** Inside the range a value moves by at most half a step, plus four f32 roundings
-//! (two to find the code, two to decode it), each of at most the range's width. Density's opacity moves by at
-//! most its steepest slope times that. Above the range opacity is within `1 - opacity(high)` of
-//! the end's; below it, whether the value becomes `low` or empty, within `opacity(low)`. A colour
-//! moves by at most a quarter (the slope of the sigmoid at 0) of its value's move, or by
-//! `sigmoid(-high)` where it is clamped.
+//! **The bound.** Codes' values ascend and a value gets the code between whose borders it lies. The
+//! activation is monotone, so the farthest that a value's activation can be from its code's is at a
+//! border, or, beyond the ends, where the activation ends. Borders are f32 numbers that values are
+//! compared with exactly, so no rounding is left to add: the bound is the largest of these distances.
 
+use super::code::borders;
 use crate::activate;
 use crate::baked::{Decode, Encoding, NumberType};
 use crate::field::{Activation, EMPTY_DENSITY};
@@ -57,9 +57,12 @@ impl std::fmt::Display for Bits {
     }
 }
 
-/// Opacity moves by less than this at 8 bits, whatever the interval; where the range of
-/// [`density_encoding`] would be too wide for that, its upper end comes down.
-const OPACITY_ERROR: f64 = 0.0122;
+/// How far opacity moves at 8 bits where it is steepest.
+const OPACITY_ERROR: f64 = 0.0108;
+/// How far a colour moves at 8 bits where the sigmoid is steepest.
+const COLOR_ERROR: f64 = 0.0082;
+/// Raw colour that codes reach: the sigmoid ends 1e-14 before.
+const COLOR_REACH: f64 = 32.0;
 
 /// The encoding of raw density.
 pub fn density_encoding(bits: Bits, activation: &Activation) -> Encoding {
@@ -69,8 +72,9 @@ pub fn density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     let mut encoding = Encoding {
         number,
         bits: count,
-        low: 0.0,
+        center: 0.0,
         step: 0.0,
+        curve: 0.0,
         empty: EMPTY_DENSITY,
         empty_code: false,
         decode: Decode::RawDensity,
@@ -82,28 +86,40 @@ pub fn density_encoding(bits: Bits, activation: &Activation) -> Encoding {
         ),
     };
     if let Bits::Integer(_) = bits {
-        // Up to 0.9999 at 8 bits, wider where codes are finer. The lower end matters more: around thin
-        // things nodes of opacity 1e-7 still decide how thin they are.
-        let extra = f64::from(count.saturating_sub(8));
-        let faint = libm::pow(10.0, if count < 8 { -6.0 } else { -8.0 - 0.5 * extra });
-        let clear = libm::pow(10.0, -4.0 - 0.5 * extra);
-        let codes = f64::from((1u32 << count) - 2);
-        let low = activate::raw_at_opacity(faint, shift, interval);
-        let high = activate::inverse_softplus(-libm::log(clear) / interval) - shift;
-        let widest = low + 2.0 * OPACITY_ERROR / slope * codes;
-        let high = if count >= 8 { high.min(widest) } else { high };
-        encoding.low = low as f32;
-        encoding.step = ((high - low) / codes) as f32;
+        // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
+        let center = -libm::log(interval) - shift;
+        let clear = activate::raw_at_opacity(0.9999, shift, interval);
+        // The lowest code stays above emptiness, which has its own.
+        let reach = (center - f64::from(EMPTY_DENSITY) - 2.0).max(clear - center);
+        set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, reach);
         encoding.empty_code = true;
-        encoding.empty = EMPTY_DENSITY.min(2.0 * encoding.low);
-        let (low, high) = (encoding.value(1), encoding.value(encoding.last_code()));
-        let slack = f64::from(4.0 * (low.abs() + high.abs()) * f32::EPSILON);
-        let inside = slope * (0.5 * f64::from(encoding.step) + slack);
-        let above = 1.0 - activate::opacity(high.into(), shift, interval);
-        let below = activate::opacity(low.into(), shift, interval);
-        encoding.max_error = round_up(inside.max(above).max(below));
+        encoding.empty = EMPTY_DENSITY.min((center - reach - 1.0) as f32);
+        encoding.max_error = bound(&encoding, |raw| activate::opacity(raw, shift, interval));
     }
     encoding
+}
+
+/// Lays codes around `center`: there `step` apart at 8 bits (in proportion at others), at the ends
+/// `reach` away.
+fn set_codes(encoding: &mut Encoding, center: f64, step: f64, reach: f64) {
+    let half = f64::from((1u32 << (encoding.bits - 1)) - 1);
+    // Where codes are plenty they are equally far apart.
+    let step = (step * 127.0 / half).min(reach / half);
+    encoding.center = center as f32;
+    encoding.step = step as f32;
+    encoding.curve = ((reach - step * half) / (half * half * half)) as f32;
+}
+
+/// The largest distance of a value's activation from its code's; see the module's proof.
+fn bound(encoding: &Encoding, activation: impl Fn(f64) -> f64) -> f32 {
+    let levels: Vec<f64> = encoding.values().map(|value| activation(value.into())).collect();
+    let borders = borders(encoding);
+    let mut most = (activation(f64::MAX) - levels[levels.len() - 1]).max(levels[0]);
+    for (pair, &border) in levels.windows(2).zip(&borders) {
+        let at = activation(border.into());
+        most = most.max(at - pair[0]).max(pair[1] - at);
+    }
+    round_up(most)
 }
 
 /// Raw density up to which nodes that nobody needs may be filled: a hundredth of the opacity at
@@ -119,8 +135,9 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     let mut encoding = Encoding {
         number,
         bits: count,
-        low: 0.0,
+        center: 0.0,
         step: 0.0,
+        curve: 0.0,
         empty: 0.0,
         empty_code: false,
         decode: Decode::Logit,
@@ -128,14 +145,8 @@ pub fn color_encoding(bits: Bits) -> Encoding {
         max_error: float_error(number, 0.224),
     };
     if let Bits::Integer(_) = bits {
-        // Where codes are finer than 8 bits, what is clamped must move less too. Half a unit more
-        // than the bits: at 8 bits the widest range with an error below 0.0085.
-        let high = f64::from(count.max(8)) + 0.5;
-        encoding.low = -high as f32;
-        encoding.step = (2.0 * high / f64::from((1u32 << count) - 1)) as f32;
-        let slack = 8.0 * high * f64::from(f32::EPSILON);
-        let inside = 0.25 * (0.5 * f64::from(encoding.step) + slack);
-        encoding.max_error = round_up(inside.max(activate::sigmoid(-high)));
+        set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_REACH);
+        encoding.max_error = bound(&encoding, activate::sigmoid);
     }
     encoding
 }

@@ -89,14 +89,14 @@ def check(value, form):
 
 
 def encoding(decode):
-    form = {"number": set(NUMBERS), "bits": int, "low": f32, "step": f32, "empty": f32, "empty_code": bool}
+    form = {"number": set(NUMBERS), "bits": int, "center": f32, "step": f32, "curve": f32, "empty": f32, "empty_code": bool}
     form |= {"decode": {decode}, "max_error": number}
 
     def whole_encoding(value):
         check(value, form)
         need(value["bits"] in NUMBERS[value["number"]][2], f"{value['bits']} bits of {value['number']}")
         if value["number"][0] == "f":
-            need(value["low"] == value["step"] == 0 and not value["empty_code"], "a float with low, step or empty_code")
+            need(value["center"] == value["step"] == value["curve"] == 0 and not value["empty_code"], "a float with a range")
 
     return whole_encoding
 
@@ -310,15 +310,15 @@ def codes_of(residual, b, width, first):
 
 
 def values_of(codes, encoding):
-    """Codes to f32: the product is rounded, then the sum."""
+    """Codes to f32: each operation rounded, innermost first."""
     width, _, _, float_type = NUMBERS[encoding["number"]]
     if float_type:
         unsigned, top = np.dtype(f"u{width}"), np.uint64(1 << 8 * width - 1)
         bits = np.where(codes & top, codes ^ top, ~codes).astype(unsigned)  # the cast drops the upper bits
         return bits.view(float_type).astype(np.float32)
-    low, step, empty = (np.float32(encoding[key]) for key in ("low", "step", "empty"))
-    shifted = codes.astype(np.int64) - encoding["empty_code"]
-    values = low + shifted.astype(np.float32) * step
+    center, step, curve, empty = (np.float32(encoding[key]) for key in ("center", "step", "curve", "empty"))
+    x = (codes.astype(np.int64) - (1 << encoding["bits"] - 1)).astype(np.float32)
+    values = center + x * (step + curve * (x * x))
     return np.where(codes == 0, empty, values) if encoding["empty_code"] else values
 
 
