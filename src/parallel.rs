@@ -53,14 +53,6 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     work()
 }
 
-/// Threads that loops use here.
-pub fn threads() -> usize {
-    #[cfg(feature = "parallel")]
-    return rayon::current_num_threads();
-    #[cfg(not(feature = "parallel"))]
-    1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -50,6 +50,23 @@ fn failed(message: String) -> Error {
     Error::new(ErrorKind::Io(std::io::Error::other(message)), Place::File)
 }
 
+/// Means of `factor` by `factor` pixels of a picture `width` by `height`, rows from the top; what is
+/// left over at the right and below is dropped. `value` gives a pixel's value by its number.
+pub fn box_means<'a>(
+    [width, height]: [usize; 2],
+    factor: usize,
+    value: impl Fn(usize) -> f32 + 'a,
+) -> impl Iterator<Item = f32> + 'a {
+    let (across, down) = (width / factor, height / factor);
+    (0..across * down).map(move |i| {
+        let (x, y) = (i % across * factor, i / across * factor);
+        let rows = (y..y + factor).map(|row| row * width + x);
+        let pixels = rows.flat_map(|start| start..start + factor);
+        let sum: f64 = pixels.map(|pixel| f64::from(value(pixel))).sum();
+        (sum / (factor * factor) as f64) as f32
+    })
+}
+
 /// Width and height of a picture file, from its header.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
     let (width, height) = image::image_dimensions(path).map_err(|error| unreadable(error, path))?;

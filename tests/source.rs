@@ -1,9 +1,11 @@
 //! What names mean: every spelling of one scene gives the same field.
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
 use mipvog_bake::error::ErrorKind;
-use mipvog_bake::field::{ActivationOrder, Lookup, Volume};
+use mipvog_bake::field::{ActivationOrder, Lookup};
 use mipvog_bake::grid::{Element, Nodes};
 use mipvog_bake::limits::Limits;
 use mipvog_bake::source::{self, Family, MlpChoice, Source, SourceOptions};
@@ -24,19 +26,6 @@ fn refuse(name: &str) -> mipvog_bake::error::Error {
 
 fn keys(source: &Source) -> Vec<&str> {
     source.assumptions.iter().map(|assumption| assumption.key).collect()
-}
-
-/// All values of a grid, row by row.
-fn values(volume: &Volume) -> Vec<f32> {
-    let [nx, ny, nz] = volume.nodes.0;
-    let (mut all, mut row, mut bytes) = (Vec::new(), vec![0.0; nz], Vec::new());
-    for channel in 0..volume.channels {
-        for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
-            volume.read_run(channel, [x, y, 0], &mut row, &mut bytes).expect("a row");
-            all.extend_from_slice(&row);
-        }
-    }
-    all
 }
 
 /// The rule of `tests/generate/checkpoints.py`.
@@ -68,8 +57,8 @@ fn every_spelling_gives_one_scene() {
     for name in names {
         let found = open(&format!("dvgo/{name}"));
         assert_eq!(found.field.density.nodes, Nodes([9, 7, 5]), "{name}");
-        assert_eq!(values(&found.field.density), expected(315, 1), "{name}");
-        assert_eq!(values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
+        assert_eq!(common::volume_values(&found.field.density), expected(315, 1), "{name}");
+        assert_eq!(common::volume_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
         assert_eq!(found.field.scene, first.field.scene, "{name}");
         assert_eq!(found.field.view_mlp, first.field.view_mlp, "{name}");
         assert_eq!(found.field.free_space, first.field.free_space, "{name}");
@@ -224,7 +213,7 @@ fn other_models_are_refused_with_the_reason() {
     assert!(borrowed.expect("a network").field.view_mlp.is_some());
     let diffuse = open("refused/diffuse.tar");
     assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
-    assert_eq!(values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
+    assert_eq!(common::volume_values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
 }
 
 #[test]

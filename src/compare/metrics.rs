@@ -1,6 +1,7 @@
 //! Figures for the distance of two pictures whose values are 0 to 1.
 
 use crate::parallel;
+use crate::picture::box_means;
 
 /// Values of pixels, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,28 +141,19 @@ impl Picture {
     /// The mean of `scale` by `scale` pixels; what is left over at the right and below is dropped.
     #[must_use]
     pub fn downsampled(&self, scale: usize) -> Self {
-        let (width, height) = (self.width / scale, self.height / scale);
-        let mean = |values: &dyn Fn(usize) -> f32, x: usize, y: usize| {
-            let rows = y * scale..(y + 1) * scale;
-            let pixels = rows.flat_map(|row| {
-                let start = row * self.width + x * scale;
-                start..start + scale
-            });
-            let sum: f64 = pixels.map(|pixel| f64::from(values(pixel))).sum();
-            (sum / (scale * scale) as f64) as f32
-        };
-        let places = || (0..width * height).map(|i| (i % width, i / width));
+        let size = [self.width, self.height];
         let colors = |from: &[[f32; 3]]| -> Vec<[f32; 3]> {
-            places().map(|(x, y)| [0, 1, 2].map(|c| mean(&|pixel| from[pixel][c], x, y))).collect()
+            let [red, green, blue] =
+                [0, 1, 2].map(|channel| box_means(size, scale, move |pixel| from[pixel][channel]));
+            red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]).collect()
         };
         let opacity = self.opacity.as_ref();
         Self {
-            width,
-            height,
+            width: self.width / scale,
+            height: self.height / scale,
             color: colors(&self.color),
             diffuse: self.diffuse.as_deref().map(colors),
-            opacity: opacity
-                .map(|from| places().map(|(x, y)| mean(&|pixel| from[pixel], x, y)).collect()),
+            opacity: opacity.map(|from| box_means(size, scale, |pixel| from[pixel]).collect()),
         }
     }
 

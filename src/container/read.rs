@@ -148,16 +148,6 @@ impl Container {
         bytes.map(|bytes| from_canonical(&bytes, &entry.place())).transpose()
     }
 
-    /// Ancillary chunks that this build does not know, to be kept by whoever rewrites the file.
-    pub fn unknown_chunks(&self) -> Result<Vec<(ChunkKind, Vec<u8>)>> {
-        let mut unknown = Vec::new();
-        for entry in self.entries.iter().filter(|entry| !rules::is_known(entry.kind)) {
-            let bytes = self.in_file(self.chunk(entry, &mut strict))?;
-            unknown.extend(bytes.map(|bytes| (entry.kind, bytes)));
-        }
-        Ok(unknown)
-    }
-
     fn in_file<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| error.in_file(self.file.path()))
     }

@@ -36,6 +36,22 @@ impl Element {
         }
     }
 
+    /// From NumPy's code for it, without the byte order.
+    pub fn from_numpy(code: &str) -> Option<Self> {
+        Some(match code {
+            "f2" => Self::F16,
+            "f4" => Self::F32,
+            "f8" => Self::F64,
+            "b1" => Self::Bool,
+            "u1" => Self::U8,
+            "i1" => Self::I8,
+            "i2" => Self::I16,
+            "i4" => Self::I32,
+            "i8" => Self::I64,
+            _ => return None,
+        })
+    }
+
     /// Its name, as reports print it.
     pub const fn name(self) -> &'static str {
         match self {

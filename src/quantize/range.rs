@@ -66,25 +66,13 @@ const COLOR_REACH: f64 = 32.0;
 
 /// The encoding of raw density.
 pub fn density_encoding(bits: Bits, activation: &Activation) -> Encoding {
-    let (number, count) = bits.number();
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     let slope = activate::opacity_slope(interval);
-    let mut encoding = Encoding {
-        number,
-        bits: count,
-        center: 0.0,
-        step: 0.0,
-        curve: 0.0,
-        empty: EMPTY_DENSITY,
-        empty_code: false,
-        decode: Decode::RawDensity,
-        // With x = raw + shift, |raw| <= |x| + |shift|. The slope times |x| is at most 1/e for x > 0,
-        // where sigma >= x, and (1 + max(0, ln interval)) / e below.
-        max_error: float_error(
-            number,
-            (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope,
-        ),
-    };
+    // With x = raw + shift, |raw| <= |x| + |shift|. The slope times |x| is at most 1/e for x > 0,
+    // where sigma >= x, and (1 + max(0, ln interval)) / e below.
+    let slope_times_value =
+        (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope;
+    let mut encoding = float_encoding(bits, Decode::RawDensity, EMPTY_DENSITY, slope_times_value);
     if let Bits::Integer(_) = bits {
         // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
         let center = -libm::log(interval) - shift;
@@ -131,19 +119,8 @@ pub fn unneeded_density(alpha_threshold: f32, activation: &Activation) -> f32 {
 
 /// The encoding of raw colour or features.
 pub fn color_encoding(bits: Bits) -> Encoding {
-    let (number, count) = bits.number();
-    let mut encoding = Encoding {
-        number,
-        bits: count,
-        center: 0.0,
-        step: 0.0,
-        curve: 0.0,
-        empty: 0.0,
-        empty_code: false,
-        decode: Decode::Logit,
-        // The sigmoid's slope times its argument is at most 0.224.
-        max_error: float_error(number, 0.224),
-    };
+    // The sigmoid's slope times its argument is at most 0.224.
+    let mut encoding = float_encoding(bits, Decode::Logit, 0.0, 0.224);
     if let Bits::Integer(_) = bits {
         set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_REACH);
         encoding.max_error = bound(&encoding, activate::sigmoid);
@@ -151,13 +128,26 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     encoding
 }
 
-/// How far a value's activation moves when it is stored as a float of a type: not at all as f32;
-/// as f16 by `2^-11` of the value's magnitude, which `slope_times_value` bounds once multiplied by
-/// the activation's slope there. Doubled for values that are subnormal in f16.
-fn float_error(number: NumberType, slope_times_value: f64) -> f32 {
-    match number {
+/// An encoding as floats have it; integers get their codes after. A value's activation does not move
+/// at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
+/// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
+/// that are subnormal in f16.
+fn float_encoding(bits: Bits, decode: Decode, empty: f32, slope_times_value: f64) -> Encoding {
+    let (number, count) = bits.number();
+    let max_error = match number {
         NumberType::F16 => round_up(2.0 * slope_times_value / 2048.0),
         _ => 0.0,
+    };
+    Encoding {
+        number,
+        bits: count,
+        center: 0.0,
+        step: 0.0,
+        curve: 0.0,
+        empty,
+        empty_code: false,
+        decode,
+        max_error,
     }
 }
 

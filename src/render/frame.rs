@@ -7,6 +7,7 @@ use super::view::{Field, View};
 use crate::camera::{Camera, Lens};
 use crate::error::Result;
 use crate::parallel;
+use crate::picture::box_means;
 use crate::progress::Progress;
 use crate::sample::Sample;
 use crate::view_mlp::RAYS;
@@ -214,30 +215,22 @@ impl Frame {
         if factor == 1 {
             return self;
         }
-        let (width, height) = (self.width / factor, self.height / factor);
-        let mut small = Self::black(width, height, self.channels);
+        let size = [self.width, self.height];
+        let means =
+            |of: &dyn Fn(usize) -> f32| -> Vec<f32> { box_means(size, factor, of).collect() };
+        let mut small = Self::black(self.width / factor, self.height / factor, self.channels);
         small.statistics = self.statistics;
-        let share = 1.0 / (factor * factor) as f64;
-        let mean = |of: &dyn Fn(usize) -> f32, x: usize, y: usize| {
-            let mut sum = 0.0;
-            for row in y * factor..(y + 1) * factor {
-                for column in x * factor..(x + 1) * factor {
-                    sum += f64::from(of(row * self.width + column));
-                }
-            }
-            (sum * share) as f32
-        };
-        for y in 0..height {
-            for x in 0..width {
-                let pixel = y * width + x;
-                small.color[pixel] = [0, 1, 2].map(|c| mean(&|from| self.color[from][c], x, y));
-                small.transmittance[pixel] = mean(&|from| self.transmittance[from], x, y);
-                small.distance[pixel] = mean(&|from| self.distance[from], x, y);
-                small.level[pixel] = mean(&|from| self.level[from], x, y);
-                for channel in 0..self.channels {
-                    small.accumulated[pixel * self.channels + channel] =
-                        mean(&|from| self.accumulated[from * self.channels + channel], x, y);
-                }
+        small.transmittance = means(&|pixel| self.transmittance[pixel]);
+        small.distance = means(&|pixel| self.distance[pixel]);
+        small.level = means(&|pixel| self.level[pixel]);
+        for channel in 0..3 {
+            let values = means(&|pixel| self.color[pixel][channel]);
+            small.color.iter_mut().zip(values).for_each(|(pixel, value)| pixel[channel] = value);
+        }
+        for channel in 0..self.channels {
+            let values = means(&|pixel| self.accumulated[pixel * self.channels + channel]);
+            for (pixel, value) in small.accumulated.chunks_exact_mut(self.channels).zip(values) {
+                pixel[channel] = value;
             }
         }
         small

@@ -74,7 +74,7 @@ pub fn march<const C: usize, S: Sample<C> + ?Sized>(
     gathered.steps = (path.last - path.first) as u32 + 1;
     let footprint = aside.and_then(|aside| {
         let rule = view.level_of_detail.as_ref()?;
-        let sides = aside.map(|other| offsets(view, rule.aside, ray, &other));
+        let sides = aside.map(|other| path.offsets(view, rule.aside, &other));
         Some(Footprint::new(sides, rule, field.levels()))
     });
     let constant = match (&footprint, fixed_level) {
@@ -133,9 +133,9 @@ pub fn march<const C: usize, S: Sample<C> + ?Sized>(
 impl Path {
     /// Where the ray samples the box; none if it misses it.
     fn new(view: &View, ray: &Ray) -> Option<Self> {
-        let (start, step) = entry(view, ray);
-        let length = ray.direction.length();
-        let t_step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size) / length;
+        let (entry, length) = (entry_t(view, ray), ray.direction.length());
+        let t_step = step_world(view) / length;
+        let (start, step) = samples(view, ray, entry, t_step);
         let most = view.nodes.0.map(|size| (size + 1) as f64);
         let most = (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt();
         // The first and the last sample inside, along every axis.
@@ -152,12 +152,29 @@ impl Path {
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b).floor());
         }
-        let entry = entry_t(view, ray);
         (first <= last).then_some(Self { start, step, first, last, entry, t_step, length })
     }
 
     fn position(&self, k: f64) -> [f64; 3] {
         [0, 1, 2].map(|axis| (self.start[axis] + k * self.step[axis]).clamp(0.0, 1.0))
+    }
+
+    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample
+    /// 0, and its growth with each step.
+    fn offsets(&self, view: &View, aside: Aside, other: &Ray) -> [[f64; 3]; 2] {
+        let (start, step) = match aside {
+            Aside::SameIndex => {
+                let t_step = step_world(view) / other.direction.length();
+                samples(view, other, entry_t(view, other), t_step)
+            }
+            Aside::SameDistance => samples(view, other, self.entry, self.t_step),
+        };
+        // Positions are shares of the box, which is N voxels along an axis.
+        let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
+        [
+            [0, 1, 2].map(|axis| (start[axis] - self.start[axis]) * voxels(axis)),
+            [0, 1, 2].map(|axis| (step[axis] - self.step[axis]) * voxels(axis)),
+        ]
     }
 }
 
@@ -190,36 +207,18 @@ fn entry_t(view: &View, ray: &Ray) -> f64 {
     entry.max(f64::from(view.march.near)).min(far)
 }
 
-/// Sample 0 and the way from one sample to the next, `0..=1` along each axis of the box.
-fn entry(view: &View, ray: &Ray) -> ([f64; 3], [f64; 3]) {
-    from_entry(view, ray, entry_t(view, ray), ray.direction.length())
+/// Length of a step in world units.
+fn step_world(view: &View) -> f64 {
+    f64::from(view.march.stepsize) * f64::from(view.march.voxel_size)
 }
 
-/// The same for samples that start at `t = entry` and are a step apart on a ray whose direction is
-/// `length` long.
-fn from_entry(view: &View, ray: &Ray, entry: f64, length: f64) -> ([f64; 3], [f64; 3]) {
-    let world_step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
-    let t_step = world_step / length;
+/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along each
+/// axis of the box.
+fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
     let extent = view.bounds.extent();
     let start =
         [0, 1, 2].map(|axis| view.to_box(axis, ray.origin[axis] + ray.direction[axis] * entry));
     (start, [0, 1, 2].map(|axis| ray.direction[axis] * t_step / extent[axis]))
-}
-
-/// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample 0,
-/// and its growth with each step.
-fn offsets(view: &View, aside: Aside, ray: &Ray, other: &Ray) -> [[f64; 3]; 2] {
-    let (start, step) = entry(view, ray);
-    let (other_start, other_step) = match aside {
-        Aside::SameIndex => entry(view, other),
-        Aside::SameDistance => from_entry(view, other, entry_t(view, ray), ray.direction.length()),
-    };
-    // Positions are shares of the box, which is N voxels along an axis.
-    let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
-    [
-        [0, 1, 2].map(|axis| (other_start[axis] - start[axis]) * voxels(axis)),
-        [0, 1, 2].map(|axis| (other_step[axis] - step[axis]) * voxels(axis)),
-    ]
 }
 
 impl Packet {

@@ -91,13 +91,6 @@ impl SkipGrid {
         }
         least
     }
-
-    /// The share of macro cells that samples at `level` skip.
-    pub fn empty_share(&self, level: usize) -> f64 {
-        let cells = &self.levels[level];
-        let empty = cells.iter().filter(|&&cell| cell == Macro::Empty).count();
-        empty as f64 / cells.len().max(1) as f64
-    }
 }
 
 /// Marks the macro cells that a level's marked blocks overlap. `blocks` are marked by their numbers,

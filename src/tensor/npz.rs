@@ -143,18 +143,7 @@ fn element(descr: &str, name: &str) -> Result<Element> {
             "little-endian f2, f4, f8, or b1, u1, i1, i2, i4, i8",
         )
     };
-    Ok(match descr.trim_start_matches(['<', '|', '=']) {
-        "f2" => Element::F16,
-        "f4" => Element::F32,
-        "f8" => Element::F64,
-        "b1" => Element::Bool,
-        "u1" => Element::U8,
-        "i1" => Element::I8,
-        "i2" => Element::I16,
-        "i4" => Element::I32,
-        "i8" => Element::I64,
-        _ => return Err(unsupported()),
-    })
+    Element::from_numpy(descr.trim_start_matches(['<', '|', '='])).ok_or_else(unsupported)
 }
 
 /// What an array's header says.

@@ -7,6 +7,7 @@ use super::node::{Allowance, Arena, Array, Id, Node, node};
 use super::numpy;
 use crate::bytes::Storage;
 use crate::error::{Error, Place, Result};
+use crate::grid::Element;
 use crate::limits::{self, Limits};
 
 /// Values inside values, at most. State dictionaries need about six.
@@ -117,7 +118,7 @@ impl Copier<'_, '_> {
             };
         }
         self.count_tensor()?;
-        let element = numpy::element(&array.code).ok_or_else(unsupported)?;
+        let element = Element::from_numpy(&array.code).ok_or_else(unsupported)?;
         let data = Data::Stored(Storage::Memory(array.bytes.clone()));
         let make = if array.fortran { Tensor::fortran } else { Tensor::dense };
         let tensor = make(self.path.clone(), element, array.shape.clone(), data)?;

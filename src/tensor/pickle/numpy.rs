@@ -3,23 +3,6 @@
 use super::machine::Machine;
 use super::node::{Array, Id, Node};
 use crate::error::{Error, Result};
-use crate::grid::Element;
-
-/// The element of a NumPy type, if tensors know it.
-pub(super) fn element(code: &str) -> Option<Element> {
-    Some(match code {
-        "f2" => Element::F16,
-        "f4" => Element::F32,
-        "f8" => Element::F64,
-        "b1" => Element::Bool,
-        "u1" => Element::U8,
-        "i1" => Element::I8,
-        "i2" => Element::I16,
-        "i4" => Element::I32,
-        "i8" => Element::I64,
-        _ => return None,
-    })
-}
 
 /// The number that `bytes` spell in a NumPy type.
 pub(super) fn number(code: &str, bytes: &[u8]) -> Option<Node<'static>> {
