@@ -12,9 +12,11 @@
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
-    // Adding and subtracting 1.5 * 2^23 rounds to nearest without a library call.
+    // Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
+    // bits: a conversion would saturate, which compilers do one lane at a time.
     const ROUNDER: f32 = 12_582_912.0;
-    let n = (x * std::f32::consts::LOG2_E + ROUNDER) - ROUNDER;
+    let rounded = x * std::f32::consts::LOG2_E + ROUNDER;
+    let n = rounded - ROUNDER;
     // ln 2 in two parts, the first exact in products with small integers.
     let r = (x - n * 0.693_359_4) + n * 2.121_944_4e-4;
     let p = 1.0 / 720.0;
@@ -23,7 +25,7 @@ pub fn exp(x: f32) -> f32 {
     let p = p * r + 1.0 / 6.0;
     let p = p * r + 0.5;
     let p = (p * r) * r + r + 1.0;
-    p * f32::from_bits(((n as i32 + 127) << 23) as u32)
+    p * f32::from_bits(rounded.to_bits().wrapping_add(127) << 23)
 }
 
 /// `ln(1 + exp(x))`: `max(x, 0) + 2 atanh(y / (2 + y))` with `y = exp(-|x|)`, the series to z^13.

@@ -40,7 +40,7 @@ use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::mips::{Cascade, Regions};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, Pruned};
-use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
+use crate::quantize::{Bits, color_encoding, density_encoding};
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
@@ -267,7 +267,7 @@ fn encode_levels(
     let filtered = if options.filter.filters_density() { 0..channels } else { 1..channels };
     let encode_options = EncodeOptions {
         features: metadata.features,
-        unneeded_density: unneeded_density(metadata.alpha_threshold, &metadata.activation),
+        unneeded_density: metadata.activation.unseen_raw(),
         zstd_level: options.zstd_level,
     };
     let mut encoders = Vec::new();

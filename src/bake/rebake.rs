@@ -19,7 +19,7 @@ use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
 use crate::progress::{Progress, Step};
-use crate::quantize::{Bits, color_encoding, density_encoding, unneeded_density};
+use crate::quantize::{Bits, color_encoding, density_encoding};
 use crate::unpack::{Unpacked, UnpackedLevel};
 
 /// What to change of an unpacked container.
@@ -159,7 +159,7 @@ fn encode_level(
     let needed = NodeMask::full(level.table.grid().nodes);
     let options = EncodeOptions {
         features: metadata.features,
-        unneeded_density: unneeded_density(metadata.alpha_threshold, &metadata.activation),
+        unneeded_density: metadata.activation.unseen_raw(),
         zstd_level,
     };
     let encodings = Group::ALL.map(|group| of_level.encoding(group));

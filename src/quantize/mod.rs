@@ -3,7 +3,7 @@
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`code`] turns
 //! values into integer codes and back, [`predict`] turns a block's codes into residuals that
 //! compress well. Nodes that nobody needs hold what costs least, the predicted code, but density
-//! far below the opacity threshold ([`unneeded_density`]).
+//! far below the opacity threshold ([`crate::field::Activation::unseen_raw`]).
 
 mod block;
 mod code;
@@ -13,4 +13,4 @@ mod range;
 pub use block::{BlockEncoder, BlockSource};
 pub use code::decode_codes;
 pub use predict::{residual_bytes, unpredict};
-pub use range::{Bits, color_encoding, density_encoding, unneeded_density};
+pub use range::{Bits, color_encoding, density_encoding};

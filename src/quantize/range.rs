@@ -110,13 +110,6 @@ fn bound(encoding: &Encoding, activation: impl Fn(f64) -> f64) -> f32 {
     round_up(most)
 }
 
-/// Raw density up to which nodes that nobody needs may be filled: a hundredth of the opacity at
-/// which blocks are kept, so that a ray through many of them loses nothing that shows.
-pub fn unneeded_density(alpha_threshold: f32, activation: &Activation) -> f32 {
-    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-    activate::raw_at_opacity(0.01 * f64::from(alpha_threshold), shift, interval) as f32
-}
-
 /// The encoding of raw colour or features.
 pub fn color_encoding(bits: Bits) -> Encoding {
     // The sigmoid's slope times its argument is at most 0.224.

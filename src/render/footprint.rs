@@ -25,21 +25,42 @@ impl Footprint {
         Self { sides, factor: rule.factor, bias: rule.bias, last }
     }
 
+    /// A level that does not depend on the footprint.
+    pub fn fixed(level: usize) -> Self {
+        let bias = level as f32;
+        Self { sides: [[[0.0; 3]; 2]; 2], factor: 0.0, bias, last: bias }
+    }
+
     /// The fractional level of sample `k`.
     pub fn lambda(&self, k: f64) -> f32 {
         let squares = self.sides.map(|[start, step]| {
-            (0..3).map(|axis| start[axis] + k * step[axis]).map(|offset| offset * offset).sum()
+            let [x, y, z] = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
+            x * x + y * y + z * z
         });
-        let square: f64 = f64::max(squares[0], squares[1]);
+        self.level(f64::max(squares[0], squares[1]))
+    }
+
+    /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
+    pub fn range(&self, first: f64, last: f64) -> [f32; 2] {
+        if self.factor == 0.0 {
+            return [self.bias; 2];
+        }
+        // Each side's square is convex: largest at an end, least at its vertex.
+        let most = self.lambda(first).max(self.lambda(last));
+        let least = self.sides.map(|[start, step]| {
+            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let vertex = -dot(start, step) / dot(step, step).max(f64::MIN_POSITIVE);
+            let k = vertex.clamp(first, last);
+            let offset = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
+            dot(offset, offset)
+        });
+        [self.level(f64::max(least[0], least[1])).min(most), most]
+    }
+
+    /// The level of a footprint whose square is this.
+    fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
         let log = 0.5 * square.max(f64::MIN_POSITIVE).log2() as f32;
         (self.factor * log + self.bias).clamp(0.0, self.last)
-    }
-
-    /// The level of all samples from `first` to `last`, if it is the same.
-    pub fn constant(&self, first: f64, last: f64) -> Option<f32> {
-        // rho^2 is convex in k, so it is largest at an end; small there, it is small between.
-        let (a, b) = (self.lambda(first), self.lambda(last));
-        (self.last == 0.0 || (a == 0.0 && b == 0.0)).then_some(0.0)
     }
 }

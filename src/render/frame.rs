@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::parallel;
 use crate::picture::box_means;
 use crate::progress::Progress;
-use crate::sample::Sample;
+use crate::sample::{Sample, Stored};
 use crate::view_mlp::RAYS;
 
 /// Pixels along a tile's edge. Neighbouring rays read the same blocks.
@@ -92,9 +92,9 @@ pub fn render(
     camera.check()?;
     let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
     let frame = match field {
-        Field::Lanes4(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
-        Field::Lanes8(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
-        Field::Lanes16(view, sample) => render_lanes(view, sample.as_ref(), &fine, options)?,
+        Field::Lanes4(view, stored) => render_lanes(view, stored, &fine, options)?,
+        Field::Lanes8(view, stored) => render_lanes(view, stored, &fine, options)?,
+        Field::Lanes16(view, stored) => render_lanes(view, stored, &fine, options)?,
     };
     progress.advance(crate::progress::Step::Render, 1);
     Ok(frame.box_downsampled(options.supersample))
@@ -108,9 +108,22 @@ struct Tile<const C: usize> {
     specular: Vec<[f32; 3]>,
 }
 
+/// Chooses the code for the kind of values here, once a picture and not once a sample.
 fn render_lanes<const C: usize>(
     view: &View,
-    field: &dyn Sample<C>,
+    stored: &Stored<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+) -> Result<Frame> {
+    match stored {
+        Stored::Dense(field) => render_tiles(view, field, camera, options),
+        Stored::Sparse(field) => render_tiles(view, field, camera, options),
+    }
+}
+
+fn render_tiles<const C: usize>(
+    view: &View,
+    field: &impl Sample<C>,
     camera: &Camera,
     options: &FrameOptions,
 ) -> Result<Frame> {
@@ -131,7 +144,7 @@ fn render_lanes<const C: usize>(
 
 fn render_tile<const C: usize>(
     view: &View,
-    field: &dyn Sample<C>,
+    field: &impl Sample<C>,
     camera: &Camera,
     options: &FrameOptions,
     origin: [usize; 2],

@@ -2,14 +2,16 @@
 //!
 //! One code path above [`crate::sample::Sample`]. [`view`] turns what a trained scene or a
 //! container's metadata says into one set of rules; [`march`] follows a ray: level of detail from
-//! the pixel's footprint, jumps over what cannot be seen, packets of samples whose activations are
-//! vector instructions, transmittance as accumulated optical depth; [`frame`] renders tiles of a
+//! the pixel's footprint, jumps over what cannot be seen, transmittance as accumulated optical depth;
+//! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles of a
 //! picture in parallel and adds the view-dependent colour, many rays at a time. The picture does not
 //! depend on the number of threads.
 
 mod footprint;
 mod frame;
 mod march;
+mod packet;
+mod path;
 mod view;
 
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};

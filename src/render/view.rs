@@ -5,7 +5,7 @@ use crate::error::{Error, Place, Result};
 use crate::field::{Activation, FreeSpace, March, RadianceField};
 use crate::grid::{Bounds, Nodes};
 use crate::limits::Limits;
-use crate::sample::{Dense, Levels, Sample, Sparse};
+use crate::sample::{Dense, Levels, Sparse, Stored};
 use crate::view_mlp::ViewMlp;
 
 /// Everything but the values between nodes.
@@ -34,11 +34,11 @@ pub struct View {
 /// A field to be rendered: rules, and values in as many lanes as its channels need.
 pub enum Field {
     /// Diffuse colour only.
-    Lanes4(View, Box<dyn Sample<4>>),
+    Lanes4(View, Stored<4>),
     /// Up to 5 features.
-    Lanes8(View, Box<dyn Sample<8>>),
+    Lanes8(View, Stored<8>),
     /// Up to 13 features.
-    Lanes16(View, Box<dyn Sample<16>>),
+    Lanes16(View, Stored<16>),
 }
 
 impl Field {
@@ -63,9 +63,9 @@ impl Field {
         };
         let levels = levels.map_or(Levels::FINEST, |(levels, _)| levels);
         Ok(match features {
-            0..=1 => Self::Lanes4(view, Box::new(Dense::new(field, levels, limits)?)),
-            2..=5 => Self::Lanes8(view, Box::new(Dense::new(field, levels, limits)?)),
-            6..=13 => Self::Lanes16(view, Box::new(Dense::new(field, levels, limits)?)),
+            0..=1 => Self::Lanes4(view, Stored::Dense(Dense::new(field, levels, limits)?)),
+            2..=5 => Self::Lanes8(view, Stored::Dense(Dense::new(field, levels, limits)?)),
+            6..=13 => Self::Lanes16(view, Stored::Dense(Dense::new(field, levels, limits)?)),
             _ => return Err(too_many(features)),
         })
     }
@@ -74,9 +74,9 @@ impl Field {
     pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
         let view = View::of_metadata(&field.metadata, field);
         Ok(match view.features {
-            0..=1 => Self::Lanes4(view, Box::new(Sparse::new(field, limits)?)),
-            2..=5 => Self::Lanes8(view, Box::new(Sparse::new(field, limits)?)),
-            6..=13 => Self::Lanes16(view, Box::new(Sparse::new(field, limits)?)),
+            0..=1 => Self::Lanes4(view, Stored::Sparse(Sparse::new(field, limits)?)),
+            2..=5 => Self::Lanes8(view, Stored::Sparse(Sparse::new(field, limits)?)),
+            6..=13 => Self::Lanes16(view, Stored::Sparse(Sparse::new(field, limits)?)),
             features => return Err(too_many(features)),
         })
     }

@@ -1,21 +1,17 @@
 //! A field as trained, in memory.
 
 use super::level::{Cell, Values, split};
-use super::skip::{SkipGrid, mark_blocks};
+use super::skip::{SeenCells, SkipGrid};
 use super::{Sample, interpolated_density};
-use crate::activate;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{Activation, EMPTY_DENSITY, Nonfinite, RadianceField};
-use crate::grid::{BlockGrid, NodeMask, Nodes};
+use crate::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
+use crate::grid::{NodeMask, Nodes};
 use crate::limits::{Budget, Limits};
 use crate::mips::{Cascade, Kernel, Regions, level_sizes};
 use crate::prune;
 
-/// Opacity up to which a sample of a trained field is not looked at: 10^4 of them move a picture by
-/// less than a part in 10^6.
-const UNSEEN: f64 = 1e-10;
-/// Level-0 cells along a macro cell's edge.
-const MACRO_EDGE: usize = 8;
+/// Planes of level 0 that are filtered together.
+const SLAB: usize = 8;
 
 /// Coarser levels to make of a trained field.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,13 +56,24 @@ impl<const C: usize> Dense<C> {
             values.push(Values { density, color: vec![[0.0; C]; count], strides });
         }
         fill(field, levels, &nodes, &mut values)?;
-        let seen = seen(&field.scene.activation, &nodes, &values);
-        for values in &mut values {
-            let raw = values.density.iter_mut().flatten();
-            raw.for_each(|raw| *raw = interpolated_density(&field.scene.activation, *raw));
+        let activation = &field.scene.activation;
+        let mut seen: Vec<Vec<bool>> = Vec::new();
+        for (&nodes_of_level, values) in nodes.iter().zip(&mut values) {
+            let Some(density) = &mut values.density else {
+                // Colour alone: what level 0 shows.
+                seen.push(seen[0].clone());
+                continue;
+            };
+            let mut cells = SeenCells::new(nodes_of_level, nodes[0], activation);
+            let [nx, ny, nz] = nodes_of_level.0;
+            let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
+            for (i, value) in density.iter_mut().enumerate() {
+                *value = interpolated_density(activation, *value);
+                cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
+            }
+            seen.push(cells.finish(nodes[0]));
         }
-        let (bounds, mask) = (&field.scene.bounds, field.free_space.as_ref());
-        let skip = SkipGrid::new(nodes[0], MACRO_EDGE, bounds, mask, seen)?;
+        let skip = SkipGrid::new(nodes[0], &field.scene.bounds, field.free_space.as_ref(), &seen)?;
         Ok(Self { nodes, values, skip })
     }
 }
@@ -84,7 +91,7 @@ impl<const C: usize> Sample<C> for Dense<C> {
     }
 
     #[inline(always)]
-    fn density(&self, level: usize, cell: &Cell) -> Option<f32> {
+    fn density(&self, level: usize, cell: &Cell) -> f32 {
         self.values[level].density(cell)
     }
 
@@ -122,7 +129,7 @@ fn fill<const C: usize>(
     let whole = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
     let regions = Regions::new(whole, levels.kernel)?;
     let filtered = if levels.density { 0..channels } else { 1..channels };
-    Cascade::new(&regions, channels, filtered, MACRO_EDGE).run(
+    Cascade::new(&regions, channels, filtered, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| {
             let Values { density, color, strides } = &mut values[level];
@@ -148,38 +155,4 @@ fn fill<const C: usize>(
         ErrorKind::NonFinite { .. } => error,
         _ => Error::malformed(Place::File, error.to_string(), "a readable field"),
     })
-}
-
-/// The macro cells of each level in which a sample may have any opacity worth looking at.
-fn seen<const C: usize>(
-    activation: &Activation,
-    nodes: &[Nodes],
-    values: &[Values<C>],
-) -> Vec<Vec<bool>> {
-    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-    let limit = activate::raw_at_opacity(UNSEEN, shift, interval) as f32;
-    let finest = nodes[0];
-    let mut all: Vec<Vec<bool>> = Vec::new();
-    for (&nodes, values) in nodes.iter().zip(values) {
-        let Some(density) = &values.density else {
-            // Colour alone: what level 0 shows.
-            all.push(all[0].clone());
-            continue;
-        };
-        let grid = BlockGrid { nodes, edge: MACRO_EDGE };
-        let [_, by, bz] = grid.counts();
-        let mut blocks = vec![false; grid.total()];
-        for (i, _) in density.iter().enumerate().filter(|(_, raw)| **raw > limit) {
-            let [_, ny, nz] = nodes.0;
-            // A node is a corner of the cells of its own block and of those below it.
-            let at = [i / nz / ny, i / nz % ny, i % nz];
-            for corner in 0..8usize {
-                let lowest = [0, 1, 2].map(|axis| at[axis].saturating_sub(corner >> axis & 1));
-                let [x, y, z] = lowest.map(|node| node / MACRO_EDGE);
-                blocks[(x * by + y) * bz + z] = true;
-            }
-        }
-        all.push(mark_blocks(&blocks, nodes, MACRO_EDGE, finest, MACRO_EDGE));
-    }
-    all
 }

@@ -12,12 +12,14 @@ pub struct Cell {
 /// Values of nodes, and the distances of neighbours along x and y (along z it is 1).
 #[derive(Debug, Clone)]
 pub struct Values<const C: usize> {
+    /// None where the level has no density of its own.
     pub density: Option<Vec<f32>>,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],
 }
 
 /// The lowest node of a position's cell along one axis of `nodes`, and the place in it.
+#[inline(always)]
 pub fn split(position: f64, nodes: usize) -> (usize, f32) {
     let at = position * (nodes - 1) as f64;
     let low = (at as usize).min(nodes - 2);
@@ -30,10 +32,10 @@ impl<const C: usize> Values<C> {
         [node, node + y, node + x, node + x + y]
     }
 
-    /// Interpolated density.
+    /// Interpolated density, of a level that has it.
     #[inline(always)]
-    pub fn density(&self, cell: &Cell) -> Option<f32> {
-        let density = self.density.as_ref()?;
+    pub fn density(&self, cell: &Cell) -> f32 {
+        let density = self.density.as_deref().unwrap_or_default();
         let [fx, fy, fz] = cell.fraction;
         let along_z = self.corners(cell.node).map(|node| {
             let pair = &density[node..node + 2];
@@ -41,7 +43,7 @@ impl<const C: usize> Values<C> {
         });
         let low = along_z[0] + (along_z[1] - along_z[0]) * fy;
         let high = along_z[2] + (along_z[3] - along_z[2]) * fy;
-        Some(low + (high - low) * fx)
+        low + (high - low) * fx
     }
 
     /// Interpolated colour.

@@ -29,8 +29,8 @@ pub trait Sample<const C: usize>: Sync {
     /// The cell of a position, `0..=1` along each axis of the box; none where nothing is stored.
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell>;
 
-    /// Interpolated density of a located cell; none if the level has no density.
-    fn density(&self, level: usize, cell: &Cell) -> Option<f32>;
+    /// Interpolated density of a located cell of a level that has density.
+    fn density(&self, level: usize, cell: &Cell) -> f32;
 
     /// Interpolated raw colour and features of a located cell.
     fn color(&self, level: usize, cell: &Cell) -> [f32; C];
@@ -43,6 +43,15 @@ pub trait Sample<const C: usize>: Sync {
 
     /// What can be skipped.
     fn skip(&self) -> &SkipGrid;
+}
+
+/// Values of either kind.
+#[derive(Debug)]
+pub enum Stored<const C: usize> {
+    /// As trained.
+    Dense(Dense<C>),
+    /// Baked.
+    Sparse(Sparse<C>),
 }
 
 /// A node's density as it is interpolated.

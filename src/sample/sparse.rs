@@ -6,11 +6,12 @@
 //! next block is not stored the apron holds the level's empty values.
 
 use super::level::{Cell, Values, split};
-use super::skip::{SkipGrid, mark_blocks};
+use super::skip::{SeenCells, SkipGrid};
 use super::{Sample, interpolated_density};
-use crate::baked::{BakedField, BakedLevel, Group, LevelMetadata, Occupancy};
+use crate::baked::{BakedField, BakedLevel, Group, LevelMetadata};
 use crate::error::{Error, Place, Result};
 use crate::field::Activation;
+use crate::grid::Nodes;
 use crate::limits::{Budget, Limits};
 use crate::parallel;
 use crate::quantize::decode_codes;
@@ -28,10 +29,13 @@ pub struct Sparse<const C: usize> {
 #[derive(Debug)]
 struct Level<const C: usize> {
     sizes: [usize; 3],
-    edge: usize,
-    block_counts: [usize; 3],
+    /// For each node along each axis, what it adds to the number of its block, and to its own number
+    /// in its frame: divisions that rays would repeat.
+    parts: [Vec<[u32; 2]>; 3],
     /// Frame of each block, or [`NO_FRAME`].
     frames: Vec<u32>,
+    /// Nodes of a frame with its apron.
+    frame_nodes: usize,
     empty_density: f32,
     values: Values<C>,
 }
@@ -47,26 +51,19 @@ impl<const C: usize> Sparse<C> {
         let mut budget = Budget::new(limits);
         let mut levels = Vec::new();
         let mut seen: Vec<Vec<bool>> = Vec::new();
-        let finest = metadata.levels[0].grid();
+        let finest = metadata.levels[0].grid().nodes;
         for (level, of_level) in field.levels.iter().zip(&metadata.levels) {
-            let stored: Vec<bool> =
-                level.table.occupancy().iter().map(|&b| b == Occupancy::Stored).collect();
-            let grid = of_level.grid();
-            seen.push(match of_level.density {
-                Some(_) => mark_blocks(&stored, grid.nodes, grid.edge, finest.nodes, finest.edge),
+            let (activation, features) = (&metadata.activation, metadata.features);
+            let decoded = Level::new(level, of_level, activation, features, &mut budget)?;
+            seen.push(match decoded.seen(level, of_level, finest, activation) {
+                Some(cells) => cells.finish(finest),
                 // Colour alone: what level 0 shows.
                 None => seen[0].clone(),
             });
-            levels.push(Level::new(
-                level,
-                of_level,
-                &metadata.activation,
-                metadata.features,
-                &mut budget,
-            )?);
+            levels.push(decoded);
         }
         let mask = field.free_space.as_ref();
-        let skip = SkipGrid::new(finest.nodes, finest.edge, &metadata.bounds, mask, seen)?;
+        let skip = SkipGrid::new(finest, &metadata.bounds, mask, &seen)?;
         Ok(Self { levels, skip })
     }
 }
@@ -79,21 +76,21 @@ impl<const C: usize> Sample<C> for Sparse<C> {
     #[inline(always)]
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
         let level = &self.levels[level];
-        let edge = level.edge;
-        let [(x, fx), (y, fy), (z, fz)] = [0, 1, 2].map(|a| split(position[a], level.sizes[a]));
-        let [_, by, bz] = level.block_counts;
-        let block = (x / edge * by + y / edge) * bz + z / edge;
-        let frame = level.frames[block];
+        let [px, py, pz] = position;
+        let [sx, sy, sz] = level.sizes;
+        let [(x, fx), (y, fy), (z, fz)] = [split(px, sx), split(py, sy), split(pz, sz)];
+        let [xs, ys, zs] = &level.parts;
+        let (x, y, z) = (xs[x], ys[y], zs[z]);
+        let frame = level.frames[(x[0] + y[0] + z[0]) as usize];
         if frame == NO_FRAME {
             return None;
         }
-        let side = edge + 1;
-        let node = ((frame as usize * side + x % edge) * side + y % edge) * side + z % edge;
+        let node = frame as usize * level.frame_nodes + (x[1] + y[1] + z[1]) as usize;
         Some(Cell { node, fraction: [fx, fy, fz] })
     }
 
     #[inline(always)]
-    fn density(&self, level: usize, cell: &Cell) -> Option<f32> {
+    fn density(&self, level: usize, cell: &Cell) -> f32 {
         self.levels[level].values.density(cell)
     }
 
@@ -172,14 +169,43 @@ impl<const C: usize> Level<C> {
         let density = has_density.then(|| decoded.iter().flat_map(|(d, _)| d).copied().collect());
         let color = decoded.iter().flat_map(|(_, color)| color).copied().collect();
         let values = Values { density, color, strides: [side * side, side] };
-        Ok(Self {
-            sizes: grid.nodes.0,
-            edge: grid.edge,
-            block_counts: grid.counts(),
-            frames,
-            empty_density,
-            values,
-        })
+        let strides = [[by * bz, side * side], [bz, side], [1, 1]];
+        let parts = [0, 1, 2].map(|axis| {
+            let part = |node: usize| {
+                let [block, inside] = [node / grid.edge, node % grid.edge];
+                [(block * strides[axis][0]) as u32, (inside * strides[axis][1]) as u32]
+            };
+            (0..grid.nodes.0[axis]).map(part).collect()
+        });
+        Ok(Self { sizes: grid.nodes.0, parts, frames, frame_nodes: nodes, empty_density, values })
+    }
+
+    /// Where the level can be seen; none if it has no density.
+    fn seen(
+        &self,
+        level: &BakedLevel,
+        metadata: &LevelMetadata,
+        finest: Nodes,
+        activation: &Activation,
+    ) -> Option<SeenCells> {
+        let density = self.values.density.as_ref()?;
+        let grid = metadata.grid();
+        let mut cells = SeenCells::new(grid.nodes, finest, activation);
+        let [plane, row] = self.values.strides;
+        for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
+            let first = place.map(|block| block * grid.edge);
+            let end = [0, 1, 2].map(|axis| (first[axis] + grid.edge).min(grid.nodes.0[axis] - 1));
+            if (0..3).any(|axis| first[axis] == end[axis]) {
+                // Only the last nodes of an axis, which are no cell's lowest.
+                continue;
+            }
+            for (i, &value) in frame.iter().enumerate() {
+                let inside = [i / plane, i % plane / row, i % row];
+                let at = [0, 1, 2].map(|axis| first[axis] + inside[axis]);
+                cells.take(at, value, [first, end]);
+            }
+        }
+        Some(cells)
     }
 }
 
