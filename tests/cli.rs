@@ -285,6 +285,32 @@ fn fields_are_rendered_and_compared() {
 }
 
 #[test]
+fn a_missed_gate_writes_nothing() {
+    let folder = folder();
+    let here = folder.path();
+    let cameras = fixture("trained/lego64/transforms_test.json").display().to_string();
+    let scene = scene();
+    let bake = ["bake", &scene, "-o", "a.mipvog", "--stepsize", "0.5"];
+    let view = ["--cameras", &cameras, "--size", "32x32", "--frames", "0"];
+    let gate = |least| [&bake[..], &view, &["--require-psnr", least]].concat();
+    let missed = run(here, &[&gate("90")[..], &["--format", "json"]].concat());
+    assert_eq!(missed.status.code(), Some(1), "{}", stderr(&missed));
+    let quality = &against_schema("bake", &missed.stdout)["quality"];
+    assert_eq!(quality["passed"], false);
+    assert!(entries(here).is_empty());
+    let passed = report(here, &gate("10"));
+    assert_eq!(passed["quality"]["passed"], true);
+    assert_eq!(passed["quality"]["errors"].as_array().map(Vec::len), Some(4));
+    assert!(here.join("a.mipvog").is_file());
+    // Cameras alone measure without a gate; a gate needs cameras, and a trained input.
+    assert!(report(here, &[&bake[..], &view, &["--force"]].concat())["quality"]["passed"] == true);
+    refused(here, &[&bake[..], &["--require-psnr", "3"]].concat(), 2, &["--cameras"]);
+    report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
+    let again = ["bake", "a.safetensors", "-o", "b.mipvog", "--turntable", "2"];
+    refused(here, &again, 2, &["trained input"]);
+}
+
+#[test]
 fn cameras_that_cannot_be_are_refused() {
     let folder = folder();
     let here = folder.path();

@@ -77,6 +77,11 @@ impl Output {
         self.length
     }
 
+    /// Where the bytes are until [`Output::finish`].
+    pub fn written(&self) -> &Path {
+        self.temporary.path()
+    }
+
     /// Gives the file its name. Without `overwrite`, a file that appeared meanwhile stays.
     pub fn finish(self) -> Result<()> {
         let Self { temporary, path, overwrite, .. } = self;

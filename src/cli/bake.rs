@@ -8,10 +8,11 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::field::SceneArguments;
+use super::gate::{GateArguments, GateReport};
 use super::inspect::levels_text;
 use super::progress::Bar;
 use super::{Common, Outcome, readable, say, warn};
-use crate::bake::{BakeOptions, BakeReport, Changes, Filter, Origin, bake, rebake};
+use crate::bake::{BakeOptions, BakeReport, Changes, Filter, Origin, StageReport, bake, rebake};
 use crate::bytes::Output;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
@@ -62,6 +63,8 @@ pub struct Arguments {
     nonfinite: NonfiniteChoice,
     #[command(flatten)]
     scene: SceneArguments,
+    #[command(flatten)]
+    gate: GateArguments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -118,6 +121,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.apply(&mut options);
     options.check()?;
     arguments.scene.source_options().check()?;
+    arguments.gate.measures()?;
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
@@ -126,13 +130,19 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let mut output = Output::create(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
-    let (report, resolved) = match &unpacked {
-        Some(unpacked) => arguments.bake_unpacked(unpacked, &file, &options, &mut output, &bar),
+    let (report, resolved, gate) = match &unpacked {
+        Some(unpacked) => arguments
+            .bake_unpacked(unpacked, &file, &options, &mut output, &bar)
+            .map(|(report, resolved)| (report, resolved, None)),
         None => arguments.bake_trained(&file, &options, &limits, &mut output, &bar, common),
     }
     .map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
-    output.finish()?;
+    let passed = gate.as_ref().is_none_or(|gate| gate.passed);
+    // What a pipeline must not ship does not get its name.
+    if passed {
+        output.finish()?;
+    }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;
         warn(&format!("{count} values were not finite and became empty"), common);
@@ -151,7 +161,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     {
         json.extend(report);
     }
-    Outcome::new("bake", &json, arguments.text(&report, seconds, file.file.bytes_read(), common))
+    if let Some(gate) = &gate {
+        json["quality"] = json!(gate);
+    }
+    let mut text = arguments.text(&report, seconds, file.file.bytes_read(), common);
+    text += &gate.map_or_else(String::new, |gate| gate.text());
+    Ok(Outcome { failed: !passed, ..Outcome::new("bake", &json, text)? })
 }
 
 impl Arguments {
@@ -178,7 +193,7 @@ impl Arguments {
         output: &mut Output,
         bar: &Bar,
         common: &Common,
-    ) -> Result<(BakeReport, Value)> {
+    ) -> Result<(BakeReport, Value, Option<GateReport>)> {
         let source = source::open_tensors(file, &self.scene.source_options(), limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
@@ -191,7 +206,21 @@ impl Arguments {
             companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         };
-        let report = bake(&source.field, options, &origin, output, bar)?;
+        let cameras = match self.gate.measures()? {
+            true => Some(self.gate.cameras(&source.field)?),
+            false => None,
+        };
+        let mut report = bake(&source.field, options, &origin, output, bar)?;
+        let gate = match cameras {
+            Some(cameras) => {
+                let clock = Instant::now();
+                let gate = self.gate.measure(&source.field, &cameras, output, bar)?;
+                let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
+                report.stages.push(StageReport { name: "compare", seconds, bytes });
+                Some(gate)
+            }
+            None => None,
+        };
         let scene = &source.field.scene;
         let mut resolved = options.to_json();
         resolved["scene"] = json!({
@@ -200,7 +229,7 @@ impl Arguments {
             "background": scene.background,
             "mlp": source.field.view_mlp.as_ref().map(crate::view_mlp::ViewMlp::widths),
         });
-        Ok((report, resolved))
+        Ok((report, resolved, gate))
     }
 
     fn bake_unpacked(
@@ -214,9 +243,10 @@ impl Arguments {
         if self.scene.stepsize.is_some()
             || self.scene.coarse.is_some()
             || self.scene.mlp != MlpChoice::Auto
+            || self.gate.measures()?
         {
-            let message = "--stepsize, --coarse and --mlp belong to a trained input; an unpacked \
-                           container states these itself";
+            let message = "--stepsize, --coarse, --mlp and --cameras belong to a trained input, \
+                           not to an unpacked container";
             return Err(Error::usage(message));
         }
         let metadata = &unpacked.metadata;

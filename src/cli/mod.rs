@@ -6,6 +6,7 @@ mod bake;
 mod compare;
 mod document;
 mod field;
+mod gate;
 mod inspect;
 mod progress;
 mod render;

@@ -59,7 +59,7 @@ pub struct Arguments {
 #[derive(Debug, Clone, Args)]
 pub struct CameraArguments {
     /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's
-    #[arg(long, value_name = "FILE", required_unless_present = "turntable")]
+    #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Instead of a camera file, this many cameras on a circle around the box
     #[arg(long, value_name = "N", conflicts_with = "cameras",
@@ -78,7 +78,13 @@ pub struct CameraArguments {
 pub struct Size([usize; 2]);
 
 impl CameraArguments {
-    /// Reads or makes the cameras; the folder that their pictures are relative to.
+    /// Whether there is a camera file or a turntable.
+    pub fn given(&self) -> bool {
+        self.cameras.is_some() || self.turntable.is_some()
+    }
+
+    /// Reads or makes the cameras; the folder that their pictures are relative to. Refuses to without
+    /// either.
     pub fn cameras(&self, bounds: &crate::grid::Bounds) -> Result<(Vec<Camera>, PathBuf)> {
         let size = self.size.map(|Size(size)| size);
         let (cameras, folder) = match (&self.cameras, self.turntable) {
@@ -86,9 +92,12 @@ impl CameraArguments {
                 let file = camera::read(path, size, &Limits::default())?;
                 (file.cameras, file.folder)
             }
-            (None, count) => {
-                let count = usize::from(count.unwrap_or(1));
-                (camera::turntable(bounds, count, size.unwrap_or([800; 2])), PathBuf::new())
+            (None, Some(count)) => {
+                let size = size.unwrap_or([800; 2]);
+                (camera::turntable(bounds, count.into(), size), PathBuf::new())
+            }
+            (None, None) => {
+                return Err(Error::usage("--cameras FILE or --turntable N must say from where"));
             }
         };
         Ok((camera::pick(cameras, &self.frames)?, folder))
