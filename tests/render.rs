@@ -5,12 +5,10 @@ mod common;
 use common::{fixture, tensor_values, trained};
 use glam::{DMat4, DVec4};
 use mipvog_bake::bake::Filter;
-use mipvog_bake::baked::Aside;
 use mipvog_bake::camera::{Camera, Lens};
 use mipvog_bake::limits::Limits;
 use mipvog_bake::progress::Silent;
 use mipvog_bake::render::{Field, Frame, FrameOptions, render};
-use mipvog_bake::sample::Levels;
 use mipvog_bake::tensor::{self, TensorFile};
 
 /// The bound on colour, transmittance and features.
@@ -54,11 +52,10 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     let mut field = trained("tiny/fine_last.tar");
     field.scene.march.near = 0.5;
     field.scene.march.far = Some(8.0);
-    let levels = Levels { most: 4, kernel: Filter::Code.kernel(), density: false };
     let limits = Limits::default();
     let plain = Field::trained(&field, None, &limits).expect("a field");
-    let rule = Filter::Code.level_of_detail(Aside::SameIndex, 1.0);
-    let mips = Field::trained(&field, Some((levels, rule)), &limits).expect("a field");
+    let levels = Filter::Code.trained_levels(&field.scene);
+    let mips = Field::trained(&field, Some(levels), &limits).expect("a field");
     let matrices = tensor_values(&vectors, "cameras.c2w").expect("cameras");
     for (view, matrix) in matrices.chunks(16).enumerate() {
         for (name, size, focal) in [("full", 48, 66.0), ("half", 24, 33.0), ("quarter", 12, 16.5)] {

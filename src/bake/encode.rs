@@ -3,6 +3,7 @@
 use crate::baked::{Encoding, Group, Table};
 use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, RunCodec};
 use crate::error::Result;
+use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
@@ -16,8 +17,8 @@ const PENDING_BYTES: usize = 4 << 20;
 pub struct EncodeOptions {
     /// Specular features of a node.
     pub features: usize,
-    /// Density of nodes that nobody needs is at most this, raw.
-    pub unneeded_density: f32,
+    /// Raw density to opacity: nodes that nobody needs must not be seen.
+    pub activation: Activation,
     /// Compression level of zstd.
     pub zstd_level: i32,
 }
@@ -61,7 +62,11 @@ impl<'a> LevelEncoder<'a> {
             groups.push(GroupEncoder {
                 group,
                 first_channel,
-                encoder: BlockEncoder::new(encoding.clone(), edge, options.unneeded_density),
+                encoder: BlockEncoder::new(
+                    encoding.clone(),
+                    edge,
+                    encoding.decode.unseen(&options.activation),
+                ),
                 codec: RunCodec { number: encoding.number, channels, edge },
                 pending: Vec::new(),
                 runs: Vec::new(),

@@ -1,8 +1,11 @@
 //! The families of coarser levels that a bake can make.
 
-use crate::baked::{Aside, LevelOfDetail};
+use crate::baked::{Aside, Blend, Decode, LevelOfDetail, StepRule};
+use crate::field::{Activation, Scene};
 use crate::grid::Nodes;
-use crate::mips::{self, Kernel};
+use crate::mips::{self, Kernel, Lift, Matter, Settled};
+use crate::render::TrainedLevels;
+use crate::sample::Levels;
 
 /// How coarser levels are made, and with them the level-of-detail rule that they were made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,13 +17,22 @@ pub enum Filter {
     Paper,
     /// The paper's form with another low-pass.
     Kernel(Kernel),
+    /// Means of matter under a tent, stored as square root of optical depth: what looks right from
+    /// afar.
+    RateTent,
+    /// Means of opacity over one interval under a box, stored as opacity.
+    Coverage,
 }
+
+/// Intervals over which `rate-tent` counts opacity; the best of 1 to 8 on trained scenes.
+const REACH: f32 = 4.0;
 
 impl Filter {
     /// Every filter.
     pub fn all() -> Vec<Self> {
         let kernels = Kernel::ALL.into_iter().map(Self::Kernel);
-        [Self::Code, Self::Paper].into_iter().chain(kernels).collect()
+        let first = [Self::RateTent, Self::Coverage, Self::Code, Self::Paper];
+        first.into_iter().chain(kernels).collect()
     }
 
     /// Its name on the command line.
@@ -29,6 +41,8 @@ impl Filter {
             Self::Code => "code",
             Self::Paper => "paper",
             Self::Kernel(kernel) => kernel.name(),
+            Self::RateTent => "rate-tent",
+            Self::Coverage => "coverage",
         }
     }
 
@@ -38,6 +52,45 @@ impl Filter {
             Self::Code => Kernel::Mean3,
             Self::Paper => Kernel::Mean5,
             Self::Kernel(kernel) => kernel,
+            Self::RateTent => Kernel::Tent,
+            Self::Coverage => Kernel::Mean3,
+        }
+    }
+
+    /// What is averaged, where it is not raw values.
+    pub fn matter(self, activation: &Activation) -> Option<Matter> {
+        let (reach, settled) = match self {
+            Self::RateTent => (REACH, Settled::SqrtOpticalDepth),
+            Self::Coverage => (1.0, Settled::Opacity),
+            Self::Code | Self::Paper | Self::Kernel(_) => return None,
+        };
+        Some(Matter { activation: *activation, reach, settled })
+    }
+
+    /// What goes up from level 0 to coarser levels, of `channels`, the first of them density.
+    pub fn lift(self, activation: &Activation, channels: usize) -> Lift {
+        match self.matter(activation) {
+            Some(matter) => Lift::Matter(matter),
+            None => Lift::Raw(usize::from(!self.filters_density())..channels),
+        }
+    }
+
+    /// What densities of a level mean.
+    pub fn decode(self, level: usize) -> Decode {
+        match self {
+            Self::RateTent if level > 0 => Decode::SqrtOpticalDepth,
+            Self::Coverage if level > 0 => Decode::Opacity,
+            _ => Decode::RawDensity,
+        }
+    }
+
+    /// How two levels are mixed, and how far apart samples of coarser levels are.
+    pub fn rules(self) -> (Blend, StepRule) {
+        match self {
+            Self::RateTent | Self::Coverage => (Blend::AfterActivation, StepRule::LevelOfDetail),
+            Self::Code | Self::Paper | Self::Kernel(_) => {
+                (Blend::BeforeActivation, StepRule::Constant)
+            }
         }
     }
 
@@ -57,15 +110,34 @@ impl Filter {
         if self == Self::Code { levels.min(5) } else { levels }
     }
 
+    /// The levels of a trained field that is rendered without baking, by the rules of training where
+    /// training had such levels.
+    pub fn trained_levels(self, scene: &Scene) -> TrainedLevels {
+        let levels = Levels {
+            most: self.level_sizes(scene.nodes, None).len(),
+            kernel: self.kernel(),
+            density: self.filters_density(),
+            matter: self.matter(&scene.activation),
+        };
+        let (blend, step_rule) = self.rules();
+        let aside = match blend {
+            Blend::BeforeActivation => Aside::SameIndex,
+            Blend::AfterActivation => Aside::SameDistance,
+        };
+        let level_of_detail = self.level_of_detail(aside, 1.0);
+        TrainedLevels { levels, level_of_detail, blend, step_rule }
+    }
+
     /// The rule that says which level a sample reads. Training measured footprints to the sample of
     /// the same index; containers measure them at the same distance, which does not depend on where
     /// rays enter the box.
     pub fn level_of_detail(self, aside: Aside, scale: f32) -> LevelOfDetail {
-        let (factor, most) = match self {
-            Self::Code => (0.5, Some(4.0)),
-            Self::Paper | Self::Kernel(_) => (1.0 / 3.0, None),
+        let (factor, bias, most) = match self {
+            Self::Code => (0.5, 0.0, Some(4.0)),
+            Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
+            Self::RateTent | Self::Coverage => (0.5, -0.1, None),
         };
-        LevelOfDetail { factor: factor * scale, bias: 0.0, aside, most }
+        LevelOfDetail { factor: factor * scale, bias, aside, most }
     }
 }
 

@@ -29,17 +29,16 @@ use report::prune_reports;
 pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
 
 use crate::baked::{
-    Aside, Blend, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, StepRule, Table,
-    ViewMetadata,
+    Aside, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
-use crate::mips::{Cascade, Regions};
+use crate::mips::{Cascade, Regions, Settler};
 use crate::progress::{Progress, Step};
-use crate::prune::{self, Pruned};
+use crate::prune::{self, DensityFilter, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding};
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
@@ -50,7 +49,8 @@ const DEFAULT_ZSTD_LEVEL: i32 = 1;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct BakeOptions {
-    /// How coarser levels are made. Default: [`Filter::Code`], as real checkpoints were trained
+    /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
+    /// afar
     pub filter: Filter,
     /// Levels in all, at most. Default: down to 4 nodes along the longest axis
     pub levels: Option<usize>,
@@ -60,7 +60,7 @@ pub struct BakeOptions {
     pub alpha_threshold: f32,
     /// Nodes along a block's edge. Default: 8
     pub block_size: usize,
-    /// Compression level of zstd, 1 to 22. Default: 12
+    /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
     /// Multiplies the filter's level-of-detail factor. Default: 1
     pub lod_scale: f32,
@@ -71,7 +71,7 @@ pub struct BakeOptions {
 impl Default for BakeOptions {
     fn default() -> Self {
         Self {
-            filter: Filter::Code,
+            filter: Filter::RateTent,
             levels: None,
             bits: Bits::Integer(8),
             alpha_threshold: 1e-3,
@@ -157,8 +157,11 @@ pub fn bake(
 
     let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
     let planes = prune::masked_planes(field, options.nonfinite)?;
-    let density_kernel = options.filter.filters_density().then(|| options.filter.kernel());
-    let pruned = prune::prune(&planes, &sizes, density_kernel, options.alpha_threshold, progress)?;
+    let (filter, activation) = (options.filter, &field.scene.activation);
+    let density_filter = filter
+        .filters_density()
+        .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
+    let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
 
     let tables = tables(&pruned, options.block_size)?;
@@ -208,7 +211,10 @@ fn metadata(
 ) -> Metadata {
     let scene = &field.scene;
     let features = field.color_channels() - 3;
-    let density = density_encoding(options.bits, &scene.activation);
+    let (blend, step_rule) = options.filter.rules();
+    let density = |level: usize| {
+        density_encoding(options.bits, options.filter.decode(level), &scene.activation)
+    };
     let color = color_encoding(options.bits);
     let level = |(number, (nodes, table)): (usize, (&Nodes, &Table))| {
         let has_density = number == 0 || options.filter.filters_density();
@@ -216,7 +222,7 @@ fn metadata(
             dimensions: nodes.0,
             block_size: options.block_size,
             blocks_stored: table.frames(),
-            density: has_density.then(|| density.clone()),
+            density: has_density.then(|| density(number)),
             diffuse: Some(color.clone()),
             features: (features > 0).then(|| color.clone()),
         }
@@ -225,9 +231,9 @@ fn metadata(
         bounds: scene.bounds,
         activation: scene.activation,
         march: scene.march,
-        step_rule: StepRule::Constant,
+        step_rule,
         level_of_detail: options.filter.level_of_detail(Aside::SameDistance, options.lod_scale),
-        blend: Blend::BeforeActivation,
+        blend,
         background: scene.background,
         color_space: ColorSpace::SrgbDisplay,
         features,
@@ -261,13 +267,21 @@ fn encode_levels(
     progress: &dyn Progress,
 ) -> Result<Encoded> {
     let needed_nodes = planes.field().scene.nodes;
-    let needed: Vec<NodeMask> = pruned.levels.iter().map(|level| level.needed.clone()).collect();
+    let matter = options.filter.matter(&planes.field().scene.activation);
+    let mut needed = Vec::with_capacity(pruned.levels.len());
+    for (level, pruned) in pruned.levels.iter().enumerate() {
+        // Matter settles with the colour of the nodes around it.
+        needed.push(match matter.is_some() && level > 0 {
+            true => pruned.needed.cells_with_a_corner()?.corners()?,
+            false => pruned.needed.clone(),
+        });
+    }
     let regions = Regions::new(needed, options.filter.kernel())?;
     let channels = planes.channels();
-    let filtered = if options.filter.filters_density() { 0..channels } else { 1..channels };
+    let lift = options.filter.lift(&metadata.activation, channels);
     let encode_options = EncodeOptions {
         features: metadata.features,
-        unneeded_density: metadata.activation.unseen_raw(),
+        activation: metadata.activation,
         zstd_level: options.zstd_level,
     };
     let mut encoders = Vec::new();
@@ -275,12 +289,18 @@ fn encode_levels(
         let encodings = Group::ALL.map(|group| level.encoding(group));
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
+    let mut settlers: Vec<Option<Settler>> = pruned
+        .levels
+        .iter()
+        .enumerate()
+        .map(|(level, pruned)| Some(Settler::new(matter?, &pruned.needed)).filter(|_| level > 0))
+        .collect();
     let nx = metadata.levels[0].dimensions[0];
     progress.begin(Step::Encode, nx as u64);
     let bytes_read = AtomicU64::new(0);
     let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
     let whole = reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(needed_nodes));
-    Cascade::new(&regions, channels, filtered, options.block_size).run(
+    Cascade::new(&regions, channels, lift, options.block_size).run(
         |x, channel, region, plane| {
             let Some(color) = channel.checked_sub(1) else {
                 let read = planes.read(channel, x, region, plane)?;
@@ -301,7 +321,12 @@ fn encode_levels(
             if progress.cancelled() {
                 return Err(Error::new(ErrorKind::Cancelled, Place::File));
             }
-            encoders[level].take(slab)
+            match &mut settlers[level] {
+                Some(settler) => {
+                    settler.take(slab)?.iter().try_for_each(|slab| encoders[level].take(slab))
+                }
+                None => encoders[level].take(slab),
+            }
         },
     )?;
     let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);

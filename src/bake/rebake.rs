@@ -58,12 +58,13 @@ impl Changes {
 
     fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.bits {
-            let density = density_encoding(bits, &metadata.activation);
             let color = color_encoding(bits);
             for level in &mut metadata.levels {
-                change(&mut level.density, &density);
-                change(&mut level.diffuse, &color);
-                change(&mut level.features, &color);
+                if let Some(density) = &mut level.density {
+                    change(density, &density_encoding(bits, density.decode, &metadata.activation));
+                }
+                level.diffuse.iter_mut().for_each(|encoding| change(encoding, &color));
+                level.features.iter_mut().for_each(|encoding| change(encoding, &color));
             }
         }
         metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));
@@ -88,10 +89,8 @@ impl Changes {
 }
 
 /// Takes over another encoding, unless the old one has as many bits: then its range stays.
-fn change(encoding: &mut Option<Encoding>, to: &Encoding) {
-    if let Some(encoding) = encoding
-        && (encoding.number, encoding.bits) != (to.number, to.bits)
-    {
+fn change(encoding: &mut Encoding, to: &Encoding) {
+    if (encoding.number, encoding.bits) != (to.number, to.bits) {
         *encoding = to.clone();
     }
 }
@@ -157,11 +156,8 @@ fn encode_level(
     let of_level = &metadata.levels[number];
     // Every value counts as it is, whether anybody sees it or not.
     let needed = NodeMask::full(level.table.grid().nodes);
-    let options = EncodeOptions {
-        features: metadata.features,
-        unneeded_density: metadata.activation.unseen_raw(),
-        zstd_level,
-    };
+    let options =
+        EncodeOptions { features: metadata.features, activation: metadata.activation, zstd_level };
     let encodings = Group::ALL.map(|group| of_level.encoding(group));
     let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
     let channels: Vec<(Group, &Volume, usize)> = Group::ALL

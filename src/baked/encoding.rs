@@ -15,6 +15,8 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
+use crate::field::{Activation, UNSEEN_OPACITY};
+
 /// Values that share an encoding and a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
@@ -87,6 +89,32 @@ pub enum Decode {
     RawDensity,
     /// Raw colour: `sigmoid(value)`.
     Logit,
+    /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
+    SqrtOpticalDepth,
+    /// Opacity over one interval.
+    Opacity,
+}
+
+impl Decode {
+    /// Every meaning.
+    pub const ALL: [Self; 4] =
+        [Self::RawDensity, Self::Logit, Self::SqrtOpticalDepth, Self::Opacity];
+
+    /// The values of a group that can have this meaning.
+    pub const fn is_density(self) -> bool {
+        !matches!(self, Self::Logit)
+    }
+
+    /// The density that nobody sees: see [`Activation::unseen_raw`]. Colours are seen, whatever they
+    /// are.
+    pub fn unseen(self, activation: &Activation) -> f32 {
+        match self {
+            Self::RawDensity => activation.unseen_raw(),
+            Self::SqrtOpticalDepth => UNSEEN_OPACITY.sqrt() as f32,
+            Self::Opacity => UNSEEN_OPACITY as f32,
+            Self::Logit => f32::MAX,
+        }
+    }
 }
 
 /// How the values of one group of one level are stored.

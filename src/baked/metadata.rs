@@ -85,6 +85,8 @@ impl LevelMetadata {
 pub enum StepRule {
     /// `stepsize * voxel_size` at every level, as trained.
     Constant,
+    /// `stepsize * voxel_size * 2^lambda` from a sample of level of detail `lambda` to the next.
+    LevelOfDetail,
 }
 
 /// How two levels are mixed.
@@ -93,6 +95,8 @@ pub enum StepRule {
 pub enum Blend {
     /// Decoded values are mixed, then activated once, as trained.
     BeforeActivation,
+    /// Optical depths and activated colours of the levels are mixed.
+    AfterActivation,
 }
 
 /// What colours are.

@@ -37,7 +37,8 @@ pub struct Arguments {
     /// A set of options; explicit ones override it
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// How coarser levels are made: code, paper, none, mean3, mean5, mean7, gauss3, gauss5, gauss7
+    /// How coarser levels are made: rate-tent, coverage, code, paper, none, mean3, mean5, mean7,
+    /// gauss3, gauss5, gauss7 [default: rate-tent]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
     /// Levels in all, at most [default: down to 4 nodes along the longest axis]
@@ -71,9 +72,9 @@ pub struct Arguments {
 enum Preset {
     /// What the checkpoint was trained with: the research code's levels, 8 bits.
     Faithful,
-    /// The same levels, compressed hardest.
+    /// Levels that look right from afar, compressed hardest.
     Web,
-    /// Every kept value exactly as trained.
+    /// Every kept value exactly as trained, and levels that look right from afar.
     Archive,
 }
 
@@ -93,7 +94,7 @@ impl Preset {
     fn options(self) -> BakeOptions {
         let mut options = BakeOptions::default();
         match self {
-            Self::Faithful => {}
+            Self::Faithful => options.filter = Filter::Code,
             Self::Web => options.zstd_level = 19,
             Self::Archive => options.bits = Bits::F32,
         }

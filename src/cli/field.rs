@@ -8,13 +8,11 @@ use clap::Args;
 use super::bake::{Background, parse_background, parse_mlp};
 use super::{Common, warn};
 use crate::bake::Filter;
-use crate::baked::Aside;
 use crate::bytes::SourceFile;
 use crate::container::{Container, is_container};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::render::Field;
-use crate::sample::Levels;
 use crate::source::{self, MlpChoice, SourceOptions};
 
 /// What the user says about a scene, beside what its file says.
@@ -80,15 +78,7 @@ impl SceneArguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let levels = filter.map(|filter| {
-            let sizes = filter.level_sizes(source.field.scene.nodes, None);
-            let levels = Levels {
-                most: sizes.len(),
-                kernel: filter.kernel(),
-                density: filter.filters_density(),
-            };
-            (levels, filter.level_of_detail(Aside::SameIndex, 1.0))
-        });
+        let levels = filter.map(|filter| filter.trained_levels(&source.field.scene));
         Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
     }
 

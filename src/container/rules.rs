@@ -5,7 +5,7 @@ use super::layout::{
     PROVENANCE, TABLE, VMLP,
 };
 use super::read::unknown_features;
-use crate::baked::{Decode, Encoding, Group, Metadata, NumberType};
+use crate::baked::{Blend, Decode, Encoding, Group, Metadata, NumberType};
 use crate::bytes::SourceFile;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::finding::{Code, Finding, Report, checked, strict};
@@ -154,11 +154,17 @@ pub fn metadata(
         let has_features = level.features.is_some() == (metadata.features > 0);
         require(has_features, &key("features"), "an encoding where there are features")?;
         for group in Group::ALL {
-            let sound = level.encoding(group).is_none_or(|e| encoding_is_sound(group, e));
+            let sound = level
+                .encoding(group)
+                .is_none_or(|e| encoding_is_sound(e) && decodes(metadata.blend, group, e.decode));
             require(sound, &key(group.name()), "a type with as many bits, a finite range")?;
         }
         finer = Some(level.dimensions);
     }
+    // Optical depths can only be mixed where every level has its own.
+    let own = metadata.levels.iter().all(|level| level.density.is_some());
+    let mixed = metadata.blend == Blend::BeforeActivation || own;
+    require(mixed, "blend", "before_activation where a level has no density")?;
     let first = metadata.levels.first().is_none_or(|level| level.density.is_some());
     require(first, "levels[0].density", "an encoding")?;
     Ok(sound)
@@ -169,7 +175,17 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-fn encoding_is_sound(group: Group, encoding: &Encoding) -> bool {
+/// Whether values of a group can mean this. Levels that are mixed before they are activated must mean
+/// the same.
+fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
+    match (group, blend) {
+        (Group::Density, Blend::BeforeActivation) => decode == Decode::RawDensity,
+        (Group::Density, Blend::AfterActivation) => decode.is_density(),
+        (Group::Diffuse | Group::Features, _) => decode == Decode::Logit,
+    }
+}
+
+fn encoding_is_sound(encoding: &Encoding) -> bool {
     let bits = match encoding.number {
         NumberType::U8 => 1..=8,
         NumberType::U16 => 9..=16,
@@ -185,11 +201,7 @@ fn encoding_is_sound(group: Group, encoding: &Encoding) -> bool {
             && encoding.values().all(f32::is_finite)
             && encoding.values().is_sorted_by(|low, high| low < high)
     };
-    let decode = match group {
-        Group::Density => Decode::RawDensity,
-        Group::Diffuse | Group::Features => Decode::Logit,
-    };
-    let rest = encoding.empty.is_finite() && encoding.max_error >= 0.0 && encoding.decode == decode;
+    let rest = encoding.empty.is_finite() && encoding.max_error >= 0.0;
     bits.contains(&encoding.bits) && range && rest && encoding.max_error.is_finite()
 }
 

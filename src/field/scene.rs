@@ -6,7 +6,7 @@ use crate::activate;
 use crate::grid::{Bounds, Nodes};
 
 /// Opacity over one interval that nobody sees: 10^4 such samples move a picture by a part in 10^6.
-const UNSEEN_OPACITY: f64 = 1e-10;
+pub const UNSEEN_OPACITY: f64 = 1e-10;
 
 /// How raw density becomes opacity, and how a ray is marched.
 #[derive(Debug, Clone, PartialEq)]

@@ -16,8 +16,8 @@ use std::collections::VecDeque;
 
 use multiversion::multiversion;
 
-use super::Kernel;
 use super::taps::AxisTaps;
+use super::{Kernel, Matter};
 use crate::error::Result;
 use crate::grid::{NodeMask, mask};
 use crate::parallel;
@@ -184,8 +184,8 @@ impl Stage<'_> {
 /// Streams channels through all levels.
 pub struct Cascade<'a> {
     regions: &'a Regions,
-    /// The channels of level 0 that coarser levels have too.
-    filtered: std::ops::Range<usize>,
+    /// What goes up from level 0.
+    lift: Lift,
     /// Planes of a full slab.
     thickness: usize,
     stages: Vec<Stage<'a>>,
@@ -194,22 +194,29 @@ pub struct Cascade<'a> {
     spare: Vec<Vec<f32>>,
 }
 
-/// A plane being made: its values, and what the next level's ring gets.
-struct PlaneTask {
-    x: usize,
-    channel: usize,
-    plane: Vec<f32>,
-    filtered: Option<Vec<f32>>,
+/// What goes up from level 0 to coarser levels.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Lift {
+    /// These channels, as they are.
+    Raw(std::ops::Range<usize>),
+    /// All channels as matter and its colour; the first is density.
+    Matter(Matter),
+}
+
+impl Lift {
+    /// The channels of level 0 that coarser levels have too.
+    fn channels(&self, channels: usize) -> std::ops::Range<usize> {
+        match self {
+            Self::Raw(range) => range.clone(),
+            Self::Matter(_) => 0..channels,
+        }
+    }
 }
 
 impl<'a> Cascade<'a> {
-    /// For `channels` at level 0, of which `filtered` go up, in slabs of `thickness` planes.
-    pub fn new(
-        regions: &'a Regions,
-        channels: usize,
-        filtered: std::ops::Range<usize>,
-        thickness: usize,
-    ) -> Self {
+    /// For `channels` at level 0, of which `lift` says what goes up, in slabs of `thickness` planes.
+    pub fn new(regions: &'a Regions, channels: usize, lift: Lift, thickness: usize) -> Self {
+        let above = lift.channels(channels).len();
         let stages = regions.steps.iter().zip(&regions.levels[1..]).map(|(step, outputs)| Stage {
             step,
             outputs,
@@ -219,11 +226,11 @@ impl<'a> Cascade<'a> {
         });
         let slabs = regions.levels.iter().enumerate().map(|(level, _)| Slab {
             first: 0,
-            channels: if level == 0 { channels } else { filtered.len() },
+            channels: if level == 0 { channels } else { above },
             planes: Vec::new(),
         });
         let (stages, slabs) = (stages.collect(), slabs.collect());
-        Self { regions, filtered, thickness, stages, slabs, spare: Vec::new() }
+        Self { regions, lift, thickness, stages, slabs, spare: Vec::new() }
     }
 
     /// Streams the whole field. `read(x, channel, region, plane)` fills the nodes in `region` (rows
@@ -297,39 +304,73 @@ impl<'a> Cascade<'a> {
         end: usize,
         fill: impl Fn(&[Stage<'a>], usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
     ) -> Result<()> {
-        let stages = &self.stages;
-        let wanted = match stages.get(level) {
-            Some(stage) => parallel::map(end - start, |i| {
-                Ok(stage.step.wanted_rows(start + i, stage.outputs))
-            })?,
-            None => Vec::new(),
-        };
         let [_, ny, nz] = self.regions.levels[level].nodes().0;
         let channels = self.slabs[level].channels;
-        // Channels that go up: at level 0 a part of them, above it all.
-        let filtered = if level == 0 { self.filtered.clone() } else { 0..channels };
-        let mut tasks = Vec::with_capacity((end - start) * channels);
-        for x in start..end {
-            for channel in 0..channels {
-                let up = stages.get(level).filter(|_| filtered.contains(&channel));
-                let up = up.map(|stage| stage.outputs.nodes().0);
-                let filtered = up.map(|[_, ny, nz]| spare_plane(&mut self.spare, ny * nz));
-                let plane = spare_plane(&mut self.spare, ny * nz);
-                tasks.push(PlaneTask { x, channel, plane, filtered });
-            }
+        let count = (end - start) * channels;
+        let mut planes: Vec<_> =
+            (0..count).map(|_| spare_plane(&mut self.spare, ny * nz)).collect();
+        let stages = &self.stages;
+        parallel::map_mut(&mut planes, |i, plane| {
+            fill(stages, start + i / channels, i % channels, plane)
+        })?;
+        self.feed(level, start, &planes)?;
+        self.slabs[level].planes.append(&mut planes);
+        Ok(())
+    }
+
+    /// Filters planes of a level, from plane `start` on, along y and z into the next level's ring.
+    fn feed(&mut self, level: usize, start: usize, planes: &[Vec<f32>]) -> Result<()> {
+        let Some(stage) = self.stages.get(level) else { return Ok(()) };
+        let [_, ny, nz] = self.regions.levels[level].nodes().0;
+        let channels = self.slabs[level].channels;
+        let count = planes.len() / channels;
+        let wanted =
+            parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
+        // Above level 0 everything goes up, lifted as it is.
+        let (up, matter) = match &self.lift {
+            lift if level == 0 => (
+                lift.channels(channels),
+                if let Lift::Matter(matter) = lift { Some(*matter) } else { None },
+            ),
+            _ => (0..channels, None),
+        };
+        let spare = &mut self.spare;
+        let mut amounts = Vec::new();
+        if let Some(matter) = matter {
+            amounts.extend((0..count).map(|_| spare_plane(spare, ny * nz)));
+            parallel::map_mut(&mut amounts, |i, amounts| {
+                matter.lift_density(&planes[i * channels], amounts);
+                Ok(())
+            })?;
         }
-        parallel::map_mut(&mut tasks, |_, task| {
-            fill(stages, task.x, task.channel, &mut task.plane)?;
-            if let (Some(stage), Some(filtered)) = (stages.get(level), &mut task.filtered) {
-                stage.filter_plane(&wanted[task.x - start], &task.plane, filtered);
-            }
+        let [_, coarse_y, coarse_z] = stage.outputs.nodes().0;
+        let task = |spare: &mut Vec<Vec<f32>>| {
+            let lifted = matter.map(|_| spare_plane(spare, ny * nz)).unwrap_or_default();
+            (lifted, spare_plane(spare, coarse_y * coarse_z))
+        };
+        let mut tasks: Vec<_> = (0..count * up.len()).map(|_| task(spare)).collect();
+        parallel::map_mut(&mut tasks, |task, (lifted, filtered)| {
+            let (i, channel) = (task / up.len(), up.start + task % up.len());
+            let plane = &planes[i * channels + channel];
+            let plane = match matter {
+                None => plane,
+                Some(_) if channel == 0 => &amounts[i],
+                Some(matter) => {
+                    matter.lift_color(plane, &amounts[i], lifted);
+                    lifted
+                }
+            };
+            stage.filter_plane(&wanted[i], plane, filtered);
             Ok(())
         })?;
-        let mut rows = Vec::with_capacity(filtered.len());
-        for task in tasks {
-            self.slabs[level].planes.push(task.plane);
-            rows.extend(task.filtered);
-            if rows.len() == filtered.len()
+        self.spare.append(&mut amounts);
+        let mut rows = Vec::with_capacity(up.len());
+        for (lifted, filtered) in tasks {
+            if matter.is_some() {
+                self.spare.push(lifted);
+            }
+            rows.push(filtered);
+            if rows.len() == up.len()
                 && let Some(stage) = self.stages.get_mut(level)
             {
                 stage.ring.push_back(std::mem::take(&mut rows));

@@ -18,10 +18,12 @@ pub enum Kernel {
     Gauss5,
     /// Gaussian over 7 nodes, standard deviation 1.5.
     Gauss7,
+    /// Weights 1, 2, 1: with the resize nearly a tent as wide as the next level's cells.
+    Tent,
 }
 
 impl Kernel {
-    /// Every kernel.
+    /// Every kernel of the paper's ablation.
     pub const ALL: [Self; 7] = [
         Self::None,
         Self::Mean3,
@@ -42,6 +44,7 @@ impl Kernel {
             Self::Gauss3 => "gauss3",
             Self::Gauss5 => "gauss5",
             Self::Gauss7 => "gauss7",
+            Self::Tent => "tent",
         }
     }
 
@@ -63,6 +66,7 @@ impl Kernel {
             Self::Gauss3 => gauss(1, 0.8),
             Self::Gauss5 => gauss(2, 1.0),
             Self::Gauss7 => gauss(3, 1.5),
+            Self::Tent => vec![0.25, 0.5, 0.25],
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Coarser levels: `V[k+1] = resize(lowpass(V[k]))` on raw values.
+//! Coarser levels: `V[k+1] = resize(lowpass(V[k]))`, on raw values as in training or on matter
+//! ([`matter`], which is what looks right from afar).
 //!
 //! Every level spans the same box with corners aligned, so a level of `N` nodes becomes one of
 //! `max(2, N / 2)` whose end nodes lie on the box's faces; the pyramid ends when no axis shrinks.
@@ -9,10 +10,12 @@
 
 pub mod cascade;
 pub mod kernel;
+mod matter;
 pub mod taps;
 
-pub use cascade::{Cascade, Regions, Slab};
+pub use cascade::{Cascade, Lift, Regions, Slab};
 pub use kernel::Kernel;
+pub use matter::{Matter, Settled, Settler};
 
 use crate::grid::Nodes;
 

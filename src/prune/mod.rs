@@ -21,7 +21,7 @@ use crate::activate;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
 use crate::grid::{NodeMask, Nodes, mask};
-use crate::mips::{Cascade, Kernel, Regions};
+use crate::mips::{Cascade, Kernel, Lift, Matter, Regions};
 use crate::parallel;
 use crate::progress::{Progress, Step};
 
@@ -65,21 +65,38 @@ pub fn raw_threshold(threshold: f32, shift: f32, interval: f32) -> f32 {
     (raw - slack) as f32
 }
 
-/// Finds what can be seen of `sizes.len()` levels. `kernel` is the low-pass of density, `None`
-/// where coarser levels hold no density.
+/// How coarser levels get their density.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DensityFilter {
+    /// The low-pass before halving.
+    pub kernel: Kernel,
+    /// What is averaged, where it is not raw density.
+    pub matter: Option<Matter>,
+}
+
+/// Finds what can be seen of `sizes.len()` levels. Without a filter coarser levels hold no density.
 pub fn prune(
     planes: &Planes,
     sizes: &[Nodes],
-    kernel: Option<Kernel>,
+    filter: Option<DensityFilter>,
     alpha_threshold: f32,
     progress: &dyn Progress,
 ) -> Result<Pruned> {
     let field = planes.field();
     let activation = &field.scene.activation;
     let raw_threshold = raw_threshold(alpha_threshold, activation.shift, activation.interval);
-    let filtered = &sizes[..if kernel.is_some() { sizes.len() } else { 1 }];
+    let filtered = &sizes[..if filter.is_some() { sizes.len() } else { 1 }];
+    let plain = DensityFilter { kernel: Kernel::None, matter: None };
+    let filter = filter.unwrap_or(plain);
+    let thresholds: Vec<f32> = (0..filtered.len())
+        .map(|level| match filter.matter.filter(|_| level > 0) {
+            // Steps grow with the level.
+            Some(matter) => matter.amount_at_opacity(alpha_threshold, 2f64.powi(level as i32)),
+            None => raw_threshold,
+        })
+        .collect();
     let (opaque, density_checksums) =
-        opaque_nodes(planes, filtered, kernel.unwrap_or(Kernel::None), raw_threshold, progress)?;
+        opaque_nodes(planes, filtered, filter, &thresholds, progress)?;
     let nonfinite = planes.take_nonfinite()?.count;
     let inside = field.free_space.as_ref();
     let mut levels = Vec::with_capacity(sizes.len());
@@ -122,20 +139,21 @@ pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Plan
     Ok(Planes::new(field, outside, nonfinite))
 }
 
-/// Nodes above the threshold at each level: the one pass over all of density.
+/// Nodes above each level's threshold: the one pass over all of density.
 fn opaque_nodes(
     planes: &Planes,
     sizes: &[Nodes],
-    kernel: Kernel,
-    raw_threshold: f32,
+    filter: DensityFilter,
+    thresholds: &[f32],
     progress: &dyn Progress,
 ) -> Result<(Vec<NodeMask>, Vec<u32>)> {
     let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    let regions = Regions::new(whole, kernel)?;
+    let regions = Regions::new(whole, filter.kernel)?;
     let hashers = Mutex::new(vec![crc32fast::Hasher::new(); sizes[0].0[0]]);
     let mut rows: Vec<Vec<Vec<u64>>> = vec![Vec::new(); sizes.len()];
     progress.begin(Step::Prune, sizes[0].0[0] as u64);
-    Cascade::new(&regions, 1, 0..1, SLAB).run(
+    let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Matter);
+    Cascade::new(&regions, 1, lift, SLAB).run(
         |x, channel, region, plane| {
             let read = planes.read(channel, x, region, plane)?;
             hashers.lock().unwrap_or_else(PoisonError::into_inner)[x] = read.checksum;
@@ -143,7 +161,7 @@ fn opaque_nodes(
         },
         |level, slab| {
             rows[level].extend(parallel::map(slab.count(), |i| {
-                Ok(above(slab.plane(i, 0), sizes[level], raw_threshold))
+                Ok(above(slab.plane(i, 0), sizes[level], thresholds[level]))
             })?);
             if level == 0 {
                 progress.advance(Step::Prune, slab.count() as u64);

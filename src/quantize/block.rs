@@ -2,7 +2,7 @@
 
 use super::code::Quantizer;
 use super::predict::{for_each_node, predicted, residual_bytes};
-use crate::baked::{Decode, Encoding};
+use crate::baked::Encoding;
 use crate::grid::{NodeMask, mask};
 use crate::mips::Slab;
 
@@ -27,13 +27,10 @@ pub struct BlockEncoder {
 }
 
 impl BlockEncoder {
-    /// For blocks of `edge` nodes. Nodes that nobody needs get at most the raw density `unneeded`.
+    /// For blocks of `edge` nodes. Nodes that nobody needs get at most the value `unneeded`.
     pub fn new(encoding: Encoding, edge: usize, unneeded: f32) -> Self {
         let quantizer = Quantizer::new(encoding);
-        let unneeded_limit = match quantizer.encoding().decode {
-            Decode::RawDensity => highest_code_up_to(&quantizer, unneeded),
-            Decode::Logit => u32::MAX,
-        };
+        let unneeded_limit = highest_code_up_to(&quantizer, unneeded);
         Self { quantizer, edge, unneeded_limit }
     }
 

@@ -129,6 +129,7 @@ pub fn float_from_code(code: u32, width: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::baked::Decode;
     use crate::field::{Activation, ActivationOrder};
     use crate::quantize::{Bits, color_encoding, density_encoding};
 
@@ -156,11 +157,18 @@ mod tests {
         Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw }
     }
 
+    fn encodings(bits: Bits) -> [Encoding; 4] {
+        let density = |decode| density_encoding(bits, decode, &activation());
+        let [raw, depth, opacity] =
+            [Decode::RawDensity, Decode::SqrtOpticalDepth, Decode::Opacity].map(density);
+        [raw, depth, opacity, color_encoding(bits)]
+    }
+
     #[test]
     fn codes_survive_a_round_trip() {
         for bits in 4..=16 {
             let bits = Bits::Integer(bits);
-            for encoding in [density_encoding(bits, &activation()), color_encoding(bits)] {
+            for encoding in encodings(bits) {
                 let values: Vec<f32> = encoding.values().collect();
                 let mut codes = vec![0; values.len()];
                 Quantizer::new(encoding.clone()).encode(&values, &mut codes);
@@ -172,10 +180,7 @@ mod tests {
     #[test]
     fn integers_round_to_nearest() {
         for bits in [4, 8, 11] {
-            for encoding in [
-                density_encoding(Bits::Integer(bits), &activation()),
-                color_encoding(Bits::Integer(bits)),
-            ] {
+            for encoding in encodings(Bits::Integer(bits)) {
                 let values: Vec<f32> = encoding.values().collect();
                 let quantizer = Quantizer::new(encoding);
                 let mut value = -120.0f32;
@@ -192,7 +197,7 @@ mod tests {
                 }
             }
         }
-        let density = density_encoding(Bits::Integer(8), &activation());
+        let density = density_encoding(Bits::Integer(8), Decode::RawDensity, &activation());
         assert_eq!(round_trip(&density, -1e30), (0, -100.0));
         assert_eq!(round_trip(&density, -100.05), (0, -100.0));
         assert_eq!(round_trip(&density, 1e30).0, 255);

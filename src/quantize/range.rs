@@ -64,8 +64,43 @@ const COLOR_ERROR: f64 = 0.0082;
 /// Raw colour that codes reach: the sigmoid ends 1e-14 before.
 const COLOR_REACH: f64 = 32.0;
 
+/// Square root of the largest optical depth that codes reach: opacity 1 - 1e-7 over one interval.
+const SQRT_DEPTH_REACH: f64 = 4.0;
+
+/// The encoding of a level's density.
+pub fn density_encoding(bits: Bits, decode: Decode, activation: &Activation) -> Encoding {
+    match decode {
+        Decode::SqrtOpticalDepth => {
+            // The slope of 1 - exp(-q^2) times q is at most 2 / e.
+            let opacity = |q: f64| -libm::expm1(-q * q);
+            linear_encoding(bits, decode, SQRT_DEPTH_REACH, 2.0 / std::f64::consts::E, opacity)
+        }
+        Decode::Opacity => linear_encoding(bits, decode, 1.0, 1.0, |alpha| alpha.clamp(0.0, 1.0)),
+        Decode::RawDensity | Decode::Logit => raw_density_encoding(bits, activation),
+    }
+}
+
+/// Codes from 0, which is empty, in equal steps up to a step below `reach`.
+fn linear_encoding(
+    bits: Bits,
+    decode: Decode,
+    reach: f64,
+    slope_times_value: f64,
+    activation: impl Fn(f64) -> f64,
+) -> Encoding {
+    let mut encoding = float_encoding(bits, decode, 0.0, slope_times_value);
+    if let Bits::Integer(bits) = bits {
+        // A power of two, so that code 0 is exactly 0.
+        let step = reach / f64::from(1u32 << bits);
+        encoding.step = step as f32;
+        encoding.center = (reach / 2.0) as f32;
+        encoding.max_error = bound(&encoding, activation);
+    }
+    encoding
+}
+
 /// The encoding of raw density.
-pub fn density_encoding(bits: Bits, activation: &Activation) -> Encoding {
+fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     let slope = activate::opacity_slope(interval);
     // With x = raw + shift, |raw| <= |x| + |shift|. The slope times |x| is at most 1/e for x > 0,
@@ -162,7 +197,7 @@ mod tests {
     fn eight_bits_hold_the_promised_errors() {
         assert!(color_encoding(Bits::Integer(8)).max_error <= 0.0085);
         for interval in [0.05, 0.25, 0.5, 1.0, 4.0] {
-            let encoding = density_encoding(Bits::Integer(8), &activation(interval));
+            let encoding = raw_density_encoding(Bits::Integer(8), &activation(interval));
             assert!(encoding.max_error <= 0.0125, "{interval}: {}", encoding.max_error);
         }
     }
@@ -172,7 +207,7 @@ mod tests {
         let errors = |f: &dyn Fn(u32) -> f32| (4..=16).map(f).collect::<Vec<_>>();
         let color = errors(&|bits| color_encoding(Bits::Integer(bits)).max_error);
         let density =
-            errors(&|bits| density_encoding(Bits::Integer(bits), &activation(0.5)).max_error);
+            errors(&|bits| raw_density_encoding(Bits::Integer(bits), &activation(0.5)).max_error);
         for errors in [color, density] {
             assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "{errors:?}");
         }

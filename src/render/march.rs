@@ -5,6 +5,7 @@ use super::packet::Packet;
 use super::path::Path;
 use super::view::View;
 use crate::activate::lanes;
+use crate::baked::StepRule;
 use crate::camera::Ray;
 use crate::sample::{Macro, Sample};
 
@@ -61,27 +62,41 @@ pub fn march<const C: usize>(
     let mut packet = Packet::empty();
     let mut depth = 0.0f32;
     let mut k = path.first;
+    // Intervals from one sample to the next, where they do not depend on the sample.
+    let interval = match view.step_rule {
+        StepRule::Constant => Some(1.0),
+        StepRule::LevelOfDetail => constant.then(|| least.exp2()),
+    };
     while k <= path.last && depth < OPAQUE_DEPTH {
         let place = skip.place(path.position(k));
         let state = skip.state(levels, place);
         let room = if let Macro::Empty(room) = state { room } else { 1 };
-        let leaves = skip.leaves(place, room, path.start, path.step).min(path.last + 1.0);
-        // The first sample that has left; never the same again, however that is rounded.
-        let next = leaves.ceil().max(k + 1.0);
-        if let Macro::Empty(_) = state {
-            k = next;
+        let leaves = skip.leaves(place, room, path.start, path.step);
+        if let (Macro::Empty(_), Some(interval)) = (state, interval) {
+            // The first sample that has left; never the same again, however that is rounded.
+            let interval = f64::from(interval);
+            k += ((leaves.min(path.last + 1.0) - k) / interval).ceil().max(1.0) * interval;
             continue;
         }
-        while k < next && depth < OPAQUE_DEPTH {
-            if state == Macro::Open || view.keeps(path.position(k)) {
-                let lambda = if constant { least } else { footprint.lambda(k) };
-                let level = lambda as usize;
+        loop {
+            let lambda = if constant { least } else { footprint.lambda(k) };
+            let level = lambda as usize;
+            let interval = interval.unwrap_or_else(|| lambda.exp2());
+            let seen = match state {
+                Macro::Empty(_) => false,
+                Macro::Open => true,
+                Macro::Masked => view.keeps(path.position(k)),
+            };
+            if seen {
                 if packet.refuses(level) {
                     packet.shade(view, field, &path, &mut depth, &mut gathered);
                 }
-                packet.push(k, level, lambda - level as f32);
+                packet.push(k, level, lambda - level as f32, interval);
             }
-            k += 1.0;
+            k += f64::from(interval);
+            if k >= leaves || k > path.last || depth >= OPAQUE_DEPTH {
+                break;
+            }
         }
     }
     packet.shade(view, field, &path, &mut depth, &mut gathered);

@@ -15,4 +15,4 @@ mod path;
 mod view;
 
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
-pub use view::{Field, View};
+pub use view::{Field, TrainedLevels, View};

@@ -7,6 +7,7 @@ use super::march::Gathered;
 use super::path::Path;
 use super::view::View;
 use crate::activate::lanes;
+use crate::baked::{Blend, Decode};
 use crate::field::{Activation, ActivationOrder};
 use crate::sample::{Cell, Sample};
 
@@ -21,18 +22,34 @@ pub struct Packet {
     k: [f64; PACKET],
     /// Share of the next coarser level.
     blend: [f32; PACKET],
+    /// Intervals that a sample stands for.
+    intervals: [f32; PACKET],
 }
 
-/// Where a packet's samples lie and what their densities are.
+/// Where a packet's samples lie, and what is stored there.
 struct Located {
     cells: [[Option<Cell>; 2]; PACKET],
-    density: [f32; PACKET],
+    /// Densities of the finer and the coarser level.
+    density: [[f32; PACKET]; 2],
+    /// What the finer level's mean.
+    decode: Decode,
+    /// What the coarser level's mean, where they are decoded before they are mixed.
+    coarser: Option<Decode>,
+}
+
+/// The density of no matter.
+fn nothing(decode: Decode) -> f32 {
+    match decode {
+        Decode::RawDensity | Decode::Logit => f32::NEG_INFINITY,
+        Decode::SqrtOpticalDepth | Decode::Opacity => 0.0,
+    }
 }
 
 impl Packet {
     /// Without samples.
     pub fn empty() -> Self {
-        Self { level: 0, count: 0, k: [0.0; PACKET], blend: [0.0; PACKET] }
+        let (k, blend, intervals) = ([0.0; PACKET], [0.0; PACKET], [1.0; PACKET]);
+        Self { level: 0, count: 0, k, blend, intervals }
     }
 
     /// Whether a sample at `level` has to wait until the packet is shaded.
@@ -41,12 +58,13 @@ impl Packet {
         self.count == PACKET || (self.level != level && self.count > 0)
     }
 
-    /// Adds sample `k`, of a level of detail from `level` to the next.
+    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the next.
     #[inline(always)]
-    pub fn push(&mut self, k: f64, level: usize, blend: f32) {
+    pub fn push(&mut self, k: f64, level: usize, blend: f32, intervals: f32) {
         self.level = level;
         self.k[self.count] = k;
         self.blend[self.count] = blend;
+        self.intervals[self.count] = intervals;
         self.count += 1;
     }
 
@@ -63,41 +81,52 @@ impl Packet {
         if self.count == 0 {
             return;
         }
-        let located = self.locate(field, path);
+        let located = self.locate(view, field, path);
         let count = std::mem::take(&mut self.count);
         gathered.samples += count as u32;
-        let shaded =
-            composite(&located.density, &view.activation, view.march.alpha_threshold, *depth);
+        let mut optical = optical_depths(&located.density[0], located.decode, view);
+        if let Some(decode) = located.coarser {
+            let coarser = optical_depths(&located.density[1], decode, view);
+            for i in 0..PACKET {
+                optical[i] += (coarser[i] - optical[i]) * self.blend[i];
+            }
+        }
+        let threshold = view.march.alpha_threshold;
+        let composited = composite(&optical, &self.intervals, threshold, *depth);
+        // Lanes without a sample are empty and add nothing.
+        *depth = composited.depth;
         for i in 0..count {
-            let weight = shaded.weight[i];
+            let weight = composited.weight[i];
             if weight == 0.0 {
                 continue;
             }
             gathered.distance += weight * path.distance(self.k[i]) as f32;
             gathered.level += weight * (self.level as f32 + self.blend[i]);
             if weight > view.march.color_threshold {
-                let color = self.color(field, &located.cells[i], self.blend[i]);
-                for (sum, raw) in gathered.color.iter_mut().zip(color) {
-                    *sum += weight * lanes::sigmoid(raw);
+                let color = self.color(view.blend, field, &located.cells[i], self.blend[i]);
+                for (sum, color) in gathered.color.iter_mut().zip(color) {
+                    *sum += weight * color;
                 }
             }
         }
-        // Lanes without a sample are empty and add nothing.
-        *depth = shaded.depth;
     }
 
     /// Finds the samples' cells and interpolates their densities.
     #[inline(always)]
-    fn locate<const C: usize>(&self, field: &impl Sample<C>, path: &Path) -> Located {
+    fn locate<const C: usize>(&self, view: &View, field: &impl Sample<C>, path: &Path) -> Located {
         let level = self.level;
+        // A level without density has level 0's.
+        let own = if field.density_level(level) { level } else { 0 };
+        let blends = own == level && field.density_level(level + 1);
+        let decode = field.decode(own);
+        let coarser = blends.then(|| field.decode(level + 1));
         let mut located = Located {
             cells: [[None; 2]; PACKET],
             // Where nothing is stored nothing is seen.
-            density: [f32::NEG_INFINITY; PACKET],
+            density: [[nothing(decode); PACKET], [coarser.map_or(0.0, nothing); PACKET]],
+            decode,
+            coarser: coarser.filter(|_| view.blend == Blend::AfterActivation),
         };
-        // A level without density has level 0's.
-        let own = field.density_level(level);
-        let blends = field.density_level(level + 1);
         for i in 0..self.count {
             let position = path.position(self.k[i]);
             let fine = field.locate(level, position);
@@ -106,29 +135,31 @@ impl Packet {
                 false => None,
             };
             located.cells[i] = [fine, coarse];
-            let low = match own {
+            let low = match own == level {
                 true => fine.map(|cell| field.density(level, &cell)),
                 false => field.locate(0, position).map(|cell| field.density(0, &cell)),
             };
             let high = coarse.filter(|_| blends).map(|cell| field.density(level + 1, &cell));
-            located.density[i] = match (low, high) {
-                (None, None) => continue,
-                (low, high) if self.blend[i] > 0.0 && blends => {
-                    let low = low.unwrap_or_else(|| field.empty_density(level));
-                    let high = high.unwrap_or_else(|| field.empty_density(level + 1));
-                    low + (high - low) * self.blend[i]
+            let [of_fine, of_coarse] = &mut located.density;
+            of_fine[i] = low.unwrap_or(of_fine[i]);
+            of_coarse[i] = high.unwrap_or(of_coarse[i]);
+            if view.blend == Blend::BeforeActivation && blends && self.blend[i] > 0.0 {
+                if low.is_none() && high.is_none() {
+                    continue;
                 }
-                (Some(low), _) => low,
-                (None, Some(_)) => continue,
-            };
+                let low = low.unwrap_or_else(|| field.empty_density(level));
+                let high = high.unwrap_or_else(|| field.empty_density(level + 1));
+                of_fine[i] = low + (high - low) * self.blend[i];
+            }
         }
         located
     }
 
-    /// Raw colour of a sample, blended between levels.
+    /// Activated colour of a sample, blended between levels.
     #[inline(always)]
     fn color<const C: usize>(
         &self,
+        order: Blend,
         field: &impl Sample<C>,
         [fine, coarse]: &[Option<Cell>; 2],
         blend: f32,
@@ -138,13 +169,29 @@ impl Packet {
             None => [0.0; C],
         };
         let mut color = at(self.level, fine);
-        if blend > 0.0 {
-            let coarser = at(self.level + 1, coarse);
-            for (color, coarser) in color.iter_mut().zip(coarser) {
-                *color += (coarser - *color) * blend;
-            }
+        if blend == 0.0 {
+            activate(&mut color);
+            return color;
+        }
+        let mut coarser = at(self.level + 1, coarse);
+        if order == Blend::AfterActivation {
+            activate(&mut color);
+            activate(&mut coarser);
+        }
+        for (color, coarser) in color.iter_mut().zip(coarser) {
+            *color += (coarser - *color) * blend;
+        }
+        if order == Blend::BeforeActivation {
+            activate(&mut color);
         }
         color
+    }
+}
+
+#[inline(always)]
+fn activate<const C: usize>(color: &mut [f32; C]) {
+    for color in color {
+        *color = lanes::sigmoid(*color);
     }
 }
 
@@ -156,36 +203,48 @@ struct Composited {
     depth: f32,
 }
 
-/// Activates densities and composites them front to back behind an optical depth of `depth`.
+/// Optical depths over one interval of interpolated densities.
+fn optical_depths(density: &[f32; PACKET], decode: Decode, view: &View) -> [f32; PACKET] {
+    let Activation { shift, interval, order } = view.activation;
+    match (decode, order) {
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
+            raw_depths(density, shift, interval)
+        }
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Density) => {
+            density.map(|sigma| sigma.max(0.0) * interval)
+        }
+        (Decode::SqrtOpticalDepth, _) => density.map(|root| root * root * view.depth_scale),
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Opacity) => density.map(opaque_depth),
+        (Decode::Opacity, _) => density.map(|alpha| opaque_depth(alpha) * view.depth_scale),
+    }
+}
+
+fn opaque_depth(alpha: f32) -> f32 {
+    -(-alpha.clamp(0.0, 1.0 - f32::EPSILON)).ln_1p()
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn raw_depths(raw: &[f32; PACKET], shift: f32, interval: f32) -> [f32; PACKET] {
+    let mut depths = [0.0f32; PACKET];
+    for (depth, raw) in depths.iter_mut().zip(raw) {
+        *depth = lanes::softplus(raw + shift) * interval;
+    }
+    depths
+}
+
+/// Composites optical depths over one interval front to back, behind an optical depth of `depth`.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn composite(
-    density: &[f32; PACKET],
-    activation: &Activation,
+    depths: &[f32; PACKET],
+    intervals: &[f32; PACKET],
     alpha_threshold: f32,
     depth: f32,
 ) -> Composited {
-    let (shift, interval) = (activation.shift, activation.interval);
     let mut optical = [0.0f32; PACKET];
-    match activation.order {
-        ActivationOrder::Raw => {
-            for (out, raw) in optical.iter_mut().zip(density) {
-                *out = lanes::softplus(raw + shift) * interval;
-            }
-        }
-        ActivationOrder::Density => {
-            for (out, sigma) in optical.iter_mut().zip(density) {
-                *out = sigma.max(0.0) * interval;
-            }
-        }
-        ActivationOrder::Opacity => {
-            for (out, alpha) in optical.iter_mut().zip(density) {
-                *out = -(-alpha.clamp(0.0, 1.0 - f32::EPSILON)).ln_1p();
-            }
-        }
-    }
-    let mut weight = [0.0; PACKET];
-    for (weight, depth) in weight.iter_mut().zip(optical) {
-        *weight = lanes::opacity(depth);
+    let mut weight = [0.0f32; PACKET];
+    for i in 0..PACKET {
+        optical[i] = depths[i] * intervals[i];
+        weight[i] = lanes::opacity(optical[i]);
     }
     let mut before = [0.0; PACKET];
     let mut depth = depth;

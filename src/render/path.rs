@@ -13,7 +13,7 @@ pub struct Path {
     pub step: [f64; 3],
     /// The first sample inside the box.
     pub first: f64,
-    /// The last one.
+    /// Where samples end.
     pub last: f64,
     /// `t` of sample 0, and for each step.
     entry: f64,
@@ -42,7 +42,7 @@ impl Path {
             }
             let (a, b) = (-from / by, (1.0 - from) / by);
             first = first.max(a.min(b).ceil());
-            last = last.min(a.max(b).floor());
+            last = last.min(a.max(b));
         }
         (first <= last).then_some(Self { start, step, first, last, entry, t_step, length })
     }

@@ -1,6 +1,6 @@
 //! What a trained scene or a container says about rendering, as one set of rules.
 
-use crate::baked::{BakedField, LevelOfDetail, Metadata};
+use crate::baked::{BakedField, Blend, LevelOfDetail, Metadata, StepRule};
 use crate::error::{Error, Place, Result};
 use crate::field::{Activation, FreeSpace, March, RadianceField};
 use crate::grid::{Bounds, Nodes};
@@ -21,6 +21,12 @@ pub struct View {
     pub march: March,
     /// Colour behind the field.
     pub background: [f32; 3],
+    /// Optical depths that levels store, times this, are those over one interval.
+    pub depth_scale: f32,
+    /// How two levels are mixed.
+    pub blend: Blend,
+    /// How far apart samples of coarser levels are.
+    pub step_rule: StepRule,
     /// Which level a sample reads; none reads level 0.
     pub level_of_detail: Option<LevelOfDetail>,
     /// View-dependent colour.
@@ -29,6 +35,19 @@ pub struct View {
     pub free_space: Option<FreeSpace>,
     /// Specular features.
     pub features: usize,
+}
+
+/// Coarser levels of a trained field, and the rules to render them by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrainedLevels {
+    /// How they are made.
+    pub levels: Levels,
+    /// Which level a sample reads.
+    pub level_of_detail: LevelOfDetail,
+    /// How two levels are mixed.
+    pub blend: Blend,
+    /// How far apart samples of coarser levels are.
+    pub step_rule: StepRule,
 }
 
 /// A field to be rendered: rules, and values in as many lanes as its channels need.
@@ -45,7 +64,7 @@ impl Field {
     /// A trained field, with coarser levels if `levels` says so.
     pub fn trained(
         field: &RadianceField,
-        levels: Option<(Levels, LevelOfDetail)>,
+        levels: Option<TrainedLevels>,
         limits: &Limits,
     ) -> Result<Self> {
         let scene = &field.scene;
@@ -56,12 +75,15 @@ impl Field {
             activation: scene.activation,
             march: scene.march,
             background: scene.background,
-            level_of_detail: levels.map(|(_, rule)| rule),
+            depth_scale: 1.0,
+            blend: levels.map_or(Blend::BeforeActivation, |levels| levels.blend),
+            step_rule: levels.map_or(StepRule::Constant, |levels| levels.step_rule),
+            level_of_detail: levels.map(|levels| levels.level_of_detail),
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
             features,
         };
-        let levels = levels.map_or(Levels::FINEST, |(levels, _)| levels);
+        let levels = levels.map_or(Levels::FINEST, |levels| levels.levels);
         Ok(match features {
             0..=1 => Self::Lanes4(view, Stored::Dense(Dense::new(field, levels, limits)?)),
             2..=5 => Self::Lanes8(view, Stored::Dense(Dense::new(field, levels, limits)?)),
@@ -104,6 +126,9 @@ impl View {
             activation: metadata.activation,
             march: metadata.march,
             background: metadata.background,
+            depth_scale: 1.0,
+            blend: metadata.blend,
+            step_rule: metadata.step_rule,
             level_of_detail: Some(metadata.level_of_detail),
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
@@ -114,6 +139,7 @@ impl View {
     /// Takes another step length, in voxels; the interval goes with it.
     pub fn set_stepsize(&mut self, stepsize: f32) {
         self.activation.interval *= stepsize / self.march.stepsize;
+        self.depth_scale *= stepsize / self.march.stepsize;
         self.march.stepsize = stepsize;
     }
 }

@@ -3,11 +3,12 @@
 use super::level::{Cell, Values, split};
 use super::skip::{SeenCells, SkipGrid};
 use super::{Sample, interpolated_density};
+use crate::baked::Decode;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::grid::{NodeMask, Nodes};
 use crate::limits::{Budget, Limits};
-use crate::mips::{Cascade, Kernel, Regions, level_sizes};
+use crate::mips::{Cascade, Kernel, Lift, Matter, Regions, Settled, Settler, Slab, level_sizes};
 use crate::prune;
 
 /// Planes of level 0 that are filtered together.
@@ -22,11 +23,22 @@ pub struct Levels {
     pub kernel: Kernel,
     /// Whether coarser levels have density of their own.
     pub density: bool,
+    /// What is averaged, where it is not raw values.
+    pub matter: Option<Matter>,
 }
 
 impl Levels {
+    /// What densities of a level mean.
+    fn decode(&self, level: usize) -> Decode {
+        match self.matter.filter(|_| level > 0).map(|matter| matter.settled) {
+            None => Decode::RawDensity,
+            Some(Settled::SqrtOpticalDepth) => Decode::SqrtOpticalDepth,
+            Some(Settled::Opacity) => Decode::Opacity,
+        }
+    }
+
     /// Level 0 alone.
-    pub const FINEST: Self = Self { most: 1, kernel: Kernel::None, density: true };
+    pub const FINEST: Self = Self { most: 1, kernel: Kernel::None, density: true, matter: None };
 }
 
 /// Dense levels.
@@ -53,7 +65,8 @@ impl<const C: usize> Dense<C> {
             };
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
-            values.push(Values { density, color: vec![[0.0; C]; count], strides });
+            let decode = levels.decode(level);
+            values.push(Values { density, decode, color: vec![[0.0; C]; count], strides });
         }
         fill(field, levels, &nodes, &mut values)?;
         let activation = &field.scene.activation;
@@ -64,11 +77,12 @@ impl<const C: usize> Dense<C> {
                 seen.push(seen[0].clone());
                 continue;
             };
-            let mut cells = SeenCells::new(nodes_of_level, nodes[0], activation);
+            let decode = values.decode;
+            let mut cells = SeenCells::new(nodes_of_level, nodes[0], decode, activation);
             let [nx, ny, nz] = nodes_of_level.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
-                *value = interpolated_density(activation, *value);
+                *value = interpolated_density(activation, decode, *value);
                 cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
             }
             seen.push(cells.finish(nodes[0]));
@@ -104,8 +118,12 @@ impl<const C: usize> Sample<C> for Dense<C> {
         self.values.get(level).is_some_and(|values| values.density.is_some())
     }
 
-    fn empty_density(&self, _level: usize) -> f32 {
-        EMPTY_DENSITY
+    fn decode(&self, level: usize) -> Decode {
+        self.values[level].decode
+    }
+
+    fn empty_density(&self, level: usize) -> f32 {
+        if self.values[level].decode == Decode::RawDensity { EMPTY_DENSITY } else { 0.0 }
     }
 
     fn skip(&self) -> &SkipGrid {
@@ -126,27 +144,25 @@ fn fill<const C: usize>(
         let found = format!("{} colour channels", channels - 1);
         return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
     }
-    let whole = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    let regions = Regions::new(whole, levels.kernel)?;
-    let filtered = if levels.density { 0..channels } else { 1..channels };
-    Cascade::new(&regions, channels, filtered, SLAB).run(
+    let whole: Vec<NodeMask> = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
+    let regions = Regions::new(whole.clone(), levels.kernel)?;
+    let lift = match levels.matter {
+        Some(matter) => Lift::Matter(matter),
+        None => Lift::Raw(usize::from(!levels.density)..channels),
+    };
+    let mut settlers: Vec<Option<Settler>> = whole
+        .iter()
+        .enumerate()
+        .map(|(level, nodes)| Some(Settler::new(levels.matter?, nodes)).filter(|_| level > 0))
+        .collect();
+    Cascade::new(&regions, channels, lift, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| {
-            let Values { density, color, strides } = &mut values[level];
-            let plane = strides[0];
-            for i in 0..slab.count() {
-                let start = (slab.first + i) * plane;
-                let mut channel = 0;
-                if let Some(density) = density {
-                    density[start..start + plane].copy_from_slice(slab.plane(i, 0));
-                    channel = 1;
+            match &mut settlers[level] {
+                Some(settler) => {
+                    settler.take(slab)?.iter().for_each(|slab| place(slab, &mut values[level]));
                 }
-                for lane in 0..slab.channels - channel {
-                    let from = slab.plane(i, channel + lane);
-                    for (node, &value) in color[start..start + plane].iter_mut().zip(from) {
-                        node[lane] = value;
-                    }
-                }
+                None => place(slab, &mut values[level]),
             }
             Ok(())
         },
@@ -155,4 +171,24 @@ fn fill<const C: usize>(
         ErrorKind::NonFinite { .. } => error,
         _ => Error::malformed(Place::File, error.to_string(), "a readable field"),
     })
+}
+
+/// Copies a slab into a level's arrays.
+fn place<const C: usize>(slab: &Slab, values: &mut Values<C>) {
+    let Values { density, color, strides, .. } = values;
+    let plane = strides[0];
+    for i in 0..slab.count() {
+        let start = (slab.first + i) * plane;
+        let mut channel = 0;
+        if let Some(density) = density {
+            density[start..start + plane].copy_from_slice(slab.plane(i, 0));
+            channel = 1;
+        }
+        for lane in 0..slab.channels - channel {
+            let from = slab.plane(i, channel + lane);
+            for (node, &value) in color[start..start + plane].iter_mut().zip(from) {
+                node[lane] = value;
+            }
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! One level's arrays and trilinear interpolation in them.
 
+use crate::baked::Decode;
+
 /// A position's cell: its lowest node in the level's arrays, and where in the cell it lies.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Cell {
@@ -10,10 +12,12 @@ pub struct Cell {
 }
 
 /// Values of nodes, and the distances of neighbours along x and y (along z it is 1).
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Values<const C: usize> {
     /// None where the level has no density of its own.
     pub density: Option<Vec<f32>>,
+    /// What densities mean.
+    pub decode: Decode,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],
 }

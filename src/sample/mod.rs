@@ -6,7 +6,8 @@
 //! rule that finds the lowest node of a position's cell. Colours have `C` lanes, unused ones zero,
 //! so that interpolating them is a handful of vector instructions.
 //!
-//! What is interpolated is what the activation's order says: raw density, density or opacity.
+//! What is interpolated is what the level holds; of raw density what the activation's order says: raw
+//! density, density or opacity.
 
 mod dense;
 mod level;
@@ -19,6 +20,7 @@ pub use skip::{Macro, SkipGrid};
 pub use sparse::Sparse;
 
 use crate::activate;
+use crate::baked::Decode;
 use crate::field::{Activation, ActivationOrder};
 
 /// A field between its nodes.
@@ -38,6 +40,9 @@ pub trait Sample<const C: usize>: Sync {
     /// Whether a level has density of its own.
     fn density_level(&self, level: usize) -> bool;
 
+    /// What densities of a level mean.
+    fn decode(&self, level: usize) -> Decode;
+
     /// Density where nothing is stored.
     fn empty_density(&self, level: usize) -> f32;
 
@@ -55,7 +60,10 @@ pub enum Stored<const C: usize> {
 }
 
 /// A node's density as it is interpolated.
-fn interpolated_density(activation: &Activation, raw: f32) -> f32 {
+fn interpolated_density(activation: &Activation, decode: Decode, raw: f32) -> f32 {
+    if decode != Decode::RawDensity {
+        return raw;
+    }
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     match activation.order {
         ActivationOrder::Raw => raw,

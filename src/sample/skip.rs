@@ -4,6 +4,7 @@
 //! says whether samples of that level, or of the next coarser one (rays blend the two), can be seen in
 //! it, and if not, how far around it nothing can be seen either: that far a ray jumps at once.
 
+use crate::baked::Decode;
 use crate::error::Result;
 use crate::field::{Activation, FreeSpace, Lookup};
 use crate::grid::{BlockGrid, Bounds, Nodes};
@@ -47,11 +48,10 @@ pub struct SeenCells {
 }
 
 impl SeenCells {
-    /// For a level of `nodes` whose densities are interpolated as `activation` says; the finest level
-    /// has `finest`.
-    pub fn new(nodes: Nodes, finest: Nodes, activation: &Activation) -> Self {
+    /// For a level of `nodes` whose densities mean `decode`; the finest level has `finest`.
+    pub fn new(nodes: Nodes, finest: Nodes, decode: Decode, activation: &Activation) -> Self {
         let grid = BlockGrid { nodes, edge: macro_edge(finest) };
-        let limit = interpolated_density(activation, activation.unseen_raw());
+        let limit = interpolated_density(activation, decode, decode.unseen(activation));
         Self { grid, limit, blocks: vec![false; grid.total()] }
     }
 

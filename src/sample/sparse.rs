@@ -8,7 +8,7 @@
 use super::level::{Cell, Values, split};
 use super::skip::{SeenCells, SkipGrid};
 use super::{Sample, interpolated_density};
-use crate::baked::{BakedField, BakedLevel, Group, LevelMetadata};
+use crate::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
 use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::Nodes;
@@ -103,6 +103,10 @@ impl<const C: usize> Sample<C> for Sparse<C> {
         self.levels.get(level).is_some_and(|level| level.values.density.is_some())
     }
 
+    fn decode(&self, level: usize) -> Decode {
+        self.levels[level].values.decode
+    }
+
     fn empty_density(&self, level: usize) -> f32 {
         self.levels[level].empty_density
     }
@@ -135,15 +139,18 @@ impl<const C: usize> Level<C> {
         for (frame, &[x, y, z]) in places.iter().enumerate() {
             frames[(x * by + y) * bz + z] = frame as u32;
         }
+        let decode = metadata.density.as_ref().map_or(Decode::RawDensity, |e| e.decode);
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
-        let empty_density = interpolated_density(activation, empty(Group::Density));
+        let empty_density = interpolated_density(activation, decode, empty(Group::Density));
         let decoded = parallel::map(places.len(), |i| {
             let mut density = vec![0.0; nodes];
             let mut color = vec![[0.0; C]; nodes];
             let mut scratch = vec![0.0; nodes];
             if level.atlases[Group::Density as usize].is_some() {
                 apron_frame(level, metadata, Group::Density, (0, 1), places[i], &mut density);
-                density.iter_mut().for_each(|raw| *raw = interpolated_density(activation, *raw));
+                density
+                    .iter_mut()
+                    .for_each(|raw| *raw = interpolated_density(activation, decode, *raw));
             }
             let mut lane = 0;
             for group in [Group::Diffuse, Group::Features] {
@@ -168,7 +175,7 @@ impl<const C: usize> Level<C> {
         let has_density = metadata.density.is_some();
         let density = has_density.then(|| decoded.iter().flat_map(|(d, _)| d).copied().collect());
         let color = decoded.iter().flat_map(|(_, color)| color).copied().collect();
-        let values = Values { density, color, strides: [side * side, side] };
+        let values = Values { density, decode, color, strides: [side * side, side] };
         let strides = [[by * bz, side * side], [bz, side], [1, 1]];
         let parts = [0, 1, 2].map(|axis| {
             let part = |node: usize| {
@@ -190,7 +197,7 @@ impl<const C: usize> Level<C> {
     ) -> Option<SeenCells> {
         let density = self.values.density.as_ref()?;
         let grid = metadata.grid();
-        let mut cells = SeenCells::new(grid.nodes, finest, activation);
+        let mut cells = SeenCells::new(grid.nodes, finest, self.values.decode, activation);
         let [plane, row] = self.values.strides;
         for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
             let first = place.map(|block| block * grid.edge);

@@ -88,9 +88,9 @@ def check(value, form):
         form(value)
 
 
-def encoding(decode):
+def encoding(*decodes):
     form = {"number": set(NUMBERS), "bits": int, "center": f32, "step": f32, "curve": f32, "empty": f32, "empty_code": bool}
-    form |= {"decode": {decode}, "max_error": number}
+    form |= {"decode": set(decodes), "max_error": number}
 
     def whole_encoding(value):
         check(value, form)
@@ -105,7 +105,7 @@ LEVEL = {
     "dimensions": [whole(2)] * 3,
     "block_size": whole(1, 64),
     "blocks_stored": whole(0),
-    "density": maybe(encoding("raw_density")),
+    "density": maybe(encoding("raw_density", "sqrt_optical_depth", "opacity")),
     "diffuse": encoding("logit"),
     "features": maybe(encoding("logit")),
 }
@@ -114,9 +114,9 @@ META = {
     "activation": {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number},
     "march": {"far": maybe(number)}
     | dict.fromkeys(("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number),
-    "step_rule": {"constant"},
+    "step_rule": {"constant", "level_of_detail"},
     "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
-    "blend": {"before_activation"},
+    "blend": {"before_activation", "after_activation"},
     "background": [number] * 3,
     "color_space": {"srgb_display"},
     "features": whole(0),
