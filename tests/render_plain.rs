@@ -21,11 +21,9 @@ use mipvog_bake::render::{Field, FrameOptions, LevelChoice, render};
 use mipvog_bake::sample::Levels;
 use mipvog_bake::view_mlp::{Layer, ViewMlp};
 
-/// Rays end at a transmittance of 1e-5 (9.2e-6 at their depth of 11.6), and raw values of 100 in
-/// float32 are 4e-6 off.
-const BOUND: f64 = 3e-5;
-/// The random networks enlarge what a ray accumulated.
-const COLOR_BOUND: f64 = 6e-5;
+/// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
+/// which raw values around 100 are 4e-6 off.
+const BOUND: f64 = 1.2e-5;
 
 fn random_network(random: &mut Random, features: usize) -> ViewMlp {
     let frequencies = random.below(5);
@@ -168,8 +166,9 @@ fn assert_same(
     let frame = render(field, camera, &options, &Silent).expect("a frame");
     let pixels: Vec<usize> = (0..frame.transmittance.len()).collect();
     let d = Differences::of(plain, camera, levels, &frame, &pixels);
-    // Distances and levels are sums of numbers around 10 and 4.
-    let ok = d.color <= COLOR_BOUND
+    // Both accumulated and view-dependent colour may be off; distances and levels are sums of numbers
+    // around 10 and 4.
+    let ok = d.color <= 2.0 * BOUND
         && d.transmittance <= BOUND
         && d.accumulated <= BOUND
         && d.distance <= 10.0 * BOUND
@@ -285,7 +284,10 @@ fn thread_count_never_shows_in_a_picture() {
     let mut random = Random::new(4);
     let field = random_field(&mut random, [17, 30, 9], 7);
     let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
-    let baked = random_bake(&mut random, &field);
+    let mut options = BakeOptions::default();
+    options.filter = Filter::Paper;
+    let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+    let baked = container.read().expect("decodes");
     let rule = random_rule(&mut random);
     let camera = Camera {
         lens: Lens { width: 70, height: 45, focal: [60.0; 2], center: [35.0, 22.5] },

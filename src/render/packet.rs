@@ -96,8 +96,8 @@ impl Packet {
             density: [f32::NEG_INFINITY; PACKET],
         };
         // A level without density has level 0's.
-        let own = field.density_level(level);
-        let blends = field.density_level(level + 1);
+        let owner = |level: usize| if field.density_level(level) { level } else { 0 };
+        let (own, next) = (owner(level), owner(level + 1));
         for i in 0..self.count {
             let position = path.position(self.k[i]);
             let fine = field.locate(level, position);
@@ -106,16 +106,18 @@ impl Packet {
                 false => None,
             };
             located.cells[i] = [fine, coarse];
-            let low = match own {
-                true => fine.map(|cell| field.density(level, &cell)),
-                false => field.locate(0, position).map(|cell| field.density(0, &cell)),
+            let density = |owner: usize, at: usize, cell: Option<Cell>| {
+                let cell = if owner == at { cell } else { field.locate(owner, position) };
+                cell.map(|cell| field.density(owner, &cell))
             };
-            let high = coarse.filter(|_| blends).map(|cell| field.density(level + 1, &cell));
+            let low = density(own, level, fine);
+            let blends = self.blend[i] > 0.0 && next != own;
+            let high = if blends { density(next, level + 1, coarse) } else { None };
             located.density[i] = match (low, high) {
                 (None, None) => continue,
-                (low, high) if self.blend[i] > 0.0 && blends => {
-                    let low = low.unwrap_or_else(|| field.empty_density(level));
-                    let high = high.unwrap_or_else(|| field.empty_density(level + 1));
+                (low, high) if blends => {
+                    let low = low.unwrap_or_else(|| field.empty_density(own));
+                    let high = high.unwrap_or_else(|| field.empty_density(next));
                     low + (high - low) * self.blend[i]
                 }
                 (Some(low), _) => low,
@@ -135,7 +137,7 @@ impl Packet {
     ) -> [f32; C] {
         let at = |level: usize, cell: &Option<Cell>| match cell {
             Some(cell) => field.color(level, cell),
-            None => [0.0; C],
+            None => field.empty_color(level),
         };
         let mut color = at(self.level, fine);
         if blend > 0.0 {

@@ -108,6 +108,10 @@ impl<const C: usize> Sample<C> for Dense<C> {
         EMPTY_DENSITY
     }
 
+    fn empty_color(&self, _level: usize) -> [f32; C] {
+        [0.0; C]
+    }
+
     fn skip(&self) -> &SkipGrid {
         &self.skip
     }

@@ -38,8 +38,11 @@ pub trait Sample<const C: usize>: Sync {
     /// Whether a level has density of its own.
     fn density_level(&self, level: usize) -> bool;
 
-    /// Density where nothing is stored.
+    /// Density where nothing is stored, of a level that has density.
     fn empty_density(&self, level: usize) -> f32;
+
+    /// Raw colour and features where nothing is stored.
+    fn empty_color(&self, level: usize) -> [f32; C];
 
     /// What can be skipped.
     fn skip(&self) -> &SkipGrid;

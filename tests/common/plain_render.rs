@@ -277,7 +277,7 @@ fn blended(lambda: f64, mut value: impl FnMut(usize) -> f64) -> f64 {
 
 /// Whether float32 may see a value on the other side of a threshold; nothing is below 0.
 fn is_close(value: f64, threshold: f64) -> bool {
-    threshold > 0.0 && (value - threshold).abs() <= 1e-3 * threshold
+    threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
 }
 
 fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {

@@ -3,6 +3,7 @@
 use mipvog_bake::baked::{BakedField, BakedLevel, Group, LevelMetadata};
 use mipvog_bake::camera::Camera;
 use mipvog_bake::field::{Nonfinite, RadianceField};
+use mipvog_bake::grid::NodeMask;
 use mipvog_bake::mips::Kernel;
 use mipvog_bake::parallel;
 use mipvog_bake::prune::masked_planes;
@@ -52,10 +53,10 @@ pub fn finest_level(field: &RadianceField) -> Vec<PlainLevel> {
 fn masked_density(field: &RadianceField) -> Vec<f64> {
     let planes = masked_planes(field, Nonfinite::Refuse).expect("a mask");
     let [nx, ny, nz] = field.scene.nodes.0;
-    let region = vec![u64::MAX; ny * nz.div_ceil(64)];
+    let whole = NodeMask::full(field.scene.nodes);
     let plane = |x: usize| {
         let mut plane = vec![0.0; ny * nz];
-        planes.read(0, x, &region, &mut plane).expect("readable");
+        planes.read(0, x, whole.plane(x), &mut plane).expect("readable");
         plane
     };
     (0..nx).flat_map(plane).map(f64::from).collect()
