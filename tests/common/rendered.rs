@@ -169,7 +169,8 @@ impl Differences {
         all.expect("no errors").into_iter().fold(Self::default(), Self::larger)
     }
 
-    fn larger(self, other: Self) -> Self {
+    /// The larger of each.
+    pub fn larger(self, other: Self) -> Self {
         let larger = |a: f64, b: f64| if a > b || a.is_nan() { a } else { b };
         Self {
             color: larger(self.color, other.color),
