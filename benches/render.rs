@@ -31,9 +31,9 @@ use mipvog_bake::source::{self, SourceOptions};
 use mipvog_bake::tensor;
 
 /// Each frame is rendered this often; the fastest counts.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 /// One pixel in so many is rendered by the slow twin; a prime, so that they are spread over rows.
-const SUBSET: usize = 397;
+const SUBSET: usize = 97;
 /// What a renderer may differ by from the reference renders.
 const BOUND: f32 = 2e-4;
 
@@ -49,8 +49,7 @@ struct Arguments {
 
 impl Arguments {
     fn read() -> Self {
-        let mut options = SourceOptions::default();
-        options.stepsize = Some(0.5);
+        let mut options = SourceOptions { stepsize: Some(0.5), ..SourceOptions::default() };
         let (mut scene, mut cameras, mut references, mut size) = (None, None, None, [400; 2]);
         let mut frames = vec!["0".to_owned()];
         let mut words = std::env::args().skip(1);
