@@ -4,14 +4,14 @@
 mod common;
 
 use common::{
-    Random, baked_bytes, field, fixture, open_bytes, plain, random_field, tensor_values, trained,
-    unpack,
+    Random, baked_bytes, field, fixture, open_bytes, plain, plain_matter, random_field,
+    tensor_values, trained, unpack,
 };
 use mipvog_bake::bake::{BakeOptions, Filter};
 use mipvog_bake::baked::Group;
 use mipvog_bake::field::RadianceField;
 use mipvog_bake::limits::Limits;
-use mipvog_bake::mips::Kernel;
+use mipvog_bake::mips::{Kernel, Settled};
 use mipvog_bake::quantize::Bits;
 use mipvog_bake::tensor;
 
@@ -148,6 +148,61 @@ fn odd_sizes_and_all_levels_equal_the_plain_twin() {
             level += 1;
         }
         assert!(unpacked.get(&format!("level{}.density", level + 1)).is_none(), "seed {seed}");
+    }
+}
+
+#[test]
+fn matter_equals_the_plain_twin() {
+    for seed in 0..16 {
+        let mut random = Random::new(100 + seed);
+        let nodes = [0; 3].map(|_: usize| 2 + random.below(19));
+        let field = random_field(&mut random, nodes, 4);
+        let filter = [Filter::RateTent, Filter::Coverage][seed as usize % 2];
+        let matter = filter.matter(&field.scene.activation).expect("a filter of matter");
+        let mut options = options(filter, Bits::F32);
+        options.levels = Some(64);
+        options.block_size = 1 + random.below(9);
+        let bytes = baked_bytes(&field, &options).expect("a bake");
+        let unpacked = unpack(&open_bytes(&bytes).expect("valid")).expect("unpacks");
+        let wide = |values: Vec<f32>| -> Vec<f64> { values.into_iter().map(f64::from).collect() };
+        let mut channels: Vec<Vec<f64>> = vec![wide(density_of(&field))];
+        channels.extend(wide(color_of(&field)).chunks(nodes.iter().product()).map(<[f64]>::to_vec));
+        let mut lifted = plain_matter::lift(&matter, &channels);
+        let mut size = nodes;
+        for level in 1.. {
+            if plain::halved(size) == size {
+                break;
+            }
+            lifted.iter_mut().for_each(|c| *c = plain::next_level(size, c, filter.kernel()));
+            size = plain::halved(size);
+            let settled = plain_matter::settle(size, &matter, &lifted);
+            // Opacity over the level's own step: as long as two of the level below.
+            let threshold = -(-1e-3f64).ln_1p() / 2f64.powi(level as i32);
+            let limit = -(-threshold * f64::from(matter.reach)).exp_m1() * (1.0 + 1e-5);
+            let visible: Vec<bool> = lifted[0].iter().map(|&amount| amount > limit).collect();
+            let needed = plain::corners(size, &plain::cells(size, &visible));
+            let mut got = unpacked.level(level, Group::Density);
+            got.extend(unpacked.level(level, Group::Diffuse));
+            got.extend(unpacked.level(level, Group::Features));
+            for (channel, want) in settled.iter().enumerate() {
+                for (i, &want) in want.iter().enumerate().filter(|(i, _)| needed[*i]) {
+                    let got = f64::from(got[channel * needed.len() + i]);
+                    // Activated colours and opacities: near their ends stored values are steep.
+                    let (got, want) = match (channel, matter.settled) {
+                        (0, Settled::SqrtOpticalDepth) => {
+                            (-(-got * got).exp_m1(), -(-want * want).exp_m1())
+                        }
+                        (0, Settled::Opacity) => (got, want),
+                        _ => (plain::sigmoid(got), plain::sigmoid(want)),
+                    };
+                    let error = (got - want).abs();
+                    assert!(
+                        error <= 3e-6,
+                        "seed {seed} level {level} channel {channel} {i}: {got} for {want}"
+                    );
+                }
+            }
+        }
     }
 }
 

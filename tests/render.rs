@@ -5,7 +5,7 @@ mod common;
 use common::{fixture, tensor_values, trained};
 use glam::{DMat4, DVec4};
 use mipvog_bake::bake::Filter;
-use mipvog_bake::camera::{Camera, Lens};
+use mipvog_bake::camera::{self, Camera, Lens};
 use mipvog_bake::limits::Limits;
 use mipvog_bake::progress::Silent;
 use mipvog_bake::render::{Field, Frame, FrameOptions, render};
@@ -84,4 +84,28 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
             assert_eq!(over, 0, "view {view} {name} mip lod: {most}");
         }
     }
+}
+
+/// A really trained scene; what a float64 renderer made of it without the threshold on colour, which
+/// is a step.
+#[test]
+fn every_pixel_of_a_trained_scene_equals_the_oracle() {
+    let mut field = trained("lego64/fine_last.tar");
+    field.scene.march.near = 2.0;
+    field.scene.march.far = Some(6.0);
+    field.scene.march.color_threshold = 0.0;
+    let limits = Limits::default();
+    let cameras = fixture("trained/lego64/transforms_test.json");
+    let cameras = camera::read(&cameras, Some([200; 2]), &limits).expect("cameras").cameras;
+    assert_eq!(cameras[0].name, "r_0");
+    let field = Field::trained(&field, None, &limits).expect("a field");
+    let frame = render(&field, &cameras[0], &FrameOptions::default(), &Silent).expect("a frame");
+    let vectors = vectors("golden/lego64.safetensors");
+    let want =
+        |part: &str| tensor_values(&vectors, &format!("nothreshold.{part}")).expect("a vector");
+    assert_eq!(beyond(colors(&frame), &want("rgb"), BOUND).0, 0);
+    let transmittance = frame.transmittance.iter().copied();
+    assert_eq!(beyond(transmittance, &want("transmittance"), BOUND).0, 0);
+    let accumulated = frame.accumulated.iter().copied();
+    assert_eq!(beyond(accumulated, &want("accumulated"), BOUND).0, 0);
 }

@@ -116,16 +116,15 @@ impl Packet {
     fn locate<const C: usize>(&self, view: &View, field: &impl Sample<C>, path: &Path) -> Located {
         let level = self.level;
         // A level without density has level 0's.
-        let own = if field.density_level(level) { level } else { 0 };
-        let blends = own == level && field.density_level(level + 1);
-        let decode = field.decode(own);
-        let coarser = blends.then(|| field.decode(level + 1));
+        let owner = |level: usize| if field.density_level(level) { level } else { 0 };
+        let (own, next) = (owner(level), owner(level + 1));
+        let (decode, coarser) = (field.decode(own), field.decode(next));
         let mut located = Located {
             cells: [[None; 2]; PACKET],
             // Where nothing is stored nothing is seen.
-            density: [[nothing(decode); PACKET], [coarser.map_or(0.0, nothing); PACKET]],
+            density: [[nothing(decode); PACKET], [nothing(coarser); PACKET]],
             decode,
-            coarser: coarser.filter(|_| view.blend == Blend::AfterActivation),
+            coarser: (next != own && view.blend == Blend::AfterActivation).then_some(coarser),
         };
         for i in 0..self.count {
             let position = path.position(self.k[i]);
@@ -135,20 +134,22 @@ impl Packet {
                 false => None,
             };
             located.cells[i] = [fine, coarse];
-            let low = match own == level {
-                true => fine.map(|cell| field.density(level, &cell)),
-                false => field.locate(0, position).map(|cell| field.density(0, &cell)),
+            let density = |owner: usize, at: usize, cell: Option<Cell>| {
+                let cell = if owner == at { cell } else { field.locate(owner, position) };
+                cell.map(|cell| field.density(owner, &cell))
             };
-            let high = coarse.filter(|_| blends).map(|cell| field.density(level + 1, &cell));
+            let low = density(own, level, fine);
+            let blends = self.blend[i] > 0.0 && next != own;
+            let high = if blends { density(next, level + 1, coarse) } else { None };
             let [of_fine, of_coarse] = &mut located.density;
             of_fine[i] = low.unwrap_or(of_fine[i]);
             of_coarse[i] = high.unwrap_or(of_coarse[i]);
-            if view.blend == Blend::BeforeActivation && blends && self.blend[i] > 0.0 {
+            if view.blend == Blend::BeforeActivation && blends {
                 if low.is_none() && high.is_none() {
                     continue;
                 }
-                let low = low.unwrap_or_else(|| field.empty_density(level));
-                let high = high.unwrap_or_else(|| field.empty_density(level + 1));
+                let low = low.unwrap_or_else(|| field.empty_density(own));
+                let high = high.unwrap_or_else(|| field.empty_density(next));
                 of_fine[i] = low + (high - low) * self.blend[i];
             }
         }
@@ -166,7 +167,7 @@ impl Packet {
     ) -> [f32; C] {
         let at = |level: usize, cell: &Option<Cell>| match cell {
             Some(cell) => field.color(level, cell),
-            None => [0.0; C],
+            None => field.empty_color(level),
         };
         let mut color = at(self.level, fine);
         if blend == 0.0 {

@@ -4,6 +4,10 @@ use super::view::View;
 use crate::baked::Aside;
 use crate::camera::Ray;
 
+/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries are
+/// faces, and rounding must not decide whether a ray's first sample counts.
+const ON_FACE: f64 = 1e-9;
+
 /// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Path {
@@ -35,12 +39,12 @@ impl Path {
         for axis in 0..3 {
             let (from, by) = (start[axis], step[axis]);
             if by == 0.0 {
-                if !(0.0..=1.0).contains(&from) {
+                if !(-ON_FACE..=1.0 + ON_FACE).contains(&from) {
                     return None;
                 }
                 continue;
             }
-            let (a, b) = (-from / by, (1.0 - from) / by);
+            let (a, b) = ((-ON_FACE - from) / by, (1.0 + ON_FACE - from) / by);
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b));
         }

@@ -126,6 +126,10 @@ impl<const C: usize> Sample<C> for Dense<C> {
         if self.values[level].decode == Decode::RawDensity { EMPTY_DENSITY } else { 0.0 }
     }
 
+    fn empty_color(&self, _level: usize) -> [f32; C] {
+        [0.0; C]
+    }
+
     fn skip(&self) -> &SkipGrid {
         &self.skip
     }

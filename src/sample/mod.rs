@@ -43,8 +43,11 @@ pub trait Sample<const C: usize>: Sync {
     /// What densities of a level mean.
     fn decode(&self, level: usize) -> Decode;
 
-    /// Density where nothing is stored.
+    /// Density where nothing is stored, of a level that has density.
     fn empty_density(&self, level: usize) -> f32;
+
+    /// Raw colour and features where nothing is stored.
+    fn empty_color(&self, level: usize) -> [f32; C];
 
     /// What can be skipped.
     fn skip(&self) -> &SkipGrid;

@@ -37,6 +37,7 @@ struct Level<const C: usize> {
     /// Nodes of a frame with its apron.
     frame_nodes: usize,
     empty_density: f32,
+    empty_color: [f32; C],
     values: Values<C>,
 }
 
@@ -111,6 +112,10 @@ impl<const C: usize> Sample<C> for Sparse<C> {
         self.levels[level].empty_density
     }
 
+    fn empty_color(&self, level: usize) -> [f32; C] {
+        self.levels[level].empty_color
+    }
+
     fn skip(&self) -> &SkipGrid {
         &self.skip
     }
@@ -142,6 +147,10 @@ impl<const C: usize> Level<C> {
         let decode = metadata.density.as_ref().map_or(Decode::RawDensity, |e| e.decode);
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
         let empty_density = interpolated_density(activation, decode, empty(Group::Density));
+        let mut empty_color = [0.0; C];
+        let (diffuse, rest) = empty_color.split_at_mut(3);
+        diffuse.fill(empty(Group::Diffuse));
+        rest[..features].fill(empty(Group::Features));
         let decoded = parallel::map(places.len(), |i| {
             let mut density = vec![0.0; nodes];
             let mut color = vec![[0.0; C]; nodes];
@@ -184,7 +193,15 @@ impl<const C: usize> Level<C> {
             };
             (0..grid.nodes.0[axis]).map(part).collect()
         });
-        Ok(Self { sizes: grid.nodes.0, parts, frames, frame_nodes: nodes, empty_density, values })
+        Ok(Self {
+            sizes: grid.nodes.0,
+            parts,
+            frames,
+            frame_nodes: nodes,
+            empty_density,
+            empty_color,
+            values,
+        })
     }
 
     /// Where the level can be seen; none if it has no density.

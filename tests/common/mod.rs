@@ -2,6 +2,9 @@
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub mod plain;
+pub mod plain_matter;
+pub mod plain_render;
+pub mod rendered;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

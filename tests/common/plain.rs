@@ -74,11 +74,14 @@ pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
     sum
 }
 
+/// `ln(1 + exp(x))`.
+pub fn softplus(x: f64) -> f64 {
+    x.max(0.0) + (-x.abs()).exp().ln_1p()
+}
+
 /// Opacity over an interval.
 pub fn opacity(raw: f64, shift: f64, interval: f64) -> f64 {
-    let x = raw + shift;
-    let sigma = x.max(0.0) + (-x.abs()).exp().ln_1p();
-    -(-sigma * interval).exp_m1()
+    -(-softplus(raw + shift) * interval).exp_m1()
 }
 
 /// The sigmoid.

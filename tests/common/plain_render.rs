@@ -1,0 +1,341 @@
+//! The renderer's slow twin: one pixel at a time as `formats/mipvog.md`, section 6, says it, in
+//! float64 over dense arrays. It visits every sample of every ray and skips nothing.
+
+use mipvog_bake::baked::{Aside, Blend, Decode, StepRule};
+use mipvog_bake::camera::Camera;
+use mipvog_bake::field::{ActivationOrder, FreeSpace, Lookup};
+use mipvog_bake::render::{LevelChoice, View};
+use mipvog_bake::view_mlp::{ViewInput, ViewMlp};
+
+use super::plain::{index, opacity, sigmoid, softplus, trilinear};
+
+/// A sample this close to a face of the box, in shares of the box, lies on it.
+const ON_FACE: f64 = 1e-9;
+
+/// One level's arrays, z fastest.
+pub struct PlainLevel {
+    pub nodes: [usize; 3],
+    /// Density; none where level 0's counts.
+    pub density: Option<Vec<f64>>,
+    /// What densities mean.
+    pub decode: Decode,
+    /// Raw colour and features, a list for each channel.
+    pub color: Vec<Vec<f64>>,
+    /// What is not stored; none where everything is.
+    pub pruned: Option<Pruned>,
+}
+
+/// Blocks without a frame, and what they read as.
+pub struct Pruned {
+    /// For each node, whether its block is stored.
+    pub stored: Vec<bool>,
+    /// Density, of a level that has one.
+    pub density: f64,
+    /// Raw values of all channels.
+    pub color: Vec<f64>,
+}
+
+/// A field as the twin renders it.
+pub struct PlainField {
+    view: View,
+    levels: Vec<PlainLevel>,
+    /// Values of a free-space mask that is interpolated.
+    mask_values: Vec<f64>,
+}
+
+/// What a pixel shows.
+pub struct Pixel {
+    pub color: [f64; 3],
+    pub transmittance: f64,
+    pub distance: f64,
+    pub level: f64,
+    pub accumulated: Vec<f64>,
+    /// How far values may move because samples lie on a threshold: to either side is right.
+    pub doubt: f64,
+}
+
+/// Sample `k` lies at `origin + direction * (entry + k * step)`.
+struct PlainRay {
+    origin: [f64; 3],
+    direction: [f64; 3],
+    entry: f64,
+    step: f64,
+}
+
+impl PlainRay {
+    fn at(&self, t: f64) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.origin[axis] + self.direction[axis] * t)
+    }
+
+    fn length(&self) -> f64 {
+        length(self.direction)
+    }
+}
+
+impl PlainField {
+    pub fn new(view: &View, mut levels: Vec<PlainLevel>) -> Self {
+        // What is interpolated is raw density, density or opacity.
+        let (shift, interval) = (view.activation.shift.into(), view.activation.interval.into());
+        let activate = |value: &mut f64| match view.activation.order {
+            ActivationOrder::Raw => {}
+            ActivationOrder::Density => *value = softplus(*value + shift),
+            ActivationOrder::Opacity => *value = opacity(*value, shift, interval),
+        };
+        for level in levels.iter_mut().filter(|level| level.decode == Decode::RawDensity) {
+            level.density.iter_mut().flatten().for_each(activate);
+            level.pruned.iter_mut().for_each(|pruned| activate(&mut pruned.density));
+        }
+        let mask_values = match view.free_space.as_ref().map(|mask| &mask.lookup) {
+            Some(Lookup::Trilinear { values, .. }) => values.iter().map(|&v| v.into()).collect(),
+            _ => Vec::new(),
+        };
+        Self { view: view.clone(), levels, mask_values }
+    }
+
+    /// One pixel, looked at through its centre.
+    pub fn pixel(&self, camera: &Camera, [x, y]: [usize; 2], choice: LevelChoice) -> Pixel {
+        let march = &self.view.march;
+        let center = [x as f64 + 0.5, y as f64 + 0.5];
+        let ray = self.ray(camera, center);
+        let aside = [[0.5, 0.0], [0.0, 0.5]]
+            .map(|[by_x, by_y]| self.ray(camera, [center[0] + by_x, center[1] + by_y]));
+        let mut accumulated = vec![0.0; 3 + self.view.features];
+        let (mut left, mut distance, mut mean_level, mut doubt) = (1.0, 0.0, 0.0, 0.0);
+        let most = length(self.view.nodes.0.map(|size| (size + 1) as f64));
+        let most = (most / f64::from(march.stepsize)).floor();
+        let (mut next, mut entered) = (0.0, false);
+        while next <= most {
+            let k = next;
+            let t = ray.entry + k * ray.step;
+            let lambda = match (choice, &self.view.level_of_detail) {
+                (LevelChoice::Fixed(level), _) => level.min(self.levels.len() - 1) as f64,
+                (LevelChoice::Auto, None) => 0.0,
+                (LevelChoice::Auto, Some(_)) => self.lambda(&ray, &aside, k),
+            };
+            let inside = self.in_box(ray.at(t));
+            entered |= inside.is_some();
+            let intervals = match self.view.step_rule {
+                StepRule::LevelOfDetail if entered => lambda.exp2(),
+                _ => 1.0,
+            };
+            next += intervals;
+            let Some(position) = inside else { continue };
+            if self.view.free_space.as_ref().is_some_and(|mask| !self.keeps(mask, ray.at(t))) {
+                continue;
+            }
+            let Some(depth) = self.optical_depth(lambda, position) else { continue };
+            let alpha = -(-depth * intervals).exp_m1();
+            let threshold = f64::from(march.alpha_threshold);
+            if is_close(alpha, threshold) {
+                // Its own light, and what it takes from all behind it.
+                doubt += 2.0 * alpha * left;
+            }
+            if alpha <= threshold {
+                continue;
+            }
+            let weight = alpha * left;
+            left *= 1.0 - alpha;
+            distance += weight * t * ray.length();
+            mean_level += weight * lambda;
+            let threshold = f64::from(march.color_threshold);
+            if is_close(weight, threshold) {
+                doubt += weight;
+            }
+            if weight > threshold {
+                for (channel, sum) in accumulated.iter_mut().enumerate() {
+                    *sum += weight * self.color(lambda, channel, position);
+                }
+            }
+        }
+        let unit = ray.direction.map(|along| along / ray.length());
+        let network = self.view.view_mlp.as_ref();
+        let specular = network.map_or([0.0; 3], |network| specular(network, unit, &accumulated));
+        let color = [0, 1, 2]
+            .map(|c| accumulated[c] + specular[c] + left * f64::from(self.view.background[c]));
+        distance += left * march.far.map_or(0.0, f64::from);
+        Pixel { color, transmittance: left, distance, level: mean_level, accumulated, doubt }
+    }
+
+    fn ray(&self, camera: &Camera, [x, y]: [f64; 2]) -> PlainRay {
+        let (lens, march) = (&camera.lens, &self.view.march);
+        let local =
+            [(x - lens.center[0]) / lens.focal[0], -(y - lens.center[1]) / lens.focal[1], -1.0];
+        let columns = camera.to_world.to_cols_array_2d();
+        let direction = [0, 1, 2]
+            .map(|row| (0..3).map(|column| columns[column][row] * local[column]).sum::<f64>());
+        let origin = [0, 1, 2].map(|row| columns[3][row]);
+        let mut entry = f64::NEG_INFINITY;
+        for axis in 0..3 {
+            // A ray along a face is within it from the start.
+            if direction[axis] == 0.0 {
+                continue;
+            }
+            let faces = [self.view.bounds.min[axis], self.view.bounds.max[axis]];
+            let [a, b] = faces.map(|face| (f64::from(face) - origin[axis]) / direction[axis]);
+            entry = entry.max(a.min(b));
+        }
+        let far = march.far.map_or(f64::INFINITY, f64::from);
+        let step = f64::from(march.stepsize) * f64::from(march.voxel_size) / length(direction);
+        PlainRay { origin, direction, entry: entry.max(march.near.into()).min(far), step }
+    }
+
+    /// A position as shares of the box; none outside.
+    fn in_box(&self, world: [f64; 3]) -> Option<[f64; 3]> {
+        let (bounds, extent) = (&self.view.bounds, self.view.bounds.extent());
+        let share = [0, 1, 2].map(|a| (world[a] - f64::from(bounds.min[a])) / extent[a]);
+        let inside = share.iter().all(|share| (-ON_FACE..=1.0 + ON_FACE).contains(share));
+        inside.then(|| share.map(|share| share.clamp(0.0, 1.0)))
+    }
+
+    /// Whether the free-space mask keeps a sample.
+    fn keeps(&self, mask: &FreeSpace, world: [f64; 3]) -> bool {
+        let nodes = mask.nodes.0;
+        let at = [0, 1, 2].map(|axis| world[axis] * mask.scale[axis] + mask.shift[axis]);
+        let within = |at: [f64; 3]| (0..3).all(|a| at[a] >= 0.0 && at[a] <= (nodes[a] - 1) as f64);
+        match &mask.lookup {
+            Lookup::Nearest(inside) => {
+                let nearest = at.map(f64::round_ties_even);
+                within(nearest) && inside[index(nodes, nearest.map(|at| at as usize))]
+            }
+            Lookup::Trilinear { threshold, .. } => {
+                within(at) && trilinear(nodes, &self.mask_values, at) >= f64::from(*threshold)
+            }
+        }
+    }
+
+    /// Level of detail of sample `k`.
+    fn lambda(&self, ray: &PlainRay, aside: &[PlainRay; 2], k: f64) -> f64 {
+        let Some(rule) = &self.view.level_of_detail else { return 0.0 };
+        let extent = self.view.bounds.extent();
+        let t = |ray: &PlainRay| ray.entry + k * ray.step;
+        let here = ray.at(t(ray));
+        let rho = aside.each_ref().map(|other| {
+            let there = match rule.aside {
+                Aside::SameIndex => other.at(t(other)),
+                Aside::SameDistance => other.at(t(ray)),
+            };
+            let voxels = |a: usize| (there[a] - here[a]) / extent[a] * self.view.nodes.0[a] as f64;
+            length([0, 1, 2].map(voxels)) / 0.5
+        });
+        let rho = f64::max(rho[0], rho[1]);
+        let last = (self.levels.len() - 1) as f64;
+        let last = rule.most.map_or(last, |most| last.min(most.into()));
+        match rho > 0.0 {
+            true => (f64::from(rule.factor) * rho.log2() + f64::from(rule.bias)).clamp(0.0, last),
+            false => 0.0,
+        }
+    }
+
+    /// Optical depth of a sample over one interval; none where all that it reads is empty.
+    fn optical_depth(&self, lambda: f64, position: [f64; 3]) -> Option<f64> {
+        let owner = |level: usize| match self.levels[level].density {
+            Some(_) => level,
+            None => 0,
+        };
+        let mut anything = false;
+        let mut value = |level: usize| {
+            let level = &self.levels[owner(level)];
+            anything |= level.is_stored(position);
+            let density = level.density.as_deref().expect("level 0 has density");
+            level.value(density, level.pruned.as_ref().map(|pruned| pruned.density), position)
+        };
+        let decode = |level: usize, value: f64| self.decoded(self.levels[level].decode, value);
+        let depth = match self.view.blend {
+            Blend::BeforeActivation => decode(0, blended(lambda, value)),
+            Blend::AfterActivation => blended(lambda, |level| decode(level, value(level))),
+        };
+        anything.then_some(depth)
+    }
+
+    /// Optical depth over one interval of an interpolated value.
+    fn decoded(&self, decode: Decode, value: f64) -> f64 {
+        let activation = &self.view.activation;
+        let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
+        let of_opacity = |alpha: f64| -(-alpha.clamp(0.0, 1.0 - f64::from(f32::EPSILON))).ln_1p();
+        match (decode, activation.order) {
+            (Decode::SqrtOpticalDepth, _) => value * value,
+            (Decode::Opacity, _) | (_, ActivationOrder::Opacity) => of_opacity(value),
+            (_, ActivationOrder::Raw) => softplus(value + shift) * interval,
+            (_, ActivationOrder::Density) => value * interval,
+        }
+    }
+
+    /// Activated colour.
+    fn color(&self, lambda: f64, channel: usize, position: [f64; 3]) -> f64 {
+        let value = |level: usize| {
+            let level = &self.levels[level];
+            let empty = level.pruned.as_ref().map(|pruned| pruned.color[channel]);
+            level.value(&level.color[channel], empty, position)
+        };
+        match self.view.blend {
+            Blend::BeforeActivation => sigmoid(blended(lambda, value)),
+            Blend::AfterActivation => blended(lambda, |level| sigmoid(value(level))),
+        }
+    }
+}
+
+impl PlainLevel {
+    /// The same position in index space.
+    fn node_position(&self, position: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| position[axis] * (self.nodes[axis] - 1) as f64)
+    }
+
+    /// Whether the block of the cell's lowest node is stored.
+    fn is_stored(&self, position: [f64; 3]) -> bool {
+        let u = self.node_position(position);
+        let low = [0, 1, 2].map(|axis| (u[axis] as usize).min(self.nodes[axis] - 2));
+        let of_block = |pruned: &Pruned| pruned.stored[index(self.nodes, low)];
+        self.pruned.as_ref().is_none_or(of_block)
+    }
+
+    fn value(&self, values: &[f64], empty: Option<f64>, position: [f64; 3]) -> f64 {
+        match empty.filter(|_| !self.is_stored(position)) {
+            Some(empty) => empty,
+            None => trilinear(self.nodes, values, self.node_position(position)),
+        }
+    }
+}
+
+/// Values of two levels, mixed.
+fn blended(lambda: f64, mut value: impl FnMut(usize) -> f64) -> f64 {
+    let (level, share) = (lambda as usize, lambda.fract());
+    match share > 0.0 {
+        true => (1.0 - share) * value(level) + share * value(level + 1),
+        false => value(level),
+    }
+}
+
+/// Whether float32 may see a value on the other side of a threshold; nothing is below 0.
+fn is_close(value: f64, threshold: f64) -> bool {
+    threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
+}
+
+fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {
+    let angles = || {
+        let octaves = 0..network.frequencies as i32;
+        unit.iter().flat_map(move |along| octaves.clone().map(move |k| along * 2f64.powi(k)))
+    };
+    let mut values = unit.to_vec();
+    values.extend(angles().map(f64::sin));
+    values.extend(angles().map(f64::cos));
+    values.extend(match network.input {
+        ViewInput::DiffuseAndFeatures => accumulated,
+        ViewInput::Features => &accumulated[3..],
+    });
+    for (number, layer) in network.layers.iter().enumerate() {
+        let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
+        let sums = rows.map(|(weights, bias)| {
+            let products = weights.iter().zip(&values).map(|(w, value)| f64::from(*w) * value);
+            f64::from(*bias) + products.sum::<f64>()
+        });
+        values = match number + 1 == network.layers.len() {
+            true => sums.map(sigmoid).collect(),
+            false => sums.map(|sum| sum.max(0.0)).collect(),
+        };
+    }
+    [values[0], values[1], values[2]]
+}
+
+fn length([x, y, z]: [f64; 3]) -> f64 {
+    (x * x + y * y + z * z).sqrt()
+}

@@ -1,0 +1,205 @@
+//! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
+
+use mipvog_bake::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use mipvog_bake::camera::Camera;
+use mipvog_bake::field::{Nonfinite, RadianceField};
+use mipvog_bake::grid::NodeMask;
+use mipvog_bake::mips::Settled;
+
+use mipvog_bake::parallel;
+use mipvog_bake::prune::masked_planes;
+use mipvog_bake::quantize::decode_codes;
+use mipvog_bake::render::{Frame, LevelChoice};
+use mipvog_bake::sample::Levels;
+
+use super::plain::{all_nodes, halved, index, next_level};
+use super::plain_render::{PlainField, PlainLevel, Pruned};
+use super::{plain_matter, volume_values};
+
+/// Levels of a trained field.
+pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> {
+    let mut nodes = field.scene.nodes.0;
+    let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
+    let mut density = wide(volume_values(&field.density));
+    let mut color: Vec<Vec<f64>> = Vec::new();
+    for volume in &field.color {
+        let values = wide(volume_values(volume));
+        color.extend(values.chunks_exact(field.scene.nodes.count()).map(<[f64]>::to_vec));
+    }
+    let finest = PlainLevel {
+        nodes,
+        density: Some(density.clone()),
+        decode: Decode::RawDensity,
+        color: color.clone(),
+        pruned: None,
+    };
+    let mut all = vec![finest];
+    // Coarser levels see what the mask leaves.
+    if levels.most > 1 && levels.density {
+        density = masked_density(field);
+    }
+    let mut lifted = Vec::new();
+    if let Some(matter) = &levels.matter {
+        lifted = plain_matter::lift(matter, &[vec![density.clone()], color.clone()].concat());
+    }
+    while all.len() < levels.most && halved(nodes) != nodes {
+        let next = |values: &[f64]| next_level(nodes, values, levels.kernel);
+        let mut decode = Decode::RawDensity;
+        if let Some(matter) = &levels.matter {
+            lifted = lifted.iter().map(|channel| next(channel)).collect();
+            let mut settled = plain_matter::settle(halved(nodes), matter, &lifted);
+            density = settled.remove(0);
+            color = settled;
+            decode = match matter.settled {
+                Settled::SqrtOpticalDepth => Decode::SqrtOpticalDepth,
+                Settled::Opacity => Decode::Opacity,
+            };
+        } else {
+            color = color.iter().map(|channel| next(channel)).collect();
+            density = if levels.density { next(&density) } else { density };
+        }
+        nodes = halved(nodes);
+        let density = levels.density.then(|| density.clone());
+        all.push(PlainLevel { nodes, density, decode, color: color.clone(), pruned: None });
+    }
+    all
+}
+
+/// Level 0 alone.
+pub fn finest_level(field: &RadianceField) -> Vec<PlainLevel> {
+    trained_levels(field, Levels::FINEST)
+}
+
+fn masked_density(field: &RadianceField) -> Vec<f64> {
+    let planes = masked_planes(field, Nonfinite::Refuse).expect("a mask");
+    let [nx, ny, nz] = field.scene.nodes.0;
+    let whole = NodeMask::full(field.scene.nodes);
+    let plane = |x: usize| {
+        let mut plane = vec![0.0; ny * nz];
+        planes.read(0, x, whole.plane(x), &mut plane).expect("readable");
+        plane
+    };
+    (0..nx).flat_map(plane).map(f64::from).collect()
+}
+
+/// Levels of a baked field.
+pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
+    let metadata = &field.metadata;
+    let level = |(level, of_level): (&BakedLevel, &LevelMetadata)| {
+        let (grid, nodes) = (of_level.grid(), of_level.dimensions);
+        let counts = grid.counts();
+        let mut stored = vec![false; grid.total()];
+        level.table.stored().for_each(|place| stored[index(counts, place)] = true);
+        let is_stored = |at: [usize; 3]| stored[index(counts, at.map(|node| node / grid.edge))];
+        let channels = |group: Group| -> Vec<Vec<f64>> {
+            let count = group.channels(metadata.features);
+            (0..count).map(|channel| dense(level, of_level, group, (channel, count))).collect()
+        };
+        let empty = |group: Group| of_level.encoding(group).map(|of| f64::from(of.empty));
+        let empty_color = [Group::Diffuse, Group::Features]
+            .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.features)]);
+        PlainLevel {
+            nodes,
+            density: of_level.density.is_some().then(|| channels(Group::Density).remove(0)),
+            decode: of_level.density.as_ref().map_or(Decode::RawDensity, |of| of.decode),
+            color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
+            pruned: Some(Pruned {
+                stored: all_nodes(nodes).map(is_stored).collect(),
+                density: empty(Group::Density).unwrap_or(0.0),
+                color: empty_color.concat(),
+            }),
+        }
+    };
+    field.levels.iter().zip(&metadata.levels).map(level).collect()
+}
+
+/// One channel of a level; blocks that are not stored hold the empty value.
+fn dense(
+    level: &BakedLevel,
+    metadata: &LevelMetadata,
+    group: Group,
+    (channel, channels): (usize, usize),
+) -> Vec<f64> {
+    let (grid, nodes) = (metadata.grid(), metadata.dimensions);
+    let (Some(encoding), Some(codes)) = (metadata.encoding(group), &level.atlases[group as usize])
+    else {
+        return vec![0.0; grid.nodes.count()];
+    };
+    let mut values = vec![f64::from(encoding.empty); grid.nodes.count()];
+    let mut block = vec![0.0; grid.block_nodes()];
+    for (frame, place) in level.table.stored().enumerate() {
+        let first = (frame * channels + channel) * grid.block_nodes();
+        decode_codes(encoding, codes, first..first + grid.block_nodes(), &mut block);
+        for (inside, &value) in all_nodes([grid.edge; 3]).zip(&block) {
+            let at = [0, 1, 2].map(|axis| place[axis] * grid.edge + inside[axis]);
+            if (0..3).all(|axis| at[axis] < nodes[axis]) {
+                values[index(nodes, at)] = f64::from(value);
+            }
+        }
+    }
+    values
+}
+
+/// The largest differences between a picture and its twin's, beyond what thresholds leave open.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Differences {
+    pub color: f64,
+    pub transmittance: f64,
+    pub accumulated: f64,
+    pub distance: f64,
+    pub level: f64,
+    /// The most that thresholds left open.
+    pub doubt: f64,
+}
+
+impl Differences {
+    /// Of these pixels.
+    pub fn of(
+        plain: &PlainField,
+        camera: &Camera,
+        choice: LevelChoice,
+        frame: &Frame,
+        pixels: &[usize],
+    ) -> Self {
+        let all = parallel::map(pixels.len(), |i| {
+            let pixel = pixels[i];
+            let want = plain.pixel(camera, [pixel % frame.width, pixel / frame.width], choice);
+            let beyond = |got: &[f32], want_values: &[f64]| {
+                let errors =
+                    got.iter().zip(want_values).map(|(got, w)| (f64::from(*got) - w).abs());
+                // A NaN is no small difference.
+                let most =
+                    errors.fold(0.0, |most, e| if e > most || e.is_nan() { e } else { most });
+                // The network and distances enlarge what a sample on a threshold changes.
+                let open = 10.0 * want.doubt;
+                if most <= open { 0.0 } else { most - open }
+            };
+            let channels = frame.channels;
+            Ok(Self {
+                color: beyond(&frame.color[pixel], &want.color),
+                transmittance: beyond(&[frame.transmittance[pixel]], &[want.transmittance]),
+                accumulated: beyond(
+                    &frame.accumulated[pixel * channels..][..channels],
+                    &want.accumulated,
+                ),
+                distance: beyond(&[frame.distance[pixel]], &[want.distance]),
+                level: beyond(&[frame.level[pixel]], &[want.level]),
+                doubt: want.doubt,
+            })
+        });
+        all.expect("no errors").into_iter().fold(Self::default(), Self::larger)
+    }
+
+    /// The larger of each.
+    pub fn larger(self, other: Self) -> Self {
+        let larger = |a: f64, b: f64| if a > b || a.is_nan() { a } else { b };
+        Self {
+            color: larger(self.color, other.color),
+            transmittance: larger(self.transmittance, other.transmittance),
+            accumulated: larger(self.accumulated, other.accumulated),
+            distance: larger(self.distance, other.distance),
+            level: larger(self.level, other.level),
+            doubt: larger(self.doubt, other.doubt),
+        }
+    }
+}
