@@ -285,6 +285,52 @@ fn fields_are_rendered_and_compared() {
 }
 
 #[test]
+fn settings_are_swept_and_resumed() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("trained/tiny/fine_last.tar").display().to_string();
+    let view = ["--turntable", "2", "--size", "16x16", "--scales", "1,4"];
+    let lists = ["--bits", "6,f16", "--filter", "code,mean3", "--preset", "web", "-o", "out"];
+    let arguments = [&["sweep", &tiny], &view[..], &lists].concat();
+    let first = report(here, &arguments);
+    let settings = first["settings"].as_array().expect("settings");
+    assert_eq!(settings.len(), 5);
+    assert_eq!(settings[4]["preset"], "web");
+    for setting in settings {
+        let file = here.join("out").join(setting["file"].as_str().expect("a name"));
+        let bytes = std::fs::metadata(file).expect("baked").len();
+        assert_eq!((&setting["output_bytes"], &setting["resumed"]), (&bytes.into(), &false.into()));
+        // The first thing that the front must have is the smallest.
+        let smallest = settings.iter().all(|other| other["output_bytes"].as_u64() >= Some(bytes));
+        assert!(!smallest || setting["fronts"][0]["bytes"] == true, "{setting}");
+    }
+    let again = report(here, &arguments);
+    assert!(again["settings"].as_array().expect("settings").iter().all(|s| s["resumed"] == true));
+    let text = run(here, &arguments);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("code-6bit-t1e-3-b8-z1 ") && text.contains("*"), "{text}");
+    assert!(text.contains("5 of 5 settings were finished before"), "{text}");
+
+    let bad = |more: &[&str], code: i32, says: &str| {
+        let arguments = [&["sweep", &tiny, "-o", "new"], &view[..], more].concat();
+        refused(here, &arguments, code, &[says]);
+    };
+    bad(&["--bits", "8,3"], 2, "--bits");
+    bad(&["--filter", "code,sharp"], 2, "mean5");
+    bad(&["--alpha-threshold", "1e-3,2"], 2, "--alpha-threshold");
+    bad(&["--scales", "99"], 2, "--scales");
+    bad(&["--repeat", "0"], 2, "--repeat");
+    report(here, &["bake", &tiny, "-o", "a.mipvog"]);
+    report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
+    let unpacked = [&["sweep", "a.safetensors", "-o", "new"], &view[..]].concat();
+    refused(here, &unpacked, 2, &["a.safetensors", "trained"]);
+    std::fs::create_dir(here.join("new")).expect("writable");
+    std::fs::write(here.join("new/sweep.csv"), "mine").expect("writable");
+    bad(&[], 5, "sweep.csv");
+    assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
+}
+
+#[test]
 fn cameras_that_cannot_be_are_refused() {
     let folder = folder();
     let here = folder.path();
