@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::{fixture, folder};
+use common::{assert_schema, fixture, folder};
 use serde_json::Value;
 
 /// Runs the program in `folder`.
@@ -27,15 +27,7 @@ fn report(folder: &Path, arguments: &[&str]) -> Value {
 
 fn against_schema(verb: &str, stdout: &[u8]) -> Value {
     let report: Value = serde_json::from_slice(stdout).expect("one JSON document");
-    assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
-    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{verb}.schema.json"));
-    let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
-    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
-    let errors: Vec<String> = validator
-        .iter_errors(&report)
-        .map(|error| format!("{}: {error}", error.instance_path()))
-        .collect();
-    assert!(errors.is_empty(), "{verb}: {errors:?}");
+    assert_schema(verb, &report);
     report
 }
 
@@ -328,6 +320,15 @@ fn settings_are_swept_and_resumed() {
     std::fs::write(here.join("new/sweep.csv"), "mine").expect("writable");
     bad(&[], 5, "sweep.csv");
     assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
+
+    // What cannot be rendered has nothing to compare with: no setting's fault, and nothing is written.
+    let mut bytes = std::fs::read(fixture("trained/dvgo/flat.safetensors")).expect("a fixture");
+    let header = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
+    let density = 8 + header + 44..8 + header + 1304;
+    bytes[density].as_chunks_mut().0.fill(f32::NAN.to_le_bytes());
+    std::fs::write(here.join("nan.safetensors"), bytes).expect("writable");
+    let nan = [&["sweep", "nan.safetensors", "-o", "nan"], &view[..]].concat();
+    refused(here, &nan, 3, &["nan.safetensors", "not finite"]);
 }
 
 #[test]

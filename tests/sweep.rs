@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
-use common::{Random, fixture, folder};
+use common::{Random, assert_schema, fixture, folder};
 use mipvog_bake::camera::{Camera, turntable};
 use mipvog_bake::compare::{Reference, References};
 use mipvog_bake::error::ErrorKind;
@@ -151,6 +151,7 @@ fn a_setting_that_fails_does_not_end_the_sweep() {
     let report = run(folder.path(), &options);
     let failure = report.settings[0].failure.as_deref().expect("a failure");
     assert!(failure.contains("--block-size"), "{failure}");
+    assert_schema("sweep", &serde_json::to_value(&report).expect("JSON"));
     assert!(report.settings[0].fronts.is_empty() && report.settings[1].failure.is_none());
     assert!(report.settings[1].fronts.iter().all(|fronts| fronts.bytes && fronts.seconds));
     assert!(read(&folder.path().join("sweep.html")).contains("failed: "));

@@ -179,7 +179,6 @@ pub fn sweep(
     if !options.overwrite {
         record::refuse_foreign(folder, &options.settings)?;
     }
-    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let digests: Vec<String> = options.settings.iter().map(|s| basis.digest(s)).collect();
     let found = options.settings.iter().zip(&digests);
     let found: Vec<_> = found.map(|(s, digest)| record::finished(folder, s, digest)).collect();
@@ -230,6 +229,7 @@ fn measure_missing(
     let reference = Field::trained(&source.field, None, &limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let references = References::new(&reference, cameras, &options.scales, 1).keep(&limits);
     let origin = Origin::of_source(source);
     let share = (options.repeat + cameras.len() * options.scales.len()) as u64;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::plot::{PlotPoint, STYLES, mark, plot};
-use super::{Fronts, SettingReport, SweepReport};
+use super::{Fronts, SettingReport, SweepReport, Thumbnail};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -90,12 +90,23 @@ fn legend(report: &SweepReport) -> String {
     html + "</ul>\n"
 }
 
-/// A cost that is plotted: its unit and how many of it make one.
+/// What a setting costs, in the unit that suits the largest.
 struct Cost {
-    name: String,
-    of_one: f64,
+    name: &'static str,
+    unit: &'static str,
+    /// One of the unit.
+    one: f64,
+    decimals: usize,
     value: fn(&SettingReport) -> Option<f64>,
     on_front: fn(&Fronts) -> bool,
+}
+
+impl Cost {
+    fn text(&self, setting: &SettingReport) -> String {
+        let (unit, decimals) = (self.unit, self.decimals);
+        let value = (self.value)(setting).unwrap_or_default() / self.one;
+        format!("{value:.decimals$} {unit}")
+    }
 }
 
 fn costs(report: &SweepReport) -> [Cost; 2] {
@@ -104,24 +115,15 @@ fn costs(report: &SweepReport) -> [Cost; 2] {
     let most = |value: fn(&SettingReport) -> Option<f64>| {
         report.settings.iter().filter_map(value).fold(0.0, f64::max)
     };
-    let units = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes")];
-    let (byte, bytes_name) =
-        units.into_iter().find(|(one, _)| most(bytes) >= *one).unwrap_or((1.0, "bytes"));
-    let (second, seconds_name) = if most(seconds) < 1.0 { (1e-3, "ms") } else { (1.0, "s") };
-    [
-        Cost {
-            name: format!("size, {bytes_name}"),
-            of_one: byte,
-            value: bytes,
-            on_front: |f| f.bytes,
-        },
-        Cost {
-            name: format!("time, {seconds_name}"),
-            of_one: second,
-            value: seconds,
-            on_front: |f| f.seconds,
-        },
-    ]
+    let (one, unit) = match most(bytes) {
+        ..1e6 => (1e3, "kB"),
+        1e6..1e9 => (1e6, "MB"),
+        _ => (1e9, "GB"),
+    };
+    let size = Cost { name: "size", unit, one, decimals: 2, value: bytes, on_front: |f| f.bytes };
+    let (one, unit, decimals) = if most(seconds) < 1.0 { (1e-3, "ms", 1) } else { (1.0, "s", 2) };
+    let on_front = |fronts: &Fronts| fronts.seconds;
+    [size, Cost { name: "time", unit, one, decimals, value: seconds, on_front }]
 }
 
 fn plots(report: &SweepReport) -> String {
@@ -132,7 +134,7 @@ fn plots(report: &SweepReport) -> String {
         for cost in &costs {
             let about = format!("PSNR in dB at scale 1/{scale} against {}", cost.name);
             let points = points(report, number, cost);
-            html += &plot([&cost.name, "PSNR, dB"], &about, &points);
+            html += &plot([&format!("{}, {}", cost.name, cost.unit), "PSNR, dB"], &about, &points);
         }
         html += "</div>\n";
     }
@@ -149,34 +151,19 @@ fn points(report: &SweepReport, number: usize, cost: &Cost) -> Vec<PlotPoint> {
             continue;
         };
         let filter = setting.options["filter"].as_str().unwrap_or_default();
-        let [size, time] = figures_text(setting);
         points.push(PlotPoint {
-            at: [value / cost.of_one, errors.psnr],
+            at: [value / cost.one, errors.psnr],
             on_front: (cost.on_front)(fronts),
             style: styles.get(filter).copied().unwrap_or(0),
             label: (index + 1).to_string(),
-            title: format!("{}: {size}, {time}, {:.2} dB", setting.name, errors.psnr),
+            title: format!("{}: {}, {:.2} dB", setting.name, cost.text(setting), errors.psnr),
         });
     }
     points
 }
 
-/// Size and time for people.
-fn figures_text(setting: &SettingReport) -> [String; 2] {
-    let size = setting.output_bytes.map_or_else(|| "-".to_owned(), readable);
-    [size, setting.seconds.map_or_else(|| "-".to_owned(), |seconds| format!("{seconds:.3} s"))]
-}
-
-fn readable(bytes: u64) -> String {
-    match bytes {
-        0..1_000 => format!("{bytes} B"),
-        1_000..1_000_000 => format!("{:.2} kB", bytes as f64 / 1e3),
-        1_000_000..1_000_000_000 => format!("{:.2} MB", bytes as f64 / 1e6),
-        _ => format!("{:.2} GB", bytes as f64 / 1e9),
-    }
-}
-
 fn table(report: &SweepReport) -> String {
+    let costs = costs(report);
     let mut html = String::from(
         "<h2>All settings</h2>\n<p>PSNR in dB at each scale; * is on the front of size, + on that of \
          time.</p>\n<div class=\"wide\"><table>\n<thead><tr><th>#</th><th>setting</th><th>size</th>\
@@ -200,7 +187,7 @@ fn table(report: &SweepReport) -> String {
             .ok();
             continue;
         }
-        let [size, time] = figures_text(setting);
+        let [size, time] = costs.each_ref().map(|cost| cost.text(setting));
         let levels = setting.levels.unwrap_or_default();
         write!(html, "<td>{size}</td><td>{time}</td><td>{levels}</td>").ok();
         for (errors, fronts) in setting.errors.iter().zip(&setting.fronts) {
@@ -235,14 +222,14 @@ fn pictures(report: &SweepReport) -> String {
     html + "</div>\n"
 }
 
-fn figure<'a>(
-    caption: &str,
-    pictures: impl Iterator<Item = (&'a super::Thumbnail, &'a str)>,
-) -> String {
+/// Pictures of several scales, all as wide as the first.
+fn figure<'a>(caption: &str, pictures: impl Iterator<Item = (&'a Thumbnail, &'a str)>) -> String {
     let caption = escaped(caption);
     let mut html = String::from("<figure>");
+    let mut width = None;
     for (thumbnail, png) in pictures {
-        let (width, height, scale) = (thumbnail.width, thumbnail.height, thumbnail.scale);
+        let (width, scale) = (*width.get_or_insert(thumbnail.width), thumbnail.scale);
+        let height = thumbnail.height * width / thumbnail.width.max(1);
         write!(
             html,
             "<img src=\"data:image/png;base64,{}\" width=\"{width}\" height=\"{height}\" \

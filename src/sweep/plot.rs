@@ -79,7 +79,10 @@ pub fn plot(names: [&str; 2], about: &str, points: &[PlotPoint]) -> String {
         points.iter().map(|point| [x_axis.place(point.at[0]), y_axis.place(point.at[1])]).collect();
     svg += &front_line(points, &placed);
     let labels = label_places(points, &placed, [left, top, x_end, y_end]);
-    for ((point, &at), label) in points.iter().zip(&placed).zip(labels) {
+    // What is on the front is drawn last, over what is not.
+    let mut drawn: Vec<_> = points.iter().zip(&placed).zip(labels).collect();
+    drawn.sort_by_key(|((point, _), _)| point.on_front);
+    for ((point, &at), label) in drawn {
         let (class, style) = (if point.on_front { " front" } else { "" }, point.style % STYLES);
         writeln!(
             svg,
@@ -222,9 +225,9 @@ impl Axis {
         inside.map(|(value, exponent)| (value, format!("{value:.*}", decimals(exponent)))).collect()
     }
 
-    /// Multiples of a round step, about five.
+    /// Multiples of a round step, three to eight.
     fn multiples(&self) -> Vec<(f64, String)> {
-        let rough = (self.high - self.low) / 5.0;
+        let rough = (self.high - self.low) / 8.0;
         let power = rough.log10().floor();
         let unit = 10f64.powf(power);
         let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * unit);
