@@ -18,6 +18,7 @@ mod page;
 mod pareto;
 mod plot;
 mod record;
+mod report;
 mod setting;
 mod thumbnail;
 
@@ -26,17 +27,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
 pub use pareto::{Point, front};
 pub use record::RECORD_SCHEMA;
+use report::mark_fronts;
+pub use report::{Fronts, Measured, SCHEMA, SettingReport, SweepReport};
 pub use setting::{Grid, Setting};
 pub use thumbnail::Thumbnail;
 
 use crate::bake::{Origin, bake};
 use crate::bytes::{Output, SourceFile};
 use crate::camera::Camera;
-use crate::compare::{Reference, References, ScaleErrors};
+use crate::compare::{Reference, References};
 use crate::container::Container;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::limits::Limits;
@@ -45,9 +46,6 @@ use crate::progress::{Progress, Step};
 use crate::render::Field;
 use crate::source::Source;
 use record::{Basis, Record};
-
-/// Schema of the report.
-pub const SCHEMA: &str = "mipvog-sweep/1";
 
 /// What a sweep does.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,97 +68,6 @@ impl Default for SweepOptions {
     }
 }
 
-/// What a setting gave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Measured {
-    /// Bytes of the container.
-    pub output_bytes: u64,
-    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting for
-    /// the disk at the end.
-    pub seconds: f64,
-    /// Levels of the container.
-    pub levels: usize,
-    /// Distance from the unbaked input, one for each scale.
-    pub errors: Vec<ScaleErrors>,
-    /// The first frame at the finest and at the coarsest scale.
-    pub thumbnails: Vec<Thumbnail>,
-}
-
-/// Whether a result is on the fronts at one scale, of all results of the sweep.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Fronts {
-    /// Pixels of the full picture along one of this.
-    pub scale: usize,
-    /// No other is at most as large, at least as good, and better in one.
-    pub bytes: bool,
-    /// The same with time in the place of size.
-    pub seconds: bool,
-}
-
-impl Fronts {
-    /// `*` for the front of size, `+` for that of time.
-    pub fn marks(self) -> &'static str {
-        match (self.bytes, self.seconds) {
-            (true, true) => "*+",
-            (true, false) => "*",
-            (false, true) => "+",
-            (false, false) => "",
-        }
-    }
-}
-
-/// One setting of the report.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SettingReport {
-    /// Its name.
-    pub name: String,
-    /// The preset that says the same, if one was asked for.
-    pub preset: Option<&'static str>,
-    /// Its container's name in the folder.
-    pub file: String,
-    /// What it was baked with.
-    pub options: serde_json::Value,
-    /// Whether the result comes from a former sweep.
-    pub resumed: bool,
-    /// Bytes of the container; null where it failed, as all that follows.
-    pub output_bytes: Option<u64>,
-    /// Wall-clock time of one bake, the median.
-    pub seconds: Option<f64>,
-    /// Levels of the container.
-    pub levels: Option<usize>,
-    /// Distance from the unbaked input, one for each scale; empty where it failed.
-    pub errors: Vec<ScaleErrors>,
-    /// One for each scale; empty where it failed.
-    pub fronts: Vec<Fronts>,
-    /// Why there is no result.
-    pub failure: Option<String>,
-    /// Pictures, for the page only.
-    #[serde(skip)]
-    pub thumbnails: Vec<Thumbnail>,
-}
-
-/// All of a sweep.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SweepReport {
-    /// [`SCHEMA`].
-    pub schema: &'static str,
-    /// The input's file name.
-    pub input: String,
-    /// Frames that were compared.
-    pub frames: Vec<String>,
-    /// Pixels along a row and rows of the first frame at full size.
-    pub size: [usize; 2],
-    /// Scales that were compared at.
-    pub scales: Vec<usize>,
-    /// Bakes of a setting.
-    pub repeat: usize,
-    /// Threads that baked.
-    pub threads: usize,
-    /// In the order in which they were asked for.
-    pub settings: Vec<SettingReport>,
-}
-
 /// Bakes `source` with every setting into `folder` and writes the reports there.
 pub fn sweep(
     source: &Source,
@@ -179,17 +86,11 @@ pub fn sweep(
     if !options.overwrite {
         record::refuse_foreign(folder, &options.settings)?;
     }
-    let digests: Vec<String> = options.settings.iter().map(|s| basis.digest(s)).collect();
-    let found = options.settings.iter().zip(&digests);
-    let found: Vec<_> = found.map(|(s, digest)| record::finished(folder, s, digest)).collect();
-    let made = measure_missing(source, cameras, options, folder, &digests, &found, progress)?;
-    let results = found.into_iter().zip(made).map(|(found, made)| match (found, made) {
-        (Some(result), _) => (true, Ok(result)),
-        (None, made) => (false, made.unwrap_or_else(|| Err("not tried".to_owned()))),
-    });
+    let results = results(source, cameras, options, folder, &basis, progress)?;
     let settings = options.settings.iter().zip(results);
-    let mut settings: Vec<SettingReport> =
-        settings.map(|(setting, (resumed, result))| report(setting, resumed, result)).collect();
+    let mut settings: Vec<SettingReport> = settings
+        .map(|(setting, (resumed, result))| SettingReport::new(setting, resumed, result))
+        .collect();
     mark_fronts(&mut settings, &options.scales);
     let name = source.file.path().file_name().unwrap_or_default();
     let report = SweepReport {
@@ -211,19 +112,28 @@ pub fn sweep(
     Ok(report)
 }
 
-/// Results of the settings that have none yet; none for those that have.
-fn measure_missing(
+/// What became of a setting: figures, or why there are none.
+type Outcome = std::result::Result<Measured, String>;
+
+/// Each setting's outcome, and whether it comes from a former sweep.
+fn results(
     source: &Source,
     cameras: &[Camera],
     options: &SweepOptions,
     folder: &Path,
-    digests: &[String],
-    found: &[Option<Measured>],
+    basis: &Basis,
     progress: &dyn Progress,
-) -> Result<Vec<Option<std::result::Result<Measured, String>>>> {
-    let missing = found.iter().filter(|found| found.is_none()).count() as u64;
+) -> Result<Vec<(bool, Outcome)>> {
+    let settings = options.settings.iter().map(|setting| (setting, basis.digest(setting)));
+    let settings = settings.map(|(setting, digest)| {
+        let found = record::finished(folder, setting, &digest);
+        (setting, digest, found)
+    });
+    let settings: Vec<_> = settings.collect();
+    let missing = settings.iter().filter(|(_, _, found)| found.is_none()).count() as u64;
     if missing == 0 {
-        return Ok(vec![None; found.len()]);
+        let found = settings.into_iter().filter_map(|(_, _, found)| found);
+        return Ok(found.map(|result| (true, Ok(result))).collect());
     }
     let limits = Limits::default();
     let reference = Field::trained(&source.field, None, &limits)
@@ -236,30 +146,30 @@ fn measure_missing(
     progress.begin(Step::Sweep, missing * share + cameras.len() as u64);
     let steps = Steps { outer: progress, done: AtomicU64::new(0) };
     let mut bench = Bench { source, origin, options, folder, references, limits, steps };
-    let mut made = Vec::with_capacity(found.len());
+    let mut results = Vec::with_capacity(settings.len());
     let mut tried = 0;
-    for ((setting, digest), found) in options.settings.iter().zip(digests).zip(found) {
-        if found.is_some() {
-            made.push(None);
+    for (setting, digest, found) in settings {
+        if let Some(result) = found {
+            results.push((true, Ok(result)));
             continue;
         }
         if progress.cancelled() {
             return Err(Error::new(ErrorKind::Cancelled, Place::File));
         }
-        Record::new(setting, digest, None).write(folder, setting)?;
+        Record::new(setting, &digest, None).write(folder, setting)?;
         let result = match bench.measure(setting) {
             Ok(result) => {
-                Record::new(setting, digest, Some(result.clone())).write(folder, setting)?;
+                Record::new(setting, &digest, Some(result.clone())).write(folder, setting)?;
                 Ok(result)
             }
             Err(error) if ends_sweep(&error) => return Err(error),
             Err(error) => Err(error.to_string()),
         };
-        made.push(Some(result));
+        results.push((false, result));
         tried += 1;
         bench.steps.reach(tried * share);
     }
-    Ok(made)
+    Ok(results)
 }
 
 /// Whether an error is not the setting's own.
@@ -347,50 +257,5 @@ impl Progress for Steps<'_> {
 
     fn cancelled(&self) -> bool {
         self.outer.cancelled()
-    }
-}
-
-fn report(
-    setting: &Setting,
-    resumed: bool,
-    result: std::result::Result<Measured, String>,
-) -> SettingReport {
-    let (result, failure) = match result {
-        Ok(result) => (Some(result), None),
-        Err(failure) => (None, Some(failure)),
-    };
-    SettingReport {
-        name: setting.name.clone(),
-        preset: setting.preset.map(crate::bake::Preset::name),
-        file: format!("{}.mipvog", setting.name),
-        options: setting.options.to_json(),
-        resumed,
-        output_bytes: result.as_ref().map(|result| result.output_bytes),
-        seconds: result.as_ref().map(|result| result.seconds),
-        levels: result.as_ref().map(|result| result.levels),
-        errors: result.as_ref().map(|result| result.errors.clone()).unwrap_or_default(),
-        fronts: Vec::new(),
-        failure,
-        thumbnails: result.map(|result| result.thumbnails).unwrap_or_default(),
-    }
-}
-
-/// Fills in who is on the fronts, of those that did not fail.
-fn mark_fronts(settings: &mut [SettingReport], scales: &[usize]) {
-    for (number, &scale) in scales.iter().enumerate() {
-        let points = |cost: fn(&SettingReport) -> Option<f64>| -> Vec<Point> {
-            let point = |setting: &SettingReport| Point {
-                cost: cost(setting).unwrap_or(f64::NAN),
-                quality: setting.errors.get(number).map_or(f64::NAN, |errors| errors.psnr),
-            };
-            settings.iter().map(point).collect()
-        };
-        let by_bytes = front(&points(|setting| setting.output_bytes.map(|bytes| bytes as f64)));
-        let by_seconds = front(&points(|setting| setting.seconds));
-        for ((setting, bytes), seconds) in settings.iter_mut().zip(by_bytes).zip(by_seconds) {
-            if setting.failure.is_none() {
-                setting.fronts.push(Fronts { scale, bytes, seconds });
-            }
-        }
     }
 }
