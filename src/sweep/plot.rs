@@ -7,9 +7,9 @@ use super::page::escaped;
 /// The picture's size in its own units. Small, so that text stays readable where the page is narrow.
 const SIZE: [f64; 2] = [340.0, 270.0];
 /// Room for tick labels and the axes' names: left, top, right, bottom.
-const MARGINS: [f64; 4] = [46.0, 10.0, 14.0, 44.0];
+const MARGINS: [f64; 4] = [56.0, 10.0, 14.0, 44.0];
 /// An axis whose values span more than this factor is logarithmic.
-const LINEAR_UP_TO: f64 = 10.0;
+const LINEAR_UP_TO: f64 = 6.0;
 /// Half the side of a point's mark.
 const MARK: f64 = 4.5;
 /// Kinds of mark and colour; whatever goes beyond starts again.
@@ -72,7 +72,7 @@ pub fn plot(names: [&str; 2], about: &str, points: &[PlotPoint]) -> String {
     let y = 0.5 * (top + y_end);
     writeln!(
         svg,
-        "<text class=\"name\" transform=\"translate(12 {y}) rotate(-90)\" text-anchor=\"middle\">{y_name}</text>"
+        "<text class=\"name\" transform=\"translate(11 {y}) rotate(-90)\" text-anchor=\"middle\">{y_name}</text>"
     )
     .ok();
     let placed: Vec<[f64; 2]> =
