@@ -24,6 +24,7 @@ pub mod quantize;
 pub mod render;
 pub mod sample;
 pub mod source;
+pub mod sweep;
 pub mod tensor;
 pub mod unpack;
 pub mod view_mlp;

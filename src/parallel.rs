@@ -42,6 +42,14 @@ pub fn map_mut<I: Send, T: Send>(
     items.iter_mut().enumerate().map(|(i, item)| change(i, item)).collect()
 }
 
+/// Threads that loops called from here use.
+pub fn threads() -> usize {
+    #[cfg(feature = "parallel")]
+    return rayon::current_num_threads();
+    #[cfg(not(feature = "parallel"))]
+    1
+}
+
 /// Runs `work` with this many threads; 0 means one for each processor.
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     #[cfg(feature = "parallel")]

@@ -14,6 +14,8 @@ pub enum Step {
     Decode,
     /// Rendering frames.
     Render,
+    /// Baking over settings, and rendering what came out.
+    Sweep,
 }
 
 impl Step {
@@ -25,6 +27,7 @@ impl Step {
             Self::Write => "write",
             Self::Decode => "decode",
             Self::Render => "render",
+            Self::Sweep => "sweep",
         }
     }
 }

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::{fixture, folder};
+use common::{assert_schema, fixture, folder};
 use serde_json::Value;
 
 /// Runs the program in `folder`.
@@ -27,15 +27,7 @@ fn report(folder: &Path, arguments: &[&str]) -> Value {
 
 fn against_schema(verb: &str, stdout: &[u8]) -> Value {
     let report: Value = serde_json::from_slice(stdout).expect("one JSON document");
-    assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
-    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{verb}.schema.json"));
-    let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
-    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
-    let errors: Vec<String> = validator
-        .iter_errors(&report)
-        .map(|error| format!("{}: {error}", error.instance_path()))
-        .collect();
-    assert!(errors.is_empty(), "{verb}: {errors:?}");
+    assert_schema(verb, &report);
     report
 }
 
@@ -308,6 +300,61 @@ fn a_missed_gate_writes_nothing() {
     report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
     let again = ["bake", "a.safetensors", "-o", "b.mipvog", "--turntable", "2"];
     refused(here, &again, 2, &["trained input"]);
+}
+
+#[test]
+fn settings_are_swept_and_resumed() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("trained/tiny/fine_last.tar").display().to_string();
+    let view = ["--turntable", "2", "--size", "16x16", "--scales", "1,4"];
+    let lists = ["--bits", "6,f16", "--filter", "code,mean3", "--preset", "web", "-o", "out"];
+    let arguments = [&["sweep", &tiny], &view[..], &lists].concat();
+    let first = report(here, &arguments);
+    let settings = first["settings"].as_array().expect("settings");
+    assert_eq!(settings.len(), 5);
+    assert_eq!(settings[4]["preset"], "web");
+    for setting in settings {
+        let file = here.join("out").join(setting["file"].as_str().expect("a name"));
+        let bytes = std::fs::metadata(file).expect("baked").len();
+        assert_eq!((&setting["output_bytes"], &setting["resumed"]), (&bytes.into(), &false.into()));
+        // The first thing that the front must have is the smallest.
+        let smallest = settings.iter().all(|other| other["output_bytes"].as_u64() >= Some(bytes));
+        assert!(!smallest || setting["fronts"][0]["bytes"] == true, "{setting}");
+    }
+    let again = report(here, &arguments);
+    assert!(again["settings"].as_array().expect("settings").iter().all(|s| s["resumed"] == true));
+    let text = run(here, &arguments);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("code-6bit-t1e-3-b8-z1 ") && text.contains("*"), "{text}");
+    assert!(text.contains("5 of 5 settings were finished before"), "{text}");
+
+    let bad = |more: &[&str], code: i32, says: &str| {
+        let arguments = [&["sweep", &tiny, "-o", "new"], &view[..], more].concat();
+        refused(here, &arguments, code, &[says]);
+    };
+    bad(&["--bits", "8,3"], 2, "--bits");
+    bad(&["--filter", "code,sharp"], 2, "mean5");
+    bad(&["--alpha-threshold", "1e-3,2"], 2, "--alpha-threshold");
+    bad(&["--scales", "99"], 2, "--scales");
+    bad(&["--repeat", "0"], 2, "--repeat");
+    report(here, &["bake", &tiny, "-o", "a.mipvog"]);
+    report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
+    let unpacked = [&["sweep", "a.safetensors", "-o", "new"], &view[..]].concat();
+    refused(here, &unpacked, 2, &["a.safetensors", "trained"]);
+    std::fs::create_dir(here.join("new")).expect("writable");
+    std::fs::write(here.join("new/sweep.csv"), "mine").expect("writable");
+    bad(&[], 5, "sweep.csv");
+    assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
+
+    // What cannot be rendered has nothing to compare with: no setting's fault, and nothing is written.
+    let mut bytes = std::fs::read(fixture("trained/dvgo/flat.safetensors")).expect("a fixture");
+    let header = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
+    let density = 8 + header + 44..8 + header + 1304;
+    bytes[density].as_chunks_mut().0.fill(f32::NAN.to_le_bytes());
+    std::fs::write(here.join("nan.safetensors"), bytes).expect("writable");
+    let nan = [&["sweep", "nan.safetensors", "-o", "nan"], &view[..]].concat();
+    refused(here, &nan, 3, &["nan.safetensors", "not finite"]);
 }
 
 #[test]

@@ -12,6 +12,7 @@
 mod encode;
 mod filter;
 mod origin;
+mod preset;
 mod rebake;
 mod report;
 
@@ -24,6 +25,8 @@ use serde_json::json;
 pub use encode::{EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use origin::Origin;
+pub(crate) use origin::hex;
+pub use preset::Preset;
 pub use rebake::{Changes, rebake};
 use report::prune_reports;
 pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};

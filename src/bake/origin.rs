@@ -3,6 +3,8 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use crate::source::Source;
+
 /// What is known about the input of a bake. No paths, no times: the same input gives the same
 /// bytes wherever it lies.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +23,18 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// Of a trained input.
+    pub fn of_source(source: &Source) -> Self {
+        let assumptions = source.assumptions.iter();
+        Self {
+            kind: format!("{} {}", source.family.name(), source.kind.name()),
+            digest: source.digest,
+            covers_values: source.field.density.storage.crc32().is_some(),
+            companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
+            assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
+        }
+    }
+
     /// The input's digest, with the checksums of what was read where it needs them.
     pub(super) fn digest(&self, density: &[u32], color: &[u32]) -> [u8; 32] {
         if self.covers_values {
@@ -48,6 +62,7 @@ impl Origin {
     }
 }
 
-fn hex(digest: &[u8; 32]) -> String {
+/// As people and reports write digests.
+pub(crate) fn hex(digest: &[u8; 32]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

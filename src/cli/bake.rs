@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
@@ -12,7 +13,9 @@ use super::gate::{GateArguments, GateReport};
 use super::inspect::levels_text;
 use super::progress::Bar;
 use super::{Common, Outcome, readable, say, warn};
-use crate::bake::{BakeOptions, BakeReport, Changes, Filter, Origin, StageReport, bake, rebake};
+use crate::bake::{
+    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, rebake,
+};
 use crate::bytes::Output;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
@@ -69,16 +72,6 @@ pub struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Preset {
-    /// What the checkpoint was trained with: the research code's levels, 8 bits.
-    Faithful,
-    /// Levels that look right from afar, compressed hardest.
-    Web,
-    /// Every kept value exactly as trained, and levels that look right from afar.
-    Archive,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum NonfiniteChoice {
     /// Refuse the input, with their count and the first one's place.
     Refuse,
@@ -90,15 +83,13 @@ enum NonfiniteChoice {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background(pub [f32; 3]);
 
-impl Preset {
-    fn options(self) -> BakeOptions {
-        let mut options = BakeOptions::default();
-        match self {
-            Self::Faithful => options.filter = Filter::Code,
-            Self::Web => options.zstd_level = 19,
-            Self::Archive => options.bits = Bits::F32,
-        }
-        options
+impl ValueEnum for Preset {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.name()).help(self.purpose()))
     }
 }
 
@@ -126,8 +117,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
-        let name = preset.to_possible_value().map(|value| value.get_name().to_owned());
-        say(&format!("preset {}: {}", name.unwrap_or_default(), options.to_json()));
+        say(&format!("preset {}: {}", preset.name(), options.to_json()));
     }
     let mut output = Output::create(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
@@ -199,14 +189,7 @@ impl Arguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let assumptions = source.assumptions.iter();
-        let origin = Origin {
-            kind: format!("{} {}", source.family.name(), source.kind.name()),
-            digest: source.digest,
-            covers_values: source.field.density.storage.crc32().is_some(),
-            companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
-            assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
-        };
+        let origin = Origin::of_source(&source);
         let cameras = match self.gate.measures()? {
             true => Some(self.gate.cameras(&source.field)?),
             false => None,
@@ -304,7 +287,8 @@ impl Arguments {
     }
 }
 
-fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
+/// 4 to 16, or a type.
+pub fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
     match text {
         "f16" => Ok(Bits::F16),
         "f32" => Ok(Bits::F32),

@@ -12,6 +12,7 @@ use super::render::CameraArguments;
 use super::{Common, Outcome, bake::Background};
 use crate::bake::Filter;
 use crate::bytes::Output;
+use crate::camera::Camera;
 use crate::compare::{FrameErrors, Reference, ScaleErrors, compare};
 use crate::error::{Error, Result};
 use crate::picture;
@@ -70,11 +71,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         Reference::Field(Box::new(scene.open(&arguments.reference, None, common)?))
     };
     let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
-    let scales: Vec<usize> = arguments.scales.iter().copied().map(usize::from).collect();
-    let smallest = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]).min();
-    if scales.iter().any(|&scale| smallest.is_some_and(|side| scale > side)) {
-        return Err(Error::usage("--scales leaves no pixel of the pictures"));
-    }
+    let scales = checked_scales(&arguments.scales, &cameras)?;
     if let Some(folder) = &arguments.output {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     }
@@ -92,6 +89,21 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: errors,
     };
     Outcome::new("compare", &report, text)
+}
+
+/// Scales at which every picture has a pixel left, each once.
+pub fn checked_scales(asked: &[u16], cameras: &[Camera]) -> Result<Vec<usize>> {
+    let mut scales: Vec<usize> = Vec::new();
+    for scale in asked.iter().copied().map(usize::from) {
+        if !scales.contains(&scale) {
+            scales.push(scale);
+        }
+    }
+    let smallest = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]).min();
+    if scales.iter().any(|&scale| smallest.is_some_and(|side| scale > side)) {
+        return Err(Error::usage("--scales leaves no pixel of the pictures"));
+    }
+    Ok(scales)
 }
 
 /// A table of errors.

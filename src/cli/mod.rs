@@ -10,6 +10,7 @@ mod gate;
 mod inspect;
 mod progress;
 mod render;
+mod sweep;
 mod unpack;
 mod validate;
 
@@ -40,6 +41,7 @@ enum Verb {
     Unpack(unpack::Arguments),
     Render(render::Arguments),
     Compare(compare::Arguments),
+    Sweep(Box<sweep::Arguments>),
     Completions(document::CompletionArguments),
     Man,
 }
@@ -108,7 +110,7 @@ impl Outcome {
 }
 
 /// Parses arguments, runs the verb, prints its report and returns the exit code:
-/// 0 done, 1 findings or a gate missed, 2 wrong usage, 3 malformed input, 4 unknown version or
+/// 0 done, 1 findings, a gate missed or a setting that failed, 2 wrong usage, 3 malformed input, 4 unknown version or
 /// feature, 5 input or output failed, 6 over a limit.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -128,6 +130,7 @@ pub fn main() -> ExitCode {
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
+        Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),
     });

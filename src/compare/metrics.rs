@@ -138,6 +138,12 @@ impl Errors {
 }
 
 impl Picture {
+    /// Memory of its values.
+    pub fn bytes(&self) -> u64 {
+        let colors = self.color.len() + self.diffuse.as_ref().map_or(0, Vec::len);
+        (12 * colors + 4 * self.opacity.as_ref().map_or(0, Vec::len)) as u64
+    }
+
     /// The mean of `scale` by `scale` pixels; what is left over at the right and below is dropped.
     #[must_use]
     pub fn downsampled(&self, scale: usize) -> Self {

@@ -3,15 +3,17 @@
 //! The reference is rendered at full size (supersampled on request), clamped to 0 to 1 as an 8-bit
 //! picture would be, and box-downsampled in the colour space of training. The field is rendered at
 //! each scale with one ray a pixel, and clamped. [`metrics`] has the figures, [`Reference`] the
-//! pictures to compare with.
+//! pictures to compare with, and [`References`] keeps them where several fields are compared.
 
 pub mod metrics;
 mod reference;
+mod references;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use metrics::{Errors, Picture};
 pub use reference::Reference;
+pub use references::References;
 
 use crate::camera::Camera;
 use crate::error::Result;
@@ -19,7 +21,7 @@ use crate::progress::Progress;
 use crate::render::{Field, Frame, FrameOptions, render};
 
 /// Errors at one scale.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScaleErrors {
     /// Pixels of the full picture along one of this.
     pub scale: usize,
@@ -59,21 +61,34 @@ pub fn compare(
     scales: &[usize],
     supersample: usize,
     progress: &dyn Progress,
-    mut visit: impl FnMut(&FrameErrors) -> Result<()>,
+    visit: impl FnMut(&FrameErrors) -> Result<()>,
 ) -> Result<Vec<ScaleErrors>> {
-    let mut sums: Vec<Sums> = scales.iter().map(|_| Sums::default()).collect();
-    for camera in cameras {
-        let full = reference.picture(camera, supersample, progress)?;
-        for (&scale, sums) in scales.iter().zip(&mut sums) {
-            let small = Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
-            let frame = render(field, &small, &FrameOptions::default(), progress)?;
-            let got = Picture::of_frame(&frame, field.view().background);
-            let want = full.downsampled(scale);
-            sums.add(&want, &got);
-            visit(&FrameErrors { frame: &camera.name, scale, want: &want, got: &got })?;
+    References::new(reference, cameras, scales, supersample).compare(field, progress, visit)
+}
+
+impl References<'_> {
+    /// Compares `field` with the reference from all cameras at all scales; `visit` gets each frame.
+    pub fn compare(
+        &mut self,
+        field: &Field,
+        progress: &dyn Progress,
+        mut visit: impl FnMut(&FrameErrors) -> Result<()>,
+    ) -> Result<Vec<ScaleErrors>> {
+        let scales = self.scales();
+        let mut sums: Vec<Sums> = scales.iter().map(|_| Sums::default()).collect();
+        for (number, camera) in self.cameras().iter().enumerate() {
+            let wanted = self.take(number, progress)?;
+            for ((&scale, want), sums) in scales.iter().zip(&wanted).zip(&mut sums) {
+                let small = Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
+                let frame = render(field, &small, &FrameOptions::default(), progress)?;
+                let got = Picture::of_frame(&frame, field.view().background);
+                sums.add(want, &got);
+                visit(&FrameErrors { frame: &camera.name, scale, want, got: &got })?;
+            }
+            self.put_back(number, wanted);
         }
+        Ok(scales.iter().zip(sums).map(|(&scale, sums)| sums.finish(scale)).collect())
     }
-    Ok(scales.iter().zip(sums).map(|(&scale, sums)| sums.finish(scale)).collect())
 }
 
 impl Picture {

@@ -221,6 +221,19 @@ pub fn volume_values(volume: &Volume) -> Vec<f32> {
     all
 }
 
+/// Holds a report to the schema of its verb.
+pub fn assert_schema(verb: &str, report: &serde_json::Value) {
+    assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
+    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{verb}.schema.json"));
+    let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
+    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
+    let errors: Vec<String> = validator
+        .iter_errors(report)
+        .map(|error| format!("{}: {error}", error.instance_path()))
+        .collect();
+    assert!(errors.is_empty(), "{verb}: {errors:?}");
+}
+
 /// Holds bytes to a golden file, or rewrites it where the environment variable BLESS is set.
 pub fn assert_golden(path: &Path, got: &[u8]) {
     if std::env::var_os("BLESS").is_some() {

@@ -1,0 +1,53 @@
+//! Named sets of options.
+
+use super::{BakeOptions, Filter};
+use crate::quantize::Bits;
+
+/// A set of options for a purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// What the checkpoint was trained with: the research code's levels, 8 bits.
+    Faithful,
+    /// Levels that look right from afar, compressed hardest.
+    Web,
+    /// Every kept value exactly as trained, and levels that look right from afar.
+    Archive,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Self; 3] = [Self::Faithful, Self::Web, Self::Archive];
+
+    /// Its name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Faithful => "faithful",
+            Self::Web => "web",
+            Self::Archive => "archive",
+        }
+    }
+
+    /// What it is for, in a sentence.
+    pub const fn purpose(self) -> &'static str {
+        match self {
+            Self::Faithful => {
+                "What the checkpoint was trained with: the research code's levels, 8 bits"
+            }
+            Self::Web => "Levels that look right from afar, compressed hardest",
+            Self::Archive => {
+                "Every kept value exactly as trained, and levels that look right from afar"
+            }
+        }
+    }
+
+    /// What it expands to.
+    pub fn options(self) -> BakeOptions {
+        let mut options = BakeOptions::default();
+        match self {
+            Self::Faithful => options.filter = Filter::Code,
+            Self::Web => options.zstd_level = 19,
+            Self::Archive => options.bits = Bits::F32,
+        }
+        options
+    }
+}
