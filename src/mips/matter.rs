@@ -166,9 +166,9 @@ impl<'a> Settler<'a> {
                     };
                     settled[0][at] = self.matter.settle_amount(own[0][at]);
                     let amount = total(0).max(f64::MIN_POSITIVE);
-                    for channel in 1..channels {
+                    for (channel, settled) in settled.iter_mut().enumerate().skip(1) {
                         let color = (total(channel) / amount).clamp(LEAST_COLOR, 1.0 - LEAST_COLOR);
-                        settled[channel][at] = libm::log(color / (1.0 - color)) as f32;
+                        settled[at] = libm::log(color / (1.0 - color)) as f32;
                     }
                 }
             });
