@@ -128,7 +128,7 @@ impl ViewMlp {
     fn embed(&self, direction: [f64; 3], mut put: impl FnMut(usize, f64)) {
         for (axis, &value) in direction.iter().enumerate() {
             put(axis, value);
-            let (mut sine, mut cosine) = value.sin_cos();
+            let (mut sine, mut cosine) = libm::sincos(value);
             for octave in 0..self.frequencies {
                 put(3 + axis * self.frequencies + octave, sine);
                 put(3 + (3 + axis) * self.frequencies + octave, cosine);

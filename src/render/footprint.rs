@@ -60,7 +60,7 @@ impl Footprint {
     /// The level of a footprint whose square is this.
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
-        let log = 0.5 * square.max(f64::MIN_POSITIVE).log2() as f32;
+        let log = 0.5 * libm::log2(square.max(f64::MIN_POSITIVE)) as f32;
         (self.factor * log + self.bias).clamp(0.0, self.last)
     }
 }

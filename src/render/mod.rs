@@ -1,7 +1,7 @@
 //! The reference renderer: what a field, trained or baked, looks like.
 //!
 //! One code path above [`crate::sample::Sample`]. [`view`] turns what a trained scene or a
-//! container's metadata says into one set of rules; [`march`] follows a ray: level of detail from
+//! container's metadata says into one set of rules; [`route`] walks a ray: level of detail from
 //! the pixel's footprint, jumps over what cannot be seen, transmittance as accumulated optical depth;
 //! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles of a
 //! picture in parallel and adds the view-dependent colour, many rays at a time. The picture does not
@@ -12,7 +12,9 @@ mod frame;
 mod march;
 mod packet;
 mod path;
+mod route;
 mod view;
 
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
+pub use route::Route;
 pub use view::{Field, TrainedLevels, View};

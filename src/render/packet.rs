@@ -221,7 +221,7 @@ fn optical_depths(density: &[f32; PACKET], decode: Decode, view: &View) -> [f32;
 }
 
 fn opaque_depth(alpha: f32) -> f32 {
-    -(-alpha.clamp(0.0, 1.0 - f32::EPSILON)).ln_1p()
+    -libm::log1pf(-alpha.clamp(0.0, 1.0 - f32::EPSILON))
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]

@@ -1,8 +1,8 @@
 //! Where rays need not look.
 //!
 //! The box is cut into *macro cells* of a few level-0 cells a side. For each level every macro cell
-//! says whether samples of that level, or of the next coarser one (rays blend the two), can be seen in
-//! it, and if not, how far around it nothing can be seen either: that far a ray jumps at once.
+//! says whether samples of that level can be seen in it, and if not, how far around it nothing can be
+//! seen either: that far a ray jumps at once.
 
 use crate::baked::Decode;
 use crate::error::Result;
@@ -99,10 +99,8 @@ impl SkipGrid {
         };
         let touched = |i: usize| masks.as_ref().is_none_or(|masks| masks.touched[i]);
         let mut rooms = Vec::with_capacity(seen.len());
-        for (level, own) in seen.iter().enumerate() {
-            let coarser = seen.get(level + 1).unwrap_or(own);
-            let cells = own.iter().zip(coarser).enumerate();
-            let seen = cells.map(|(i, (&own, &coarser))| (own || coarser) && touched(i));
+        for seen in seen {
+            let seen = seen.iter().enumerate().map(|(i, &seen)| seen && touched(i));
             rooms.push(distances(seen.collect(), counts));
         }
         Ok(Self { counts, scale, rooms, masked: masks.map(|masks| masks.partly) })
@@ -118,8 +116,7 @@ impl SkipGrid {
         [along(0, x), along(1, y), along(2, z)]
     }
 
-    /// What is in a macro cell for samples of some level from `finest` to `coarsest`, each blended
-    /// with the next.
+    /// What is in a macro cell for samples that read some of the levels from `finest` to `coarsest`.
     #[inline(always)]
     pub fn state(&self, [finest, coarsest]: [usize; 2], [x, y, z]: [usize; 3]) -> Macro {
         let at = (x * self.counts[1] + y) * self.counts[2] + z;
