@@ -13,6 +13,7 @@ pub mod container;
 pub mod error;
 pub mod field;
 pub mod finding;
+pub mod fit;
 pub mod grid;
 pub mod limits;
 pub mod mips;

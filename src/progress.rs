@@ -14,6 +14,8 @@ pub enum Step {
     Decode,
     /// Rendering frames.
     Render,
+    /// Fitting coarser levels.
+    Fit,
     /// Baking over settings, and rendering what came out.
     Sweep,
 }
@@ -27,6 +29,7 @@ impl Step {
             Self::Write => "write",
             Self::Decode => "decode",
             Self::Render => "render",
+            Self::Fit => "fit",
             Self::Sweep => "sweep",
         }
     }

@@ -124,6 +124,56 @@ impl ViewMlp {
         std::array::from_fn(|ray| std::array::from_fn(|channel| values[channel][ray]))
     }
 
+    /// The network's input of one ray.
+    fn input(&self, direction: [f64; 3], accumulated: &[f32]) -> Vec<f32> {
+        let skip = if self.input == ViewInput::Features { 3 } else { 0 };
+        let mut values = vec![0.0; 3 + 6 * self.frequencies];
+        self.embed(direction, |i, value| values[i] = value as f32);
+        values.extend_from_slice(&accumulated[skip..]);
+        values
+    }
+
+    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of half
+    /// the squared error by what the ray accumulated, through the network alone.
+    pub fn differentiate(
+        &self,
+        direction: [f64; 3],
+        accumulated: &[f32],
+        error: impl Fn([f32; 3]) -> [f32; 3],
+    ) -> ([f32; 3], Vec<f32>) {
+        let mut values = vec![self.input(direction, accumulated)];
+        for (number, layer) in self.layers.iter().enumerate() {
+            let is_last = number + 1 == self.layers.len();
+            let input = &values[number];
+            let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
+            let output = rows.map(|(weights, bias)| {
+                let sum = weights.iter().zip(input).fold(*bias, |sum, (w, value)| sum + w * value);
+                if is_last { lanes::sigmoid(sum) } else { sum.max(0.0) }
+            });
+            let output = output.collect();
+            values.push(output);
+        }
+        let color = &values[self.layers.len()];
+        let errors = error([color[0], color[1], color[2]]);
+        let slope = |(error, color): (&f32, &f32)| error * color * (1.0 - color);
+        let mut by: Vec<f32> = errors.iter().zip(color).map(slope).collect();
+        for (number, layer) in self.layers.iter().enumerate().rev() {
+            let mut by_input = vec![0.0; layer.inputs];
+            for (weights, by) in layer.weights.chunks_exact(layer.inputs).zip(&by) {
+                by_input.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * by);
+            }
+            // Where a relu lets nothing through, nothing before it matters.
+            if number > 0 {
+                let closed = by_input.iter_mut().zip(&values[number]).filter(|(_, v)| **v <= 0.0);
+                closed.for_each(|(by, _)| *by = 0.0);
+            }
+            by = by_input;
+        }
+        let embedding = 3 + 6 * self.frequencies;
+        let skip = accumulated.len() - (by.len() - embedding);
+        (errors, [vec![0.0; skip], by.split_off(embedding)].concat())
+    }
+
     /// The embedding of a direction, by its numbers in the first layer's input.
     fn embed(&self, direction: [f64; 3], mut put: impl FnMut(usize, f64)) {
         for (axis, &value) in direction.iter().enumerate() {

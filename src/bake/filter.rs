@@ -20,6 +20,8 @@ pub enum Filter {
     /// Means of matter under a tent, stored as square root of optical depth: what looks right from
     /// afar.
     RateTent,
+    /// The levels of `rate-tent`, fitted to what level 0 looks like from afar.
+    Fit,
     /// Means of opacity over one interval under a box, stored as opacity.
     Coverage,
 }
@@ -31,7 +33,7 @@ impl Filter {
     /// Every filter.
     pub fn all() -> Vec<Self> {
         let kernels = Kernel::ALL.into_iter().map(Self::Kernel);
-        let first = [Self::RateTent, Self::Coverage, Self::Code, Self::Paper];
+        let first = [Self::RateTent, Self::Coverage, Self::Fit, Self::Code, Self::Paper];
         first.into_iter().chain(kernels).collect()
     }
 
@@ -43,6 +45,7 @@ impl Filter {
             Self::Kernel(kernel) => kernel.name(),
             Self::RateTent => "rate-tent",
             Self::Coverage => "coverage",
+            Self::Fit => "fit",
         }
     }
 
@@ -52,7 +55,7 @@ impl Filter {
             Self::Code => Kernel::Mean3,
             Self::Paper => Kernel::Mean5,
             Self::Kernel(kernel) => kernel,
-            Self::RateTent => Kernel::Tent,
+            Self::RateTent | Self::Fit => Kernel::Tent,
             Self::Coverage => Kernel::Mean3,
         }
     }
@@ -60,7 +63,7 @@ impl Filter {
     /// What is averaged, where it is not raw values.
     pub fn matter(self, activation: &Activation) -> Option<Matter> {
         let (reach, settled) = match self {
-            Self::RateTent => (REACH, Settled::SqrtOpticalDepth),
+            Self::RateTent | Self::Fit => (REACH, Settled::SqrtOpticalDepth),
             Self::Coverage => (1.0, Settled::Opacity),
             Self::Code | Self::Paper | Self::Kernel(_) => return None,
         };
@@ -78,7 +81,7 @@ impl Filter {
     /// What densities of a level mean.
     pub fn decode(self, level: usize) -> Decode {
         match self {
-            Self::RateTent if level > 0 => Decode::SqrtOpticalDepth,
+            Self::RateTent | Self::Fit if level > 0 => Decode::SqrtOpticalDepth,
             Self::Coverage if level > 0 => Decode::Opacity,
             _ => Decode::RawDensity,
         }
@@ -87,7 +90,9 @@ impl Filter {
     /// How two levels are mixed, and how far apart samples of coarser levels are.
     pub fn rules(self) -> (Blend, StepRule) {
         match self {
-            Self::RateTent | Self::Coverage => (Blend::AfterActivation, StepRule::LevelOfDetail),
+            Self::RateTent | Self::Fit | Self::Coverage => {
+                (Blend::AfterActivation, StepRule::LevelOfDetail)
+            }
             Self::Code | Self::Paper | Self::Kernel(_) => {
                 (Blend::BeforeActivation, StepRule::Constant)
             }
@@ -136,6 +141,7 @@ impl Filter {
             Self::Code => (0.5, 0.0, Some(4.0)),
             Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
             Self::RateTent | Self::Coverage => (0.5, -0.1, None),
+            Self::Fit => (1.0, -0.4, None),
         };
         LevelOfDetail { factor: factor * scale, bias, aside, most }
     }

@@ -38,7 +38,9 @@ use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
+use crate::fit::{Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
+use crate::limits::Limits;
 use crate::mips::{Cascade, Regions, Settler};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
@@ -47,6 +49,9 @@ use crate::quantize::{Bits, color_encoding, density_encoding};
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
 const DEFAULT_ZSTD_LEVEL: i32 = 1;
+
+/// More steps than any fit needs by far.
+const MOST_FIT_STEPS: usize = 100_000;
 
 /// What a bake makes of a field.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +72,8 @@ pub struct BakeOptions {
     pub zstd_level: i32,
     /// Multiplies the filter's level-of-detail factor. Default: 1
     pub lod_scale: f32,
+    /// Steps of a fit for each level; only [`Filter::Fit`] takes any. Default: 150
+    pub fit_steps: usize,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
 }
@@ -81,6 +88,7 @@ impl Default for BakeOptions {
             block_size: 8,
             zstd_level: DEFAULT_ZSTD_LEVEL,
             lod_scale: 1.0,
+            fit_steps: 150,
             nonfinite: Nonfinite::Refuse,
         }
     }
@@ -118,6 +126,7 @@ impl BakeOptions {
             ),
             ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
             ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
+            (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
@@ -133,6 +142,7 @@ impl BakeOptions {
             "block_size": self.block_size,
             "zstd_level": self.zstd_level,
             "lod_scale": self.lod_scale,
+            "fit_steps": (self.filter == Filter::Fit).then_some(self.fit_steps),
             "nonfinite": match self.nonfinite {
                 Nonfinite::Refuse => "refuse",
                 Nonfinite::Empty => "empty",
@@ -167,9 +177,18 @@ pub fn bake(
     let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
 
+    let fitted = match options.filter {
+        Filter::Fit => {
+            let fitted = fit_levels(field, options, &sizes, &pruned, progress)?;
+            stage("fit", 0);
+            Some(fitted)
+        }
+        _ => None,
+    };
     let tables = tables(&pruned, options.block_size)?;
     let metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
-    let encoded = encode_levels(&planes, options, &metadata, &pruned, tables, progress)?;
+    let encoded =
+        encode_levels(&planes, options, &metadata, &pruned, tables, fitted.as_ref(), progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
     stage("encode", encoded.bytes_read);
     let digest = origin.digest(&pruned.density_checksums, &encoded.checksums);
@@ -194,6 +213,20 @@ pub fn bake(
         nonfinite_values: nonfinite,
         stages,
     })
+}
+
+fn fit_levels(
+    field: &RadianceField,
+    options: &BakeOptions,
+    sizes: &[Nodes],
+    pruned: &Pruned,
+    progress: &dyn Progress,
+) -> Result<Fitted> {
+    let mut levels = options.filter.trained_levels(&field.scene);
+    levels.levels.most = sizes.len();
+    levels.level_of_detail = options.filter.level_of_detail(Aside::SameDistance, options.lod_scale);
+    let needed: Vec<&NodeMask> = pruned.levels.iter().map(|level| &level.needed).collect();
+    fit(field, levels, &needed, pruned.keeps_mask, options.fit_steps, &Limits::default(), progress)
 }
 
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
@@ -267,6 +300,7 @@ fn encode_levels(
     metadata: &Metadata,
     pruned: &Pruned,
     tables: Vec<Table>,
+    fitted: Option<&Fitted>,
     progress: &dyn Progress,
 ) -> Result<Encoded> {
     let needed_nodes = planes.field().scene.nodes;
@@ -325,9 +359,12 @@ fn encode_levels(
                 return Err(Error::new(ErrorKind::Cancelled, Place::File));
             }
             match &mut settlers[level] {
-                Some(settler) => {
-                    settler.take(slab)?.iter().try_for_each(|slab| encoders[level].take(slab))
-                }
+                Some(settler) => settler.take(slab)?.iter_mut().try_for_each(|slab| {
+                    if let Some(fitted) = fitted {
+                        fitted.replace(level, slab);
+                    }
+                    encoders[level].take(slab)
+                }),
                 None => encoders[level].take(slab),
             }
         },

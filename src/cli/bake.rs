@@ -40,7 +40,7 @@ pub struct Arguments {
     /// A set of options; explicit ones override it
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// How coarser levels are made: rate-tent, coverage, code, paper, none, mean3, mean5, mean7,
+    /// How coarser levels are made: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
     /// gauss3, gauss5, gauss7 [default: rate-tent]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
@@ -62,6 +62,9 @@ pub struct Arguments {
     /// Multiplies the filter's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     lod_scale: Option<f32>,
+    /// Steps of `--filter fit` for each level [default: 150]
+    #[arg(long, value_name = "STEPS")]
+    fit_steps: Option<usize>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
@@ -170,6 +173,7 @@ impl Arguments {
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
+        options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,

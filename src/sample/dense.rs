@@ -92,6 +92,32 @@ impl<const C: usize> Dense<C> {
     }
 }
 
+impl<const C: usize> Dense<C> {
+    /// Densities and colours of a level's nodes, z fastest; no densities where the level has none.
+    pub fn values(&self, level: usize) -> (&[f32], &[[f32; C]]) {
+        let Values { density, color, .. } = &self.values[level];
+        (density.as_deref().unwrap_or_default(), color)
+    }
+
+    /// The same, to be changed. What can be skipped stays.
+    pub fn values_mut(&mut self, level: usize) -> (&mut [f32], &mut [[f32; C]]) {
+        let Values { density, color, .. } = &mut self.values[level];
+        (density.as_deref_mut().unwrap_or_default(), color)
+    }
+
+    /// The nodes that a cell's values come from, and their weights.
+    pub fn corners(&self, level: usize, cell: &Cell) -> [(usize, f32); 8] {
+        let [x, y] = self.values[level].strides;
+        let weight = |up: usize, fraction: f32| if up == 1 { fraction } else { 1.0 - fraction };
+        std::array::from_fn(|corner| {
+            let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+            let [fx, fy, fz] = cell.fraction;
+            let weight = weight(up[0], fx) * weight(up[1], fy) * weight(up[2], fz);
+            (cell.node + up[0] * x + up[1] * y + up[2], weight)
+        })
+    }
+}
+
 impl<const C: usize> Sample<C> for Dense<C> {
     fn levels(&self) -> usize {
         self.nodes.len()

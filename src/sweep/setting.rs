@@ -117,6 +117,7 @@ fn name(options: &BakeOptions) -> String {
         block_size,
         zstd_level,
         lod_scale,
+        fit_steps,
         nonfinite,
     } = options;
     let bits = match bits {
@@ -130,6 +131,9 @@ fn name(options: &BakeOptions) -> String {
     }
     if *lod_scale != 1.0 {
         name += &format!("-lod{lod_scale}");
+    }
+    if *filter == Filter::Fit {
+        name += &format!("-s{fit_steps}");
     }
     if *nonfinite == Nonfinite::Empty {
         name += "-empty";
