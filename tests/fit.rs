@@ -24,7 +24,8 @@ fn options(filter: Filter, steps: usize) -> BakeOptions {
 /// Errors from cameras that no fit has seen, at the scales that read levels 1 to 3.
 fn errors(field: &RadianceField, bytes: &[u8]) -> Vec<ScaleErrors> {
     let limits = Limits::default();
-    let reference = Reference::Field(Box::new(Field::trained(field, None, &limits).expect("a field")));
+    let reference =
+        Reference::Field(Box::new(Field::trained(field, None, &limits).expect("a field")));
     let baked = open_bytes(bytes).expect("valid").read().expect("levels");
     let baked = Field::baked(&baked, &limits).expect("a field");
     let cameras = turntable(&field.scene.bounds, 3, [96; 2]);

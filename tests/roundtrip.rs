@@ -55,6 +55,7 @@ fn unpacked_containers_pack_to_the_same_bytes() {
         let mut options = BakeOptions::default();
         options.bits = bits;
         options.filter = Filter::all()[seed % Filter::all().len()];
+        options.fit_steps = 1;
         options.block_size = 1 + random.below(10);
         options.zstd_level = 1 + (seed as i32 % 5);
         let bytes = baked_bytes(&field, &options).expect("a bake");

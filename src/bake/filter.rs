@@ -141,7 +141,7 @@ impl Filter {
             Self::Code => (0.5, 0.0, Some(4.0)),
             Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
             Self::RateTent | Self::Coverage => (0.5, -0.1, None),
-            Self::Fit => (1.0, -0.4, None),
+            Self::Fit => (1.0, -0.5, None),
         };
         LevelOfDetail { factor: factor * scale, bias, aside, most }
     }

@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
     #[arg(long, value_name = "BITS", value_parser = parse_bits)]
     bits: Option<Bits>,
-    /// Opacity over one interval up to which blocks are dropped [default: 0.001]
+    /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
     alpha_threshold: Option<f32>,
     /// Nodes along a block's edge [default: 8]

@@ -141,16 +141,17 @@ impl Packet {
             let low = density(own, level, fine);
             let blends = self.blend[i] > 0.0 && next != own;
             let high = if blends { density(next, level + 1, coarse) } else { None };
+            if low.is_none() && high.is_none() {
+                continue;
+            }
             let [of_fine, of_coarse] = &mut located.density;
-            of_fine[i] = low.unwrap_or(of_fine[i]);
-            of_coarse[i] = high.unwrap_or(of_coarse[i]);
-            if view.blend == Blend::BeforeActivation && blends {
-                if low.is_none() && high.is_none() {
-                    continue;
-                }
-                let low = low.unwrap_or_else(|| field.empty_density(own));
+            of_fine[i] = low.unwrap_or_else(|| field.empty_density(own));
+            if blends {
                 let high = high.unwrap_or_else(|| field.empty_density(next));
-                of_fine[i] = low + (high - low) * self.blend[i];
+                match view.blend {
+                    Blend::BeforeActivation => of_fine[i] += (high - of_fine[i]) * self.blend[i],
+                    Blend::AfterActivation => of_coarse[i] = high,
+                }
             }
         }
         located
