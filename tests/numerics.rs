@@ -4,8 +4,8 @@ mod common;
 
 use std::path::Path;
 
-use common::assert_golden;
 use common::stress::{ROWS, document, measured};
+use common::{assert_golden, stress_ray};
 
 fn holds(stage: &str) {
     let row = ROWS.iter().find(|row| row.stage == stage).expect("a row of the table");
@@ -48,6 +48,14 @@ rows! {
     accumulated_colour_keeps_its_bound: "accumulated colour",
     network_keeps_its_bound: "MLP",
     level_blend_keeps_its_bound: "level blend",
+}
+
+#[test]
+fn the_largest_numbers_give_pictures_without_nan() {
+    stress_ray::look_at_the_largest(|frame| {
+        let values = [frame.color.as_flattened(), &frame.transmittance, &frame.distance];
+        assert!(values.into_iter().flatten().all(|value| value.is_finite()));
+    });
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! One ray.
 
 use super::footprint::Footprint;
-use super::packet::Packet;
+use super::packet::{Packet, Sums};
 use super::path::Path;
 use super::view::View;
 use crate::activate::lanes;
@@ -10,7 +10,7 @@ use crate::camera::Ray;
 use crate::sample::{Macro, Sample};
 
 /// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over white.
-const OPAQUE_DEPTH: f32 = 11.6;
+const OPAQUE_DEPTH: f64 = 11.6;
 
 /// What a ray gathers.
 #[derive(Debug, Clone, Copy)]
@@ -37,16 +37,9 @@ pub fn march<const C: usize>(
     aside: Option<[Ray; 2]>,
     fixed_level: Option<usize>,
 ) -> Gathered<C> {
-    let mut gathered = Gathered {
-        color: [0.0; C],
-        transmittance: 1.0,
-        distance: 0.0,
-        level: 0.0,
-        samples: 0,
-        steps: 0,
-    };
-    let Some(path) = Path::new(view, ray) else { return gathered };
-    gathered.steps = (path.last - path.first) as u32 + 1;
+    let mut sums = Sums::nothing();
+    let Some(path) = Path::new(view, ray) else { return Gathered::of(&sums, 0) };
+    let steps = (path.last - path.first) as u32 + 1;
     let footprint = match (fixed_level, aside, &view.level_of_detail) {
         (Some(level), _, _) => Footprint::fixed(level.min(field.levels() - 1)),
         (None, Some(aside), Some(rule)) => {
@@ -60,14 +53,13 @@ pub fn march<const C: usize>(
     let constant = least == most;
     let skip = field.skip();
     let mut packet = Packet::empty();
-    let mut depth = 0.0f32;
     let mut k = path.first;
     // Intervals from one sample to the next, where they do not depend on the sample.
     let interval = match view.step_rule {
         StepRule::Constant => Some(1.0),
         StepRule::LevelOfDetail => constant.then(|| least.exp2()),
     };
-    while k <= path.last && depth < OPAQUE_DEPTH {
+    while k <= path.last && sums.depth < OPAQUE_DEPTH {
         let place = skip.place(path.position(k));
         let state = skip.state(levels, place);
         let room = if let Macro::Empty(room) = state { room } else { 1 };
@@ -89,19 +81,31 @@ pub fn march<const C: usize>(
             };
             if seen {
                 if packet.refuses(level) {
-                    packet.shade(view, field, &path, &mut depth, &mut gathered);
+                    packet.shade(view, field, &path, &mut sums);
                 }
                 packet.push(k, level, lambda - level as f32, interval);
             }
             k += f64::from(interval);
-            if k >= leaves || k > path.last || depth >= OPAQUE_DEPTH {
+            if k >= leaves || k > path.last || sums.depth >= OPAQUE_DEPTH {
                 break;
             }
         }
     }
-    packet.shade(view, field, &path, &mut depth, &mut gathered);
-    gathered.transmittance = lanes::exp(-depth);
-    gathered
+    packet.shade(view, field, &path, &mut sums);
+    Gathered::of(&sums, steps)
+}
+
+impl<const C: usize> Gathered<C> {
+    fn of(sums: &Sums<C>, steps: u32) -> Self {
+        Self {
+            color: sums.color.map(|sum| sum as f32),
+            transmittance: lanes::exp(-sums.depth as f32),
+            distance: sums.distance as f32,
+            level: sums.level as f32,
+            samples: sums.samples,
+            steps,
+        }
+    }
 }
 
 impl View {

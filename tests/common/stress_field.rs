@@ -212,7 +212,7 @@ fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) 
             let mut all = fields(nodes, seed as u64);
             let count: usize = nodes.iter().product();
             // Constants around the densest amount that counts: 1 - 1e-7 over the reach.
-            for depth in [14.0, 15.0, 15.9, 16.3] {
+            for depth in [12.2, 13.4, 14.0, 14.6, 15.0, 15.3, 15.6, 15.8, 15.9, 16.0, 16.3] {
                 let raw = depth / (interval * matter.reach) - shift;
                 all.push(("nearly opaque", vec![raw; count]));
             }
@@ -276,10 +276,12 @@ pub fn matter_color() -> Worst {
     worst
 }
 
-/// Every encoding of some bits: what its values are activated by beside it.
-fn encodings(bits: Bits) -> Vec<(Encoding, Box<dyn Fn(f64) -> f64>)> {
-    let mut all: Vec<(Encoding, Box<dyn Fn(f64) -> f64>)> =
-        vec![(color_encoding(bits), Box::new(sigmoid))];
+/// What values are activated by.
+type Activate = Box<dyn Fn(f64) -> f64>;
+
+/// Every encoding of some bits.
+fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
+    let mut all: Vec<(Encoding, Activate)> = vec![(color_encoding(bits), Box::new(sigmoid))];
     for (shift, interval) in SHIFTS.into_iter().flat_map(|s| INTERVALS.map(|i| (s, i))) {
         let encoding = |decode| density_encoding(bits, decode, &activation(shift, interval));
         let raw = move |raw: f64| opacity(raw, shift.into(), interval.into());
@@ -328,7 +330,11 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
 /// Values to store: those that hurt, and of integers every border's neighbourhood.
 fn to_store(encoding: &Encoding) -> Vec<f32> {
     let mut values: Vec<f32> = raws().chain([f32::MAX, f32::MIN]).collect();
-    if !encoding.number.is_float() {
+    if encoding.number.is_float() {
+        // All magnitudes of f16.
+        let sizes = (0..3000).map(|i| 3e-8 * 1.0095f32.powi(i));
+        values.extend(sizes.flat_map(|size| [size, -size]));
+    } else {
         let of_codes: Vec<f32> = encoding.values().collect();
         for pair in of_codes.windows(2) {
             let border = 0.5 * pair[0] + 0.5 * pair[1];

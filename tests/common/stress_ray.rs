@@ -152,6 +152,24 @@ fn rays(mut take: impl FnMut(&str, &Frame, usize, &Pixel)) {
     }
 }
 
+/// Fields of the largest numbers that f32 has, all levels, both orders.
+pub fn look_at_the_largest(mut take: impl FnMut(&Frame)) {
+    for filter in [Filter::RateTent, Filter::Coverage, Filter::Paper] {
+        let mut scene = scene([5, 2, 9], |[x, y, z]| [f32::MAX, f32::MIN][(x + y + z / 2) % 2]);
+        for interval in [1e-7, 1e5] {
+            scene.scene.activation.interval = interval;
+            let made = filter.trained_levels(&scene.scene);
+            let fast = Field::trained(&scene, Some(made), &Limits::default()).expect("a field");
+            for focal in [0.5, 4.0, 100.0] {
+                let eye = place(&scene.scene.bounds, [0.3, 0.6, -0.5]);
+                let camera = straight(2, eye, 5, focal);
+                let frame = render(&fast, &camera, &FrameOptions::default(), &Silent);
+                take(&frame.expect("a frame"));
+            }
+        }
+    }
+}
+
 /// Where rays along an axis lie in the box: on faces, beside them, between.
 const SHARES: [f64; 7] = [0.0, -5e-10, 5e-10, 0.5, 1.0, 1.0 - 5e-10, 1.0 + 5e-10];
 
