@@ -295,10 +295,6 @@ fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
     all
 }
 
-fn integers() -> impl Iterator<Item = Bits> {
-    (4..=16).map(Bits::Integer)
-}
-
 /// What values are once they were stored in a block.
 fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
@@ -351,7 +347,7 @@ fn to_store(encoding: &Encoding) -> Vec<f32> {
 
 pub fn quantize() -> Worst {
     let mut worst = Worst::default();
-    for bits in integers().chain([Bits::F16]) {
+    for bits in (4..=16).map(Bits::Integer).chain([Bits::F16]) {
         for (encoding, activate) in encodings(bits) {
             let values = to_store(&encoding);
             for (&value, back) in values.iter().zip(stored(&encoding, &values)) {
@@ -368,7 +364,7 @@ pub fn quantize() -> Worst {
 
 pub fn decode() -> Worst {
     let mut worst = Worst::default();
-    for (encoding, _) in integers().flat_map(encodings) {
+    for (encoding, _) in (4..=16).map(Bits::Integer).flat_map(encodings) {
         let values: Vec<f32> = encoding.values().collect();
         for (code, got) in stored(&encoding, &values).into_iter().enumerate() {
             let x = code as f64 - 2f64.powi(encoding.bits as i32 - 1);
