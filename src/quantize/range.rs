@@ -88,7 +88,7 @@ fn linear_encoding(
     slope_times_value: f64,
     activation: impl Fn(f64) -> f64,
 ) -> Encoding {
-    let mut encoding = float_encoding(bits, decode, 0.0, slope_times_value);
+    let mut encoding = float_encoding(bits, decode, 0.0, slope_times_value, &activation);
     if let Bits::Integer(bits) = bits {
         // A power of two, so that code 0 is exactly 0.
         let step = reach / f64::from(1u32 << bits);
@@ -107,7 +107,9 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     // where sigma >= x, and (1 + max(0, ln interval)) / e below.
     let slope_times_value =
         (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope;
-    let mut encoding = float_encoding(bits, Decode::RawDensity, EMPTY_DENSITY, slope_times_value);
+    let opacity = |raw| activate::opacity(raw, shift, interval);
+    let mut encoding =
+        float_encoding(bits, Decode::RawDensity, EMPTY_DENSITY, slope_times_value, opacity);
     if let Bits::Integer(_) = bits {
         // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
         let center = -libm::log(interval) - shift;
@@ -117,7 +119,7 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
         set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, reach);
         encoding.empty_code = true;
         encoding.empty = EMPTY_DENSITY.min((center - reach - 1.0) as f32);
-        encoding.max_error = bound(&encoding, |raw| activate::opacity(raw, shift, interval));
+        encoding.max_error = bound(&encoding, opacity);
     }
     encoding
 }
@@ -148,7 +150,7 @@ fn bound(encoding: &Encoding, activation: impl Fn(f64) -> f64) -> f32 {
 /// The encoding of raw colour or features.
 pub fn color_encoding(bits: Bits) -> Encoding {
     // The sigmoid's slope times its argument is at most 0.224.
-    let mut encoding = float_encoding(bits, Decode::Logit, 0.0, 0.224);
+    let mut encoding = float_encoding(bits, Decode::Logit, 0.0, 0.224, activate::sigmoid);
     if let Bits::Integer(_) = bits {
         set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_REACH);
         encoding.max_error = bound(&encoding, activate::sigmoid);
@@ -159,11 +161,21 @@ pub fn color_encoding(bits: Bits) -> Encoding {
 /// An encoding as floats have it; integers get their codes after. A value's activation does not move
 /// at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
 /// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
-/// that are subnormal in f16.
-fn float_encoding(bits: Bits, decode: Decode, empty: f32, slope_times_value: f64) -> Encoding {
+/// that are subnormal in f16. Beyond 65504, where f16 ends, `activation` may go on: short intervals
+/// see raw density grow for long.
+fn float_encoding(
+    bits: Bits,
+    decode: Decode,
+    empty: f32,
+    slope_times_value: f64,
+    activation: impl Fn(f64) -> f64,
+) -> Encoding {
     let (number, count) = bits.number();
     let max_error = match number {
-        NumberType::F16 => round_up(2.0 * slope_times_value / 2048.0),
+        NumberType::F16 => {
+            let beyond = activation(f64::MAX) - activation(half::f16::MAX.to_f64());
+            round_up((2.0 * slope_times_value / 2048.0).max(beyond))
+        }
         _ => 0.0,
     };
     Encoding {

@@ -1,6 +1,6 @@
 //! One ray.
 
-use super::packet::Packet;
+use super::packet::{Packet, Sums};
 use super::route::Route;
 use super::view::View;
 use crate::activate::lanes;
@@ -8,7 +8,7 @@ use crate::camera::Ray;
 use crate::sample::Sample;
 
 /// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over white.
-const OPAQUE_DEPTH: f32 = 11.6;
+const OPAQUE_DEPTH: f64 = 11.6;
 
 /// What a ray gathers.
 #[derive(Debug, Clone, Copy)]
@@ -35,30 +35,34 @@ pub fn march<const C: usize>(
     aside: Option<[Ray; 2]>,
     fixed_level: Option<usize>,
 ) -> Gathered<C> {
-    let mut gathered = Gathered {
-        color: [0.0; C],
-        transmittance: 1.0,
-        distance: 0.0,
-        level: 0.0,
-        samples: 0,
-        steps: 0,
-    };
+    let mut sums = Sums::nothing();
     let Some(route) = Route::new(view, field.levels(), ray, aside, fixed_level) else {
-        return gathered;
+        return Gathered::of(&sums, 0);
     };
     let path = &route.path;
-    gathered.steps = (path.last - path.first) as u32 + 1;
+    let steps = (path.last - path.first) as u32 + 1;
     let mut packet = Packet::empty();
-    let mut depth = 0.0f32;
     route.walk(view, field.skip(), |k, lambda, interval| {
         let level = lambda as usize;
         if packet.refuses(level) {
-            packet.shade(view, field, path, &mut depth, &mut gathered);
+            packet.shade(view, field, path, &mut sums);
         }
         packet.push(k, level, lambda - level as f32, interval);
-        depth < OPAQUE_DEPTH
+        sums.depth < OPAQUE_DEPTH
     });
-    packet.shade(view, field, path, &mut depth, &mut gathered);
-    gathered.transmittance = lanes::exp(-depth);
-    gathered
+    packet.shade(view, field, path, &mut sums);
+    Gathered::of(&sums, steps)
+}
+
+impl<const C: usize> Gathered<C> {
+    fn of(sums: &Sums<C>, steps: u32) -> Self {
+        Self {
+            color: sums.color.map(|sum| sum as f32),
+            transmittance: lanes::exp(-sums.depth as f32),
+            distance: sums.distance as f32,
+            level: sums.level as f32,
+            samples: sums.samples,
+            steps,
+        }
+    }
 }

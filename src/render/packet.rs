@@ -3,7 +3,6 @@
 
 use multiversion::multiversion;
 
-use super::march::Gathered;
 use super::path::Path;
 use super::view::View;
 use crate::activate::lanes;
@@ -24,6 +23,28 @@ pub struct Packet {
     blend: [f32; PACKET],
     /// Intervals that a sample stands for.
     intervals: [f32; PACKET],
+}
+
+/// What a ray's packets add up to. In f64: a ray may have 10^5 samples, and in f32 equal small ones would
+/// all be rounded the same way, to a part in 300 of their sum.
+pub struct Sums<const C: usize> {
+    /// Optical depth.
+    pub depth: f64,
+    /// Weighted activated colour and features.
+    pub color: [f64; C],
+    /// Weighted distance from the camera.
+    pub distance: f64,
+    /// Weighted level.
+    pub level: f64,
+    /// Samples that were interpolated.
+    pub samples: u32,
+}
+
+impl<const C: usize> Sums<C> {
+    /// Of no samples.
+    pub fn nothing() -> Self {
+        Self { depth: 0.0, color: [0.0; C], distance: 0.0, level: 0.0, samples: 0 }
+    }
 }
 
 /// Where a packet's samples lie, and what is stored there.
@@ -68,22 +89,21 @@ impl Packet {
         self.count += 1;
     }
 
-    /// Interpolates, activates, composites and empties the packet. `depth` is the optical depth
-    /// before it, and then behind it.
+    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the packets
+    /// before it.
     pub fn shade<const C: usize>(
         &mut self,
         view: &View,
         field: &impl Sample<C>,
         path: &Path,
-        depth: &mut f32,
-        gathered: &mut Gathered<C>,
+        sums: &mut Sums<C>,
     ) {
         if self.count == 0 {
             return;
         }
         let located = self.locate(view, field, path);
         let count = std::mem::take(&mut self.count);
-        gathered.samples += count as u32;
+        sums.samples += count as u32;
         let mut optical = optical_depths(&located.density[0], located.decode, view);
         if let Some(decode) = located.coarser {
             let coarser = optical_depths(&located.density[1], decode, view);
@@ -92,22 +112,28 @@ impl Packet {
             }
         }
         let threshold = view.march.alpha_threshold;
-        let composited = composite(&optical, &self.intervals, threshold, *depth);
+        let composited = composite(&optical, &self.intervals, threshold, sums.depth as f32);
         // Lanes without a sample are empty and add nothing.
-        *depth = composited.depth;
+        sums.depth += f64::from(composited.depth);
+        let (mut colors, mut distance, mut levels) = ([0.0; C], 0.0, 0.0);
         for i in 0..count {
             let weight = composited.weight[i];
             if weight == 0.0 {
                 continue;
             }
-            gathered.distance += weight * path.distance(self.k[i]) as f32;
-            gathered.level += weight * (self.level as f32 + self.blend[i]);
+            distance += weight * path.distance(self.k[i]) as f32;
+            levels += weight * (self.level as f32 + self.blend[i]);
             if weight > view.march.color_threshold {
                 let color = self.color(view.blend, field, &located.cells[i], self.blend[i]);
-                for (sum, color) in gathered.color.iter_mut().zip(color) {
+                for (sum, color) in colors.iter_mut().zip(color) {
                     *sum += weight * color;
                 }
             }
+        }
+        sums.distance += f64::from(distance);
+        sums.level += f64::from(levels);
+        for (sum, color) in sums.color.iter_mut().zip(colors) {
+            *sum += f64::from(color);
         }
     }
 
@@ -201,21 +227,24 @@ fn activate<const C: usize>(color: &mut [f32; C]) {
 struct Composited {
     /// Opacity times the light left before the sample.
     weight: [f32; PACKET],
-    /// Optical depth behind all of them.
+    /// Optical depth of all of them.
     depth: f32,
 }
 
 /// Optical depths over one interval of interpolated densities.
 fn optical_depths(density: &[f32; PACKET], decode: Decode, view: &View) -> [f32; PACKET] {
     let Activation { shift, interval, order } = view.activation;
+    // Finite even of the largest numbers, so that mixing two of them gives no NaN.
     match (decode, order) {
         (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
             raw_depths(density, shift, interval)
         }
         (Decode::RawDensity | Decode::Logit, ActivationOrder::Density) => {
-            density.map(|sigma| sigma.max(0.0) * interval)
+            density.map(|sigma| (sigma.max(0.0) * interval).min(f32::MAX))
         }
-        (Decode::SqrtOpticalDepth, _) => density.map(|root| root * root * view.depth_scale),
+        (Decode::SqrtOpticalDepth, _) => {
+            density.map(|root| (root * root * view.depth_scale).min(f32::MAX))
+        }
         (Decode::RawDensity | Decode::Logit, ActivationOrder::Opacity) => density.map(opaque_depth),
         (Decode::Opacity, _) => density.map(|alpha| opaque_depth(alpha) * view.depth_scale),
     }
@@ -229,18 +258,18 @@ fn opaque_depth(alpha: f32) -> f32 {
 fn raw_depths(raw: &[f32; PACKET], shift: f32, interval: f32) -> [f32; PACKET] {
     let mut depths = [0.0f32; PACKET];
     for (depth, raw) in depths.iter_mut().zip(raw) {
-        *depth = lanes::softplus(raw + shift) * interval;
+        *depth = (lanes::softplus(raw + shift) * interval).min(f32::MAX);
     }
     depths
 }
 
-/// Composites optical depths over one interval front to back, behind an optical depth of `depth`.
+/// Composites optical depths over one interval front to back, behind an optical depth of `outside`.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn composite(
     depths: &[f32; PACKET],
     intervals: &[f32; PACKET],
     alpha_threshold: f32,
-    depth: f32,
+    outside: f32,
 ) -> Composited {
     let mut optical = [0.0f32; PACKET];
     let mut weight = [0.0f32; PACKET];
@@ -249,7 +278,7 @@ fn composite(
         weight[i] = lanes::opacity(optical[i]);
     }
     let mut before = [0.0; PACKET];
-    let mut depth = depth;
+    let mut depth = 0.0;
     for i in 0..PACKET {
         before[i] = depth;
         if weight[i] > alpha_threshold {
@@ -259,7 +288,7 @@ fn composite(
         }
     }
     for (weight, before) in weight.iter_mut().zip(before) {
-        *weight *= lanes::exp(-before);
+        *weight *= lanes::exp(-(outside + before));
     }
     Composited { weight, depth }
 }

@@ -87,8 +87,10 @@ fn entry_t(view: &View, ray: &Ray) -> f64 {
     let mut entry = f64::NEG_INFINITY;
     for axis in 0..3 {
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
-        // A ray along a face enters and leaves it at once, however that is rounded.
-        let direction = if direction == 0.0 { 1e-12 } else { direction };
+        // A ray along a face, or a hair beside it, is between the faces from the start or never.
+        if direction == 0.0 {
+            continue;
+        }
         let (min, max) = (f64::from(view.bounds.min[axis]), f64::from(view.bounds.max[axis]));
         entry = entry.max(((min - origin) / direction).min((max - origin) / direction));
     }

@@ -62,8 +62,12 @@ pub enum Stored<const C: usize> {
     Sparse(Sparse<C>),
 }
 
+/// Densities beyond are as good as these, and differences of larger ones overflow.
+const LARGEST_DENSITY: f32 = 1e30;
+
 /// A node's density as it is interpolated.
 fn interpolated_density(activation: &Activation, decode: Decode, raw: f32) -> f32 {
+    let raw = raw.clamp(-LARGEST_DENSITY, LARGEST_DENSITY);
     if decode != Decode::RawDensity {
         return raw;
     }

@@ -5,6 +5,10 @@ pub mod plain;
 pub mod plain_matter;
 pub mod plain_render;
 pub mod rendered;
+pub mod stress;
+pub mod stress_field;
+pub mod stress_ray;
+pub mod stress_scalar;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

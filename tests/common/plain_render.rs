@@ -310,7 +310,8 @@ fn is_close(value: f64, threshold: f64) -> bool {
     threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
 }
 
-fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {
+/// View-dependent colour of what a ray accumulated.
+pub fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {
     let angles = || {
         let octaves = 0..network.frequencies as i32;
         unit.iter().flat_map(move |along| octaves.clone().map(move |k| along * 2f64.powi(k)))

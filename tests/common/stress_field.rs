@@ -1,0 +1,398 @@
+//! The stages that make levels: filters, weighted averages, quantization, against their slow twins.
+
+use mipvog_bake::bake::Filter;
+use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
+use mipvog_bake::grid::{NodeMask, Nodes};
+use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Regions, Settled, Settler, Slab};
+use mipvog_bake::mips::{level_sizes, taps::AxisTaps};
+use mipvog_bake::quantize::{
+    Bits, BlockEncoder, BlockSource, color_encoding, decode_codes, density_encoding, unpredict,
+};
+
+use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
+use super::stress::Worst;
+use super::stress_scalar::{INTERVALS, SHIFTS, activation, raws};
+use super::{Random, plain_matter};
+
+/// Channels of a level, `[channel][node]`.
+type Channels = Vec<Vec<f32>>;
+
+/// All levels of some channels as the program makes them.
+fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -> Vec<Channels> {
+    let sizes = level_sizes(Nodes(nodes), usize::MAX);
+    let whole: Vec<NodeMask> = sizes.iter().map(|&size| NodeMask::full(size)).collect();
+    let regions = Regions::new(whole.clone(), kernel).expect("regions");
+    let mut levels: Vec<Channels> =
+        sizes.iter().map(|size| vec![vec![0.0; size.count()]; channels.len()]).collect();
+    let mut settlers: Vec<Option<Settler>> = whole
+        .iter()
+        .enumerate()
+        .map(|(level, whole)| match &lift {
+            Lift::Matter(matter) if level > 0 => Some(Settler::new(*matter, whole)),
+            _ => None,
+        })
+        .collect();
+    let plane = |size: Nodes| size.0[1] * size.0[2];
+    let mut place = |level: usize, slab: &Slab| {
+        let length = plane(sizes[level]);
+        for (i, channel) in (0..slab.count()).flat_map(|i| (0..slab.channels).map(move |c| (i, c)))
+        {
+            let start = (slab.first + i) * length;
+            levels[level][channel][start..start + length].copy_from_slice(slab.plane(i, channel));
+        }
+    };
+    let length = plane(sizes[0]);
+    Cascade::new(&regions, channels.len(), lift.clone(), 8)
+        .run(
+            |x, channel, _, plane| {
+                plane.copy_from_slice(&channels[channel][x * length..(x + 1) * length]);
+                Ok(())
+            },
+            |level, slab| {
+                match &mut settlers[level] {
+                    Some(settler) => settler.take(slab)?.iter().for_each(|s| place(level, s)),
+                    None => place(level, slab),
+                }
+                Ok(())
+            },
+        )
+        .expect("levels");
+    levels
+}
+
+fn wide(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| value.into()).collect()
+}
+
+fn checkerboard(nodes: [usize; 3], values: [f32; 2]) -> Vec<f32> {
+    all_nodes(nodes).map(|[x, y, z]| values[(x + y + z) % 2]).collect()
+}
+
+/// Fields that hurt, with their names.
+fn fields(nodes: [usize; 3], seed: u64) -> Vec<(&'static str, Vec<f32>)> {
+    let count: usize = nodes.iter().product();
+    let mut random = Random::new(seed);
+    let all: Vec<f32> = raws().chain([f32::MAX, f32::MIN]).collect();
+    let single = |at: usize, value: f32| {
+        let mut values = vec![-100.0; count];
+        values[at] = value;
+        values
+    };
+    vec![
+        ("checkerboard of 1e30", checkerboard(nodes, [1e30, -1e30])),
+        ("checkerboard", checkerboard(nodes, [80.1, -100.0])),
+        ("first voxel", single(0, 1e30)),
+        ("single voxel", single(count / 2, 9.7)),
+        ("subnormals", (0..count).map(|_| random.between(-1.0, 1.0) * 1e-40).collect()),
+        ("f16 extremes", (0..count).map(|i| [65504.0, -6e-8, -65504.0][i % 3]).collect()),
+        ("every raw value", (0..count).map(|_| all[random.below(all.len())]).collect()),
+        ("chance", (0..count).map(|_| random.between(-100.0, 80.0)).collect()),
+    ]
+}
+
+const SIZES: [[usize; 3]; 6] =
+    [[3, 2, 2], [2, 7, 33], [8, 9, 10], [2, 2, 2000], [31, 2, 4], [5, 40, 3]];
+
+/// One step against the twin's; relative to the weighted sum of magnitudes.
+fn take_step(worst: &mut Worst, nodes: [usize; 3], values: &[f32], kernel: Kernel, name: &str) {
+    let lift = Lift::Raw(0..1);
+    let levels = cascade(nodes, &vec![values.to_vec()], lift, kernel);
+    let want = next_level(nodes, &wide(values), kernel);
+    let scale =
+        next_level(nodes, &wide(values).iter().map(|v| v.abs()).collect::<Vec<_>>(), kernel);
+    for (i, ((got, want), scale)) in levels[1][0].iter().zip(want).zip(scale).enumerate() {
+        let at = || format!("{name}, {nodes:?}, {}, node {i}", kernel.name());
+        worst.take((*got).into(), want, scale, &at);
+    }
+}
+
+fn kernels() -> impl Iterator<Item = Kernel> {
+    Kernel::ALL.into_iter().chain([Kernel::Tent])
+}
+
+pub fn filters() -> Worst {
+    let mut worst = Worst::default();
+    for (seed, nodes) in SIZES.into_iter().enumerate() {
+        for (name, values) in fields(nodes, seed as u64) {
+            kernels().for_each(|kernel| take_step(&mut worst, nodes, &values, kernel, name));
+        }
+    }
+    worst
+}
+
+pub fn resize() -> Worst {
+    let mut worst = Worst::default();
+    for size in 3..=70 {
+        for nodes in [[2, 3, size], [size, 2, 2]] {
+            for (name, values) in fields(nodes, size as u64) {
+                take_step(&mut worst, nodes, &values, Kernel::None, name);
+            }
+        }
+    }
+    worst
+}
+
+pub fn exact() -> Worst {
+    let mut worst = Worst::default();
+    for nodes in SIZES {
+        for value in raws().step_by(37).chain([1e30, -1e30, -0.0, 1e-45, f32::MAX]) {
+            for kernel in kernels() {
+                let values = vec![value; nodes.iter().product()];
+                for level in cascade(nodes, &vec![values.clone()], Lift::Raw(0..1), kernel) {
+                    for got in &level[0] {
+                        let at = || format!("{value}, {}", kernel.name());
+                        worst.take((*got).into(), value.into(), value.abs().into(), &at);
+                    }
+                }
+            }
+        }
+    }
+    for nodes in SIZES {
+        // Slopes of as many units as the coarser axis has voxels: all its values are whole numbers.
+        let coarse = halved(nodes);
+        let slope = coarse.map(|size| size - 1);
+        let value = |at: [usize; 3], by: [usize; 3]| (0..3).map(|a| at[a] * by[a]).sum::<usize>();
+        let values = all_nodes(nodes).map(|at| value(at, slope) as f32).collect();
+        let whole = nodes.map(|size| size - 1);
+        for kernel in kernels() {
+            let got = &cascade(nodes, &vec![Vec::clone(&values)], Lift::Raw(0..1), kernel)[1][0];
+            // Windows that no mirror touches.
+            let weights = kernel.weights();
+            let (width, radius) = (weights.len() + 1, weights.len() / 2);
+            let inner = |axis: usize, at: usize| {
+                let taps = AxisTaps::new(nodes[axis], coarse[axis], &weights);
+                let low = at * whole[axis] / slope[axis];
+                kernel == Kernel::None
+                    || (taps.window(at).1.len() == width
+                        && low >= radius
+                        && low + radius + 1 < nodes[axis])
+            };
+            for (at, got) in all_nodes(coarse).zip(got) {
+                if (0..3).all(|axis| inner(axis, at[axis])) {
+                    let want = value(at, whole) as f64;
+                    let name = || format!("linear, {nodes:?}, {}, {at:?}", kernel.name());
+                    worst.take((*got).into(), want, want, &name);
+                }
+            }
+        }
+    }
+    worst
+}
+
+pub fn twenty_levels() -> Worst {
+    let mut worst = Worst::default();
+    let mut nodes = [2, 2, 1 << 20];
+    let mut random = Random::new(20);
+    let values: Vec<f32> =
+        (0..4 << 20).map(|_| [1e30, -1e30, 7e29, 1.0][random.below(4)]).collect();
+    let levels = cascade(nodes, &vec![values.clone()], Lift::Raw(0..1), Kernel::Tent);
+    assert_eq!(levels.len(), 20);
+    let mut want = wide(&values);
+    let mut scale: Vec<f64> = want.iter().map(|value| value.abs()).collect();
+    for (level, got) in levels.iter().enumerate().skip(1) {
+        want = next_level(nodes, &want, Kernel::Tent);
+        scale = next_level(nodes, &scale, Kernel::Tent);
+        nodes = halved(nodes);
+        for ((got, want), scale) in got[0].iter().zip(&want).zip(&scale) {
+            worst.take((*got).into(), *want, *scale, &|| format!("level {level}"));
+        }
+    }
+    worst
+}
+
+/// Matter of hurtful fields through all levels: `take(level, matter, got, want, amounts)`, the channels
+/// being density and two colours.
+fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) {
+    let filters = [Filter::RateTent, Filter::Coverage];
+    for (seed, (nodes, shift)) in
+        SIZES.into_iter().flat_map(|nodes| SHIFTS.map(|shift| (nodes, shift))).enumerate()
+    {
+        for (filter, interval) in filters.into_iter().flat_map(|f| INTERVALS.map(|i| (f, i))) {
+            let matter = filter.matter(&activation(shift, interval)).expect("matter");
+            let mut all = fields(nodes, seed as u64);
+            let count: usize = nodes.iter().product();
+            // Constants around the densest amount that counts: 1 - 1e-7 over the reach.
+            for depth in [12.2, 13.4, 14.0, 14.6, 15.0, 15.3, 15.6, 15.8, 15.9, 16.0, 16.3] {
+                let raw = depth / (interval * matter.reach) - shift;
+                all.push(("nearly opaque", vec![raw; count]));
+            }
+            let color = all[6].1.clone();
+            let other = all[7].1.iter().map(|value| value * 0.1).collect::<Vec<f32>>();
+            for (_, density) in all {
+                let mut size = nodes;
+                let channels = vec![density, color.clone(), other.clone()];
+                let channels: Channels =
+                    channels.into_iter().map(|c| c.into_iter().map(moderate).collect()).collect();
+                let kernel = filter.kernel();
+                let levels = cascade(nodes, &channels, Lift::Matter(matter), kernel);
+                let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
+                let mut lifted = plain_matter::lift(&matter, &wide);
+                for (level, got) in levels.iter().enumerate().skip(1) {
+                    for channel in &mut lifted {
+                        *channel = next_level(size, channel, kernel);
+                    }
+                    size = halved(size);
+                    let want = plain_matter::settle(size, &matter, &lifted);
+                    take(level, &matter, got, &want, &lifted[0]);
+                }
+            }
+        }
+    }
+}
+
+fn moderate(value: f32) -> f32 {
+    value.clamp(-1e30, 1e30)
+}
+
+pub fn matter_density() -> Worst {
+    let mut worst = Worst::default();
+    matter(|level, matter, got, want, _| {
+        for (&got, &want) in got[0].iter().zip(&want[0]) {
+            let opacity = |value: f64| {
+                let depth = match matter.settled {
+                    Settled::SqrtOpticalDepth => value * value,
+                    Settled::Opacity => -(-value).ln_1p(),
+                };
+                -(-depth * 2f64.powi(level as i32)).exp_m1()
+            };
+            let at = || format!("level {level}, {matter:?}, {got} for {want}");
+            worst.take(opacity(got.into()), opacity(want), 0.0, &at);
+        }
+    });
+    worst
+}
+
+pub fn matter_color() -> Worst {
+    let mut worst = Worst::default();
+    matter(|level, matter, got, want, amounts| {
+        for channel in 1..3 {
+            let pairs = got[channel].iter().zip(&want[channel]);
+            for ((&got, &want), &amount) in pairs.zip(amounts).filter(|(_, a)| **a >= 1e-30) {
+                let at = || format!("level {level}, {matter:?}, amount {amount}, {got} for {want}");
+                worst.take(sigmoid(got.into()), sigmoid(want), 0.0, &at);
+            }
+        }
+    });
+    worst
+}
+
+/// What values are activated by.
+type Activate = Box<dyn Fn(f64) -> f64>;
+
+/// Every encoding of some bits.
+fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
+    let mut all: Vec<(Encoding, Activate)> = vec![(color_encoding(bits), Box::new(sigmoid))];
+    for (shift, interval) in SHIFTS.into_iter().flat_map(|s| INTERVALS.map(|i| (s, i))) {
+        let encoding = |decode| density_encoding(bits, decode, &activation(shift, interval));
+        let raw = move |raw: f64| opacity(raw, shift.into(), interval.into());
+        all.push((encoding(Decode::RawDensity), Box::new(raw)));
+        if interval == 0.5 {
+            let depth = |root: f64| -(-root.max(0.0).powi(2)).exp_m1();
+            all.push((encoding(Decode::SqrtOpticalDepth), Box::new(depth)));
+            all.push((encoding(Decode::Opacity), Box::new(|alpha| alpha.clamp(0.0, 1.0))));
+        }
+    }
+    all
+}
+
+/// What values are once they were stored in a block.
+fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
+    let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
+    let mut padded = values.to_vec();
+    padded.resize(edge.pow(3), values[0]);
+    let slab = Slab {
+        first: 0,
+        channels: 1,
+        planes: padded.chunks(edge * edge).map(<[f32]>::to_vec).collect(),
+    };
+    let needed = NodeMask::full(Nodes([edge; 3]));
+    let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
+    let (mut bytes, mut codes) = (Vec::new(), vec![0; edge.pow(3)]);
+    BlockEncoder::new(encoding.clone(), edge, 0.0).encode(source, 0, &mut bytes);
+    let plane = |plane: usize| &bytes[plane * edge.pow(3)..][..edge.pow(3)];
+    unpredict(encoding.number, edge, plane, &mut codes);
+    let codes = match encoding.number {
+        NumberType::U8 => Codes::U8(codes.into_iter().map(|code| code as u8).collect()),
+        NumberType::U16 | NumberType::F16 => {
+            Codes::U16(codes.into_iter().map(|code| code as u16).collect())
+        }
+        NumberType::F32 => Codes::U32(codes),
+    };
+    let mut back = vec![0.0; values.len()];
+    decode_codes(encoding, &codes, 0..values.len(), &mut back);
+    back
+}
+
+/// Values to store: those that hurt, and of integers every border's neighbourhood.
+fn to_store(encoding: &Encoding) -> Vec<f32> {
+    let mut values: Vec<f32> = raws().chain([f32::MAX, f32::MIN]).collect();
+    if encoding.number.is_float() {
+        // All magnitudes of f16.
+        let sizes = (0..3000).map(|i| 3e-8 * 1.0095f32.powi(i));
+        values.extend(sizes.flat_map(|size| [size, -size]));
+    } else {
+        let of_codes: Vec<f32> = encoding.values().collect();
+        for pair in of_codes.windows(2) {
+            let border = 0.5 * pair[0] + 0.5 * pair[1];
+            values.extend([border.next_down(), border, border.next_up()]);
+        }
+    }
+    if encoding.decode == Decode::SqrtOpticalDepth || encoding.decode == Decode::Opacity {
+        // Neither is below 0, nor opacity above 1.
+        let most = if encoding.decode == Decode::Opacity { 1.0 } else { f32::MAX };
+        values.iter_mut().for_each(|value| *value = value.abs().min(most));
+    }
+    values
+}
+
+pub fn quantize() -> Worst {
+    let mut worst = Worst::default();
+    for bits in (4..=16).map(Bits::Integer).chain([Bits::F16]) {
+        for (encoding, activate) in encodings(bits) {
+            let values = to_store(&encoding);
+            for (&value, back) in values.iter().zip(stored(&encoding, &values)) {
+                let (got, want) = (activate(back.into()), activate(value.into()));
+                let at = || format!("{value} as {back}, {encoding:?}");
+                // Sums of the twin are right to 1e-15.
+                let scale = f64::from(encoding.max_error) + 1e-14;
+                worst.take(got, want, scale, &at);
+            }
+        }
+    }
+    worst
+}
+
+pub fn decode() -> Worst {
+    let mut worst = Worst::default();
+    for (encoding, _) in (4..=16).map(Bits::Integer).flat_map(encodings) {
+        let values: Vec<f32> = encoding.values().collect();
+        for (code, got) in stored(&encoding, &values).into_iter().enumerate() {
+            let x = code as f64 - 2f64.powi(encoding.bits as i32 - 1);
+            let [center, step, curve] =
+                [encoding.center, encoding.step, encoding.curve].map(f64::from);
+            let value = match (encoding.empty_code, code) {
+                (true, 0) => encoding.empty.into(),
+                _ => center + x * (step + curve * x * x),
+            };
+            let scale = center.abs() + x.abs() * (step + curve * x * x);
+            worst.take(got.into(), value, scale, &|| format!("code {code}, {encoding:?}"));
+        }
+    }
+    worst
+}
+
+pub fn floats() -> Worst {
+    let mut worst = Worst::default();
+    let values: Vec<f32> = to_store(&color_encoding(Bits::F16));
+    let exact = stored(&color_encoding(Bits::F32), &values);
+    for (value, back) in values.iter().zip(exact) {
+        assert_eq!(value.to_bits(), back.to_bits(), "f32 is stored as it is");
+    }
+    for (&value, back) in values.iter().zip(stored(&color_encoding(Bits::F16), &values)) {
+        let want = f64::from(value.clamp(-65504.0, 65504.0));
+        let scale = if want.abs() >= 2f64.powi(-14) { want.abs() } else { 0.0 };
+        assert_eq!(value.is_sign_negative(), back.is_sign_negative(), "{value}");
+        worst.take(back.into(), want, scale, &|| format!("{value}"));
+    }
+    worst
+}

@@ -1,0 +1,164 @@
+//! Single numbers and the network: the stages that take no field, against their slow twins.
+
+use mipvog_bake::activate::{self, lanes};
+use mipvog_bake::error::Place;
+use mipvog_bake::field::{Activation, ActivationOrder};
+use mipvog_bake::mips::{Matter, Settled};
+use mipvog_bake::view_mlp::{Layer, RAYS, ViewMlp};
+
+use super::plain_render::specular;
+use super::stress::Worst;
+use super::{Random, plain};
+
+/// Raw values that hurt.
+pub fn raws() -> impl Iterator<Item = f32> {
+    let fine = (-1280..=1280).map(|i| i as f32 * 0.0817);
+    let ends = [1e30, 1e-30, 1e-40, 1e-45, 0.0, 65504.0, 6.1e-5, 6e-8, 87.3, 88.8, 127.99];
+    fine.chain(ends.into_iter().flat_map(|end: f32| [end, -end]))
+}
+
+pub const INTERVALS: [f32; 6] = [1e-7, 1e-3, 0.5, 4.0, 100.0, 1e5];
+pub const SHIFTS: [f32; 2] = [0.0, -4.595_12];
+
+/// As a stage's activation.
+pub fn activation(shift: f32, interval: f32) -> Activation {
+    Activation { shift, interval, order: ActivationOrder::Raw }
+}
+
+pub fn stored_activation() -> Worst {
+    let mut worst = Worst::default();
+    for raw in raws().map(f64::from) {
+        let at = || format!("raw {raw}");
+        for (got, want) in [
+            (activate::softplus(raw), plain::softplus(raw)),
+            (activate::sigmoid(raw), plain::sigmoid(raw)),
+        ] {
+            // Both are exact for the largest.
+            worst.take(got, want, want, &at);
+        }
+    }
+    let nearly = [1e-12, 1e-6, 0.5, 1.0 - 1e-6, 1.0 - 1e-12];
+    for (shift, interval) in activations() {
+        let (shift, interval) = (f64::from(shift), f64::from(interval));
+        for raw in raws().map(f64::from) {
+            let want = plain::opacity(raw, shift, interval);
+            let at = || format!("raw {raw}, shift {shift}, interval {interval}");
+            worst.take(activate::opacity(raw, shift, interval), want, want, &at);
+        }
+        for alpha in nearly {
+            let raw = activate::raw_at_opacity(alpha, shift, interval);
+            let at = || format!("opacity {alpha}, shift {shift}, interval {interval}");
+            worst.take(plain::opacity(raw, shift, interval), alpha, alpha, &at);
+        }
+    }
+    worst
+}
+
+fn activations() -> impl Iterator<Item = (f32, f32)> {
+    SHIFTS.into_iter().flat_map(|shift| INTERVALS.map(|interval| (shift, interval)))
+}
+
+/// What the f32 functions take in a loop: finite values and both infinities.
+fn lane_inputs() -> impl Iterator<Item = f32> {
+    raws().chain([f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN])
+}
+
+/// An absolute error, and a relative one where the result is at least `floor`.
+fn above(floor: f64, want: f64) -> f64 {
+    if want >= floor { want } else { 0.0 }
+}
+
+pub fn softplus() -> Worst {
+    let mut worst = Worst::default();
+    for x in lane_inputs() {
+        let want = plain::softplus(x.into());
+        worst.take(lanes::softplus(x).into(), want, above(1e-37, want), &|| format!("{x}"));
+    }
+    worst
+}
+
+pub fn opacity() -> Worst {
+    let mut worst = Worst::default();
+    let fine = lane_inputs().map(f32::abs).chain((0..2000).map(|i| i as f32 * 0.000_517));
+    for depth in fine {
+        let want = -(-f64::from(depth)).exp_m1();
+        worst.take(lanes::opacity(depth).into(), want, want, &|| format!("{depth}"));
+    }
+    worst
+}
+
+pub fn sigmoid() -> Worst {
+    let mut worst = Worst::default();
+    for x in lane_inputs() {
+        let want = plain::sigmoid(x.into());
+        worst.take(lanes::sigmoid(x).into(), want, above(1e-37, want), &|| format!("{x}"));
+    }
+    worst
+}
+
+pub fn node_opacity() -> Worst {
+    let mut worst = Worst::default();
+    let raw: Vec<f32> = raws().collect();
+    for (shift, interval) in activations() {
+        let activation = activation(shift, interval);
+        let matter = Matter { activation, reach: 1.0, settled: Settled::Opacity };
+        let mut amounts = vec![0.0; raw.len()];
+        matter.lift_density(&raw, &mut amounts);
+        for (&raw, amount) in raw.iter().zip(amounts) {
+            let want = plain::opacity(raw.into(), shift.into(), interval.into());
+            let scale = above(1e-37 * f64::from(interval).max(1.0), want);
+            let at = || format!("raw {raw}, shift {shift}, interval {interval}");
+            worst.take(amount.into(), want, scale, &at);
+        }
+    }
+    worst
+}
+
+pub fn network() -> Worst {
+    let mut worst = Worst::default();
+    let half = 0.5f64.sqrt();
+    let directions = [
+        [1.0, 0.0, -0.0],
+        [-1.0, 1e-310, -1e-40],
+        [half, -half, 0.0],
+        [1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0],
+        [0.0, -0.0, 1.0],
+    ];
+    let accumulated = [[0.0; 7], [1.0; 7], [1e-30; 7], [0.5, 0.25, 1.0, 0.0, 1e-7, 0.9, 1e-45]];
+    for (seed, frequencies) in [0, 1, 4, 8, 16, 24, 32].into_iter().enumerate() {
+        for size in [1e-30f32, 0.05, 0.5, 1e30] {
+            let mut random = Random::new(seed as u64);
+            let widths = [3 + 6 * frequencies + 7, 16, 16, 3];
+            let layers: Vec<Layer> = widths
+                .windows(2)
+                .enumerate()
+                .map(|(number, pair)| {
+                    // Only the first layer is of this size; of 1e30, it is scaled back after.
+                    let size = match number {
+                        0 => size,
+                        1 if size > 1.0 => 1.0 / size,
+                        _ => 0.5,
+                    };
+                    let count = pair[0] * pair[1];
+                    let weights = (0..count).map(|_| random.between(-size, size)).collect();
+                    let bias = (0..pair[1]).map(|_| random.between(-1.0, 1.0)).collect();
+                    Layer { inputs: pair[0], outputs: pair[1], weights, bias }
+                })
+                .collect();
+            let network = ViewMlp::new(layers, frequencies, 4, &Place::File).expect("joined");
+            for direction in directions {
+                let rows: Vec<&[f32]> = accumulated.iter().map(|row| row.as_slice()).collect();
+                let got = network.colors(&[direction; RAYS][..rows.len()], &rows);
+                for (row, got) in rows.iter().zip(got) {
+                    let wide: Vec<f64> = row.iter().map(|&value| value.into()).collect();
+                    let want = specular(&network, direction, &wide);
+                    let at = || format!("{frequencies} octaves, weights {size}, {direction:?}");
+                    for (got, want) in got.into_iter().zip(want) {
+                        worst.take(got.into(), want, 0.0, &at);
+                    }
+                }
+            }
+        }
+    }
+    worst
+}
