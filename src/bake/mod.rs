@@ -134,7 +134,7 @@ impl BakeOptions {
 
     /// Options as provenance and reports name them.
     pub fn to_json(&self) -> serde_json::Value {
-        json!({
+        let mut options = json!({
             "filter": self.filter.name(),
             "levels": self.levels,
             "bits": self.bits.to_string(),
@@ -142,12 +142,15 @@ impl BakeOptions {
             "block_size": self.block_size,
             "zstd_level": self.zstd_level,
             "lod_scale": self.lod_scale,
-            "fit_steps": (self.filter == Filter::Fit).then_some(self.fit_steps),
             "nonfinite": match self.nonfinite {
                 Nonfinite::Refuse => "refuse",
                 Nonfinite::Empty => "empty",
             },
-        })
+        });
+        if self.filter == Filter::Fit {
+            options["fit_steps"] = self.fit_steps.into();
+        }
+        options
     }
 }
 
