@@ -25,6 +25,15 @@ pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera>
         let around = std::f64::consts::TAU * i as f64 / count as f64;
         let up = std::f64::consts::FRAC_PI_6;
         let back = DVec3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin());
+        Camera::looking_at(middle, back, distance, format!("turn_{i:03}"), lens)
+    };
+    (0..count).map(camera).collect()
+}
+
+impl Camera {
+    /// A camera that looks at `middle` from `distance` away in the direction `back`, of unit length
+    /// and not along z, which is up.
+    pub fn looking_at(middle: DVec3, back: DVec3, distance: f64, name: String, lens: Lens) -> Self {
         let right = DVec3::Z.cross(back).normalize();
         let to_world = DMat4::from_cols(
             right.extend(0.0),
@@ -32,7 +41,6 @@ pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera>
             back.extend(0.0),
             (middle + distance * back).extend(1.0),
         );
-        Camera { name: format!("turn_{i:03}"), to_world, lens, picture: None }
-    };
-    (0..count).map(camera).collect()
+        Self { name, to_world, lens, picture: None }
+    }
 }

@@ -1,6 +1,6 @@
 //! What coarser levels should look like.
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
 use crate::camera::{Camera, Lens};
 use crate::error::Result;
@@ -101,17 +101,10 @@ fn cameras(bounds: &Bounds, side: usize) -> impl Iterator<Item = Camera> {
         let around = 2.399_963_229_728_653 * i as f64;
         let flat = (1.0 - up * up).sqrt();
         let back = DVec3::new(libm::cos(around) * flat, libm::sin(around) * flat, up);
-        let right = DVec3::Z.cross(back).normalize();
         // Distances from where the box fills the view to 1.4 times that, so that footprints vary.
         let distance =
             radius / HALF_VIEW * (0.85 + 0.4 * ((i * 5) % CAMERAS) as f64 / CAMERAS as f64);
-        let to_world = DMat4::from_cols(
-            right.extend(0.0),
-            back.cross(right).extend(0.0),
-            back.extend(0.0),
-            (middle + distance * back).extend(1.0),
-        );
-        Camera { name: format!("fit_{i:02}"), to_world, lens, picture: None }
+        Camera::looking_at(middle, back, distance, format!("fit_{i:02}"), lens)
     })
 }
 
