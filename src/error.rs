@@ -144,6 +144,11 @@ impl Error {
         Self::new(ErrorKind::Usage { message: message.into() }, Place::File)
     }
 
+    /// Work that somebody asked to end.
+    pub fn cancelled() -> Self {
+        Self::new(ErrorKind::Cancelled, Place::File)
+    }
+
     /// A failure of the operating system on the file `path`.
     pub fn io(error: std::io::Error, path: &Path) -> Self {
         Self::new(ErrorKind::Io(error), Place::File).in_file(path)

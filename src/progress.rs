@@ -41,6 +41,12 @@ pub trait Progress: Sync {
     fn begin(&self, _step: Step, _total: u64) {}
     /// `by` more of `step` is done.
     fn advance(&self, _step: Step, _by: u64) {}
+    /// `step` is this good by now, in dB.
+    fn quality(&self, _step: Step, _psnr: f64) {}
+    /// Asked between pieces of work that only make a result better; `true` ends them with what there is.
+    fn enough(&self) -> bool {
+        false
+    }
     /// Asked between pieces of work; `true` ends it with [`crate::error::ErrorKind::Cancelled`].
     fn cancelled(&self) -> bool {
         false

@@ -167,7 +167,9 @@ fn matter_equals_the_plain_twin() {
         let wide = |values: Vec<f32>| -> Vec<f64> { values.into_iter().map(f64::from).collect() };
         let mut channels: Vec<Vec<f64>> = vec![wide(density_of(&field))];
         channels.extend(wide(color_of(&field)).chunks(nodes.iter().product()).map(<[f64]>::to_vec));
-        let mut lifted = plain_matter::lift(&matter, &channels);
+        let extent = plain_matter::extent(&field.scene);
+        let seen = plain_matter::visibility(nodes, &matter, filter.kernel(), &channels[0], extent);
+        let mut lifted = plain_matter::lift(&matter, &channels, &seen);
         let mut size = nodes;
         for level in 1.. {
             if plain::halved(size) == size {

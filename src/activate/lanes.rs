@@ -2,16 +2,17 @@
 //! them become vector instructions. The same values for any lane count and CPU.
 //!
 //! Errors against the float64 functions of [`crate::activate`], over all finite inputs, are held by
-//! tests: 3e-7 relative for [`exp`] (of results above 1e-37), 4e-7 relative for [`softplus`], 6e-7 for
+//! tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for [`softplus`], 6e-7 for
 //! [`opacity`], 4e-7 absolute for [`sigmoid`].
 
-/// `exp(x)` for x in -87 to 88; beyond, the value at the end.
+/// `exp(x)` for x in -80 to 88; beyond, the value at the end. What follows from the smallest, 2e-35, is
+/// still no subnormal number, which processors are slow with.
 ///
 /// `x = n ln 2 + r` with r within half of ln 2, `exp(r)` by its Taylor polynomial of degree 6 (whose
 /// remainder is 1.2e-7 relative at the ends, 4e-9 in the mean), and `2^n` by its exponent bits.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
-    let x = x.clamp(-87.0, 88.0);
+    let x = x.clamp(-80.0, 88.0);
     // Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
     // bits: a conversion would saturate, which compilers do one lane at a time.
     const ROUNDER: f32 = 12_582_912.0;
@@ -33,7 +34,8 @@ pub fn exp(x: f32) -> f32 {
 pub fn softplus(x: f32) -> f32 {
     let y = exp(-x.abs());
     let z = y / (2.0 + y);
-    let s = z * z;
+    // Where squares would be subnormal the series is 1 anyway.
+    let s = z.max(1e-18) * z.max(1e-18);
     let series = 1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s / 11.0))));
     x.max(0.0) + 2.0 * z * series
 }
@@ -72,11 +74,11 @@ mod tests {
 
     #[test]
     fn exponentials_keep_their_bound() {
-        for x in inputs().filter(|x| x.abs() < 85.0) {
+        for x in inputs().filter(|x| x.abs() < 79.0) {
             let error = relative(exp(x), f64::from(x).exp());
             assert!(error <= 3e-7, "{x}: {error}");
         }
-        assert!(exp(-1e30) < 2e-38 && exp(1e30) > 1e38);
+        assert!(exp(-1e30) < 2e-35 && exp(1e30) > 1e38);
     }
 
     #[test]
@@ -84,7 +86,7 @@ mod tests {
         for x in inputs() {
             let want = wide::softplus(x.into());
             let error = (f64::from(softplus(x)) - want).abs() / want.max(1e-37);
-            assert!(error <= 4e-7 || x < -85.0, "{x}: {error}");
+            assert!(error <= 4e-7 || x < -79.0, "{x}: {error}");
             let error = (f64::from(sigmoid(x)) - wide::sigmoid(x.into())).abs();
             assert!(error <= 4e-7, "{x}: {error}");
         }

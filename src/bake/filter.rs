@@ -1,9 +1,9 @@
 //! The families of coarser levels that a bake can make.
 
-use crate::baked::{Aside, Blend, Decode, LevelOfDetail, StepRule};
+use crate::baked::{Aside, Blend, LevelOfDetail, StepRule};
 use crate::field::{Activation, Scene};
 use crate::grid::Nodes;
-use crate::mips::{self, Kernel, Lift, Matter, Settled};
+use crate::mips::{self, Kernel, Matter, Settled};
 use crate::render::TrainedLevels;
 use crate::sample::Levels;
 
@@ -70,23 +70,6 @@ impl Filter {
         Some(Matter { activation: *activation, reach, settled })
     }
 
-    /// What goes up from level 0 to coarser levels, of `channels`, the first of them density.
-    pub fn lift(self, activation: &Activation, channels: usize) -> Lift {
-        match self.matter(activation) {
-            Some(matter) => Lift::Matter(matter),
-            None => Lift::Raw(usize::from(!self.filters_density())..channels),
-        }
-    }
-
-    /// What densities of a level mean.
-    pub fn decode(self, level: usize) -> Decode {
-        match self {
-            Self::RateTent | Self::Fit if level > 0 => Decode::SqrtOpticalDepth,
-            Self::Coverage if level > 0 => Decode::Opacity,
-            _ => Decode::RawDensity,
-        }
-    }
-
     /// How two levels are mixed, and how far apart samples of coarser levels are.
     pub fn rules(self) -> (Blend, StepRule) {
         match self {
@@ -115,15 +98,20 @@ impl Filter {
         if self == Self::Code { levels.min(5) } else { levels }
     }
 
-    /// The levels of a trained field that is rendered without baking, by the rules of training where
-    /// training had such levels.
-    pub fn trained_levels(self, scene: &Scene) -> TrainedLevels {
-        let levels = Levels {
+    /// Levels as this filter makes them, as many as it makes unless told otherwise.
+    pub fn levels(self, scene: &Scene) -> Levels {
+        Levels {
             most: self.level_sizes(scene.nodes, None).len(),
             kernel: self.kernel(),
             density: self.filters_density(),
             matter: self.matter(&scene.activation),
-        };
+        }
+    }
+
+    /// The levels of a trained field that is rendered without baking, by the rules of training where
+    /// training had such levels.
+    pub fn trained_levels(self, scene: &Scene) -> TrainedLevels {
+        let levels = self.levels(scene);
         let (blend, step_rule) = self.rules();
         let aside = match blend {
             Blend::BeforeActivation => Aside::SameIndex,
@@ -141,7 +129,7 @@ impl Filter {
             Self::Code => (0.5, 0.0, Some(4.0)),
             Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
             Self::RateTent | Self::Coverage => (0.5, -0.1, None),
-            Self::Fit => (1.0, -0.5, None),
+            Self::Fit => (0.5, 0.1, None),
         };
         LevelOfDetail { factor: factor * scale, bias, aside, most }
     }

@@ -29,19 +29,20 @@ pub(crate) use origin::hex;
 pub use preset::Preset;
 pub use rebake::{Changes, rebake};
 use report::prune_reports;
-pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
+pub use report::{BakeReport, FitReport, LevelReport, PruneReport, StageReport, level_reports};
 
 use crate::baked::{
     Aside, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
 use crate::bytes::Output;
+use crate::camera::{Camera, digest};
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{Error, Result};
 use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
-use crate::fit::{Fitted, fit};
+use crate::fit::{FitOptions, Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
-use crate::mips::{Cascade, Regions, Settler};
+use crate::mips::{Cascade, Lift, Regions, Settler};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding};
@@ -72,8 +73,12 @@ pub struct BakeOptions {
     pub zstd_level: i32,
     /// Multiplies the filter's level-of-detail factor. Default: 1
     pub lod_scale: f32,
-    /// Steps of a fit for each level; only [`Filter::Fit`] takes any. Default: 150
+    /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
     pub fit_steps: usize,
+    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no bound
+    pub fit_seconds: Option<f64>,
+    /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
+    pub fit_cameras: Vec<Camera>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
 }
@@ -89,6 +94,8 @@ impl Default for BakeOptions {
             zstd_level: DEFAULT_ZSTD_LEVEL,
             lod_scale: 1.0,
             fit_steps: 150,
+            fit_seconds: None,
+            fit_cameras: Vec::new(),
             nonfinite: Nonfinite::Refuse,
         }
     }
@@ -127,6 +134,7 @@ impl BakeOptions {
             ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
             ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
             (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
+            (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
@@ -149,8 +157,18 @@ impl BakeOptions {
         });
         if self.filter == Filter::Fit {
             options["fit_steps"] = self.fit_steps.into();
+            options["fit_seconds"] = self.fit_seconds.into();
+            options["fit_cameras"] = cameras_json(&self.fit_cameras);
         }
         options
+    }
+}
+
+/// Given cameras by their number and what tells them from others.
+fn cameras_json(cameras: &[Camera]) -> serde_json::Value {
+    match cameras.len() {
+        0 => serde_json::Value::Null,
+        count => json!({ "count": count, "sha256": hex(&digest(cameras)) }),
     }
 }
 
@@ -189,7 +207,10 @@ pub fn bake(
         _ => None,
     };
     let tables = tables(&pruned, options.block_size)?;
-    let metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
+    let mut metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
+    if let Some(fitted) = &fitted {
+        metadata.level_of_detail = fitted.level_of_detail;
+    }
     let encoded =
         encode_levels(&planes, options, &metadata, &pruned, tables, fitted.as_ref(), progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
@@ -197,11 +218,17 @@ pub fn bake(
     let digest = origin.digest(&pruned.density_checksums, &encoded.checksums);
 
     progress.begin(Step::Write, 1);
+    let mut resolved = options.to_json();
+    // What else could tell one such fit from another.
+    if let Some(fitted) = fitted.as_ref().filter(|fitted| fitted.cut_short) {
+        let steps: Vec<usize> = fitted.courses.iter().map(|course| course.steps).collect();
+        resolved["fit_steps_taken"] = json!(steps);
+    }
     let head = Head {
         metadata: &metadata,
         view_mlp: field.view_mlp.as_ref(),
         free_space: field.free_space.as_ref().filter(|_| pruned.keeps_mask),
-        provenance: &origin.provenance(&digest, options.to_json()),
+        provenance: &origin.provenance(&digest, resolved),
         zstd_level: options.zstd_level,
     };
     let entries = container::write(&head, &encoded.levels, output)?;
@@ -212,6 +239,11 @@ pub fn bake(
         output_bytes: output.length(),
         levels,
         pruned: prune_reports(&pruned),
+        fitted: fitted.map(|fitted| FitReport {
+            level_of_detail: fitted.level_of_detail,
+            levels: fitted.courses,
+            cut_short: fitted.cut_short,
+        }),
         free_space_stored: pruned.keeps_mask,
         nonfinite_values: nonfinite,
         stages,
@@ -229,7 +261,12 @@ fn fit_levels(
     levels.levels.most = sizes.len();
     levels.level_of_detail = options.filter.level_of_detail(Aside::SameDistance, options.lod_scale);
     let needed: Vec<&NodeMask> = pruned.levels.iter().map(|level| &level.needed).collect();
-    fit(field, levels, &needed, pruned.keeps_mask, options.fit_steps, &Limits::default(), progress)
+    let fit_options = FitOptions {
+        steps: options.fit_steps,
+        seconds: options.fit_seconds,
+        cameras: &options.fit_cameras,
+    };
+    fit(field, levels, &needed, pruned.keeps_mask, &fit_options, &Limits::default(), progress)
 }
 
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
@@ -251,9 +288,9 @@ fn metadata(
     let scene = &field.scene;
     let features = field.color_channels() - 3;
     let (blend, step_rule) = options.filter.rules();
-    let density = |level: usize| {
-        density_encoding(options.bits, options.filter.decode(level), &scene.activation)
-    };
+    let levels = options.filter.levels(scene);
+    let density =
+        |level: usize| density_encoding(options.bits, levels.decode(level), &scene.activation);
     let color = color_encoding(options.bits);
     let level = |(number, (nodes, table)): (usize, (&Nodes, &Table))| {
         let has_density = number == 0 || options.filter.filters_density();
@@ -318,7 +355,8 @@ fn encode_levels(
     }
     let regions = Regions::new(needed, options.filter.kernel())?;
     let channels = planes.channels();
-    let lift = options.filter.lift(&metadata.activation, channels);
+    let seen = matter.zip(pruned.visibility.as_ref());
+    let lift = Lift::of_levels(seen, options.filter.filters_density(), channels);
     let encode_options = EncodeOptions {
         features: metadata.features,
         activation: metadata.activation,
@@ -329,12 +367,7 @@ fn encode_levels(
         let encodings = Group::ALL.map(|group| level.encoding(group));
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
-    let mut settlers: Vec<Option<Settler>> = pruned
-        .levels
-        .iter()
-        .enumerate()
-        .map(|(level, pruned)| Some(Settler::new(matter?, &pruned.needed)).filter(|_| level > 0))
-        .collect();
+    let mut settlers = Settler::of_levels(matter, pruned.levels.iter().map(|level| &level.needed));
     let nx = metadata.levels[0].dimensions[0];
     progress.begin(Step::Encode, nx as u64);
     let bytes_read = AtomicU64::new(0);
@@ -359,7 +392,7 @@ fn encode_levels(
                 progress.advance(Step::Encode, slab.count() as u64);
             }
             if progress.cancelled() {
-                return Err(Error::new(ErrorKind::Cancelled, Place::File));
+                return Err(Error::cancelled());
             }
             match &mut settlers[level] {
                 Some(settler) => settler.take(slab)?.iter_mut().try_for_each(|slab| {

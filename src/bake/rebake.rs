@@ -141,6 +141,7 @@ pub fn rebake(
         output_bytes: output.length(),
         levels: level_reports(&metadata, &entries),
         pruned: Vec::new(),
+        fitted: None,
         free_space_stored: metadata.free_space,
         nonfinite_values: 0,
         stages: vec![StageReport { name: "encode", seconds, bytes: bytes_read }],

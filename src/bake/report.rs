@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use crate::baked::{Group, LevelMetadata, Metadata};
+use crate::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
 use crate::container::layout::Entry;
+use crate::fit::FittedLevel;
 use crate::prune::{Pruned, PrunedLevel};
 
 /// What came out, what was dropped and why, and what it took.
@@ -15,12 +16,26 @@ pub struct BakeReport {
     pub levels: Vec<LevelReport>,
     /// Fine to coarse, beside `levels`.
     pub pruned: Vec<PruneReport>,
+    /// What a fit did, where there was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fitted: Option<FitReport>,
     /// Whether the free-space mask had to be stored.
     pub free_space_stored: bool,
     /// Values that were not finite and became empty.
     pub nonfinite_values: u64,
     /// In the order of the work.
     pub stages: Vec<StageReport>,
+}
+
+/// What a fit did.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitReport {
+    /// The rule that the levels look best with.
+    pub level_of_detail: LevelOfDetail,
+    /// From level 1 on.
+    pub levels: Vec<FittedLevel>,
+    /// Whether seconds or somebody's wish ended it before its steps did.
+    pub cut_short: bool,
 }
 
 /// One level of a container.

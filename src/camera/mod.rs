@@ -8,6 +8,7 @@ mod transforms;
 mod turntable;
 
 use glam::{DMat4, DVec3};
+use sha2::{Digest, Sha256};
 
 pub use transforms::{CameraFile, pick, picture_path, read};
 pub use turntable::turntable;
@@ -41,6 +42,17 @@ pub struct Lens {
     pub focal: [f64; 2],
     /// Where the optical axis meets the picture.
     pub center: [f64; 2],
+}
+
+/// SHA-256 of what cameras see, whatever their frames are called.
+pub fn digest(cameras: &[Camera]) -> [u8; 32] {
+    let mut sum = Sha256::new();
+    for Camera { to_world, lens, .. } in cameras {
+        sum.update([lens.width as u64, lens.height as u64].map(u64::to_le_bytes).concat());
+        let numbers = to_world.to_cols_array().into_iter().chain(lens.focal).chain(lens.center);
+        numbers.for_each(|number| sum.update(number.to_le_bytes()));
+    }
+    sum.finalize().into()
 }
 
 /// A ray from the camera through a point of its picture.

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::field::SceneArguments;
+use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
 use super::inspect::levels_text;
 use super::progress::Bar;
@@ -19,6 +20,7 @@ use crate::bake::{
 use crate::bytes::Output;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
+use crate::fit::FittedLevel;
 use crate::limits::Limits;
 use crate::quantize::Bits;
 use crate::source::{self, MlpChoice};
@@ -62,12 +64,11 @@ pub struct Arguments {
     /// Multiplies the filter's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     lod_scale: Option<f32>,
-    /// Steps of `--filter fit` for each level [default: 150]
-    #[arg(long, value_name = "STEPS")]
-    fit_steps: Option<usize>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
+    #[command(flatten)]
+    fit: FitArguments,
     #[command(flatten)]
     scene: SceneArguments,
     #[command(flatten)]
@@ -113,7 +114,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         }
         (None, None) => BakeOptions::default(),
     };
-    arguments.apply(&mut options);
+    arguments.apply(&mut options)?;
     options.check()?;
     arguments.scene.source_options().check()?;
     arguments.gate.measures()?;
@@ -165,7 +166,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 
 impl Arguments {
     /// Explicit options override the preset's.
-    fn apply(&self, options: &mut BakeOptions) {
+    fn apply(&self, options: &mut BakeOptions) -> Result<()> {
         options.filter = self.filter.unwrap_or(options.filter);
         options.levels = self.levels.or(options.levels);
         options.bits = self.bits.unwrap_or(options.bits);
@@ -173,11 +174,11 @@ impl Arguments {
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
-        options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,
         };
+        self.fit.apply(options)
     }
 
     fn bake_trained(
@@ -198,6 +199,9 @@ impl Arguments {
             true => Some(self.gate.cameras(&source.field)?),
             false => None,
         };
+        if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
+            check_judges(&options.fit_cameras, cameras)?;
+        }
         let mut report = bake(&source.field, options, &origin, output, bar)?;
         let gate = match cameras {
             Some(cameras) => {
@@ -282,6 +286,15 @@ impl Arguments {
                 finest.nodes, finest.opaque_nodes, finest.masked_nodes, finest.needed_nodes
             )
             .ok();
+        }
+        if let Some(fitted) = &report.fitted {
+            for FittedLevel { level, steps, psnr_before, psnr_after } in &fitted.levels {
+                writeln!(
+                    text,
+                    "  level {level} fitted in {steps} steps, {psnr_before:.2} to {psnr_after:.2} dB"
+                )
+                .ok();
+            }
         }
         for stage in report.stages.iter().filter(|_| common.verbose) {
             let (seconds, bytes) = (stage.seconds, readable(stage.bytes));

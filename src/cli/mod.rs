@@ -6,8 +6,10 @@ mod bake;
 mod compare;
 mod document;
 mod field;
+mod fit;
 mod gate;
 mod inspect;
+mod interrupt;
 mod progress;
 mod render;
 mod sweep;
@@ -157,8 +159,9 @@ fn exit_code(kind: &ErrorKind) -> u8 {
         | ErrorKind::Malformed { .. }
         | ErrorKind::NonFinite { .. } => 3,
         ErrorKind::Unsupported { .. } => 4,
-        ErrorKind::Io(_) | ErrorKind::Cancelled | ErrorKind::Exists => 5,
+        ErrorKind::Io(_) | ErrorKind::Exists => 5,
         ErrorKind::OverLimit { .. } => 6,
+        ErrorKind::Cancelled => interrupt::CANCELLED,
     }
 }
 

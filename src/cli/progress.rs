@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::interrupt::Interrupts;
 use super::{Common, When};
 use crate::progress::{Progress, Step};
 
@@ -12,10 +13,11 @@ use crate::progress::{Progress, Step};
 pub struct Bar {
     bar: ProgressBar,
     step: Mutex<Option<Step>>,
+    interrupts: Interrupts,
 }
 
 impl Bar {
-    /// A bar that is drawn where the user wants one.
+    /// A bar that is drawn where the user wants one. From now on signals end the work that asks it.
     pub fn new(common: &Common) -> Self {
         let wanted = match common.progress {
             When::Always => true,
@@ -25,10 +27,10 @@ impl Bar {
         let target =
             if wanted { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target);
-        if let Ok(style) = ProgressStyle::with_template("{msg:8} {wide_bar} {percent:>3}% {eta}") {
+        if let Ok(style) = ProgressStyle::with_template("{msg:12} {wide_bar} {percent:>3}% {eta}") {
             bar.set_style(style);
         }
-        Self { bar, step: Mutex::new(None) }
+        Self { bar, step: Mutex::new(None), interrupts: Interrupts::watch() }
     }
 }
 
@@ -44,6 +46,18 @@ impl Progress for Bar {
         if *self.step.lock().unwrap_or_else(PoisonError::into_inner) == Some(step) {
             self.bar.inc(by);
         }
+    }
+
+    fn quality(&self, step: Step, psnr: f64) {
+        self.bar.set_message(format!("{} {psnr:.2} dB", step.name()));
+    }
+
+    fn enough(&self) -> bool {
+        self.interrupts.wants_result()
+    }
+
+    fn cancelled(&self) -> bool {
+        self.interrupts.wants_end()
     }
 }
 

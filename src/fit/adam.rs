@@ -71,6 +71,21 @@ impl<const C: usize> Adam<C> {
         &self.numbers
     }
 
+    /// What the fitted nodes hold.
+    pub fn state(&self, field: &Dense<C>) -> Vec<(f32, [f32; C])> {
+        let (density, color) = field.values(self.level);
+        self.moments.iter().map(|moments| (density[moments.node], color[moments.node])).collect()
+    }
+
+    /// Gives the fitted nodes a state back.
+    pub fn restore(&self, field: &mut Dense<C>, state: &[(f32, [f32; C])]) {
+        let (density, color) = field.values_mut(self.level);
+        for (moments, &(of_density, of_color)) in self.moments.iter().zip(state) {
+            density[moments.node] = of_density;
+            color[moments.node] = of_color;
+        }
+    }
+
     /// Takes a step against the sum of `gradients`, and clears them; `progress` goes from 0 to 1.
     pub fn step(
         &mut self,

@@ -42,7 +42,9 @@ pub struct Rays<'a, const C: usize> {
     pub view: &'a View,
     /// All levels as they are now.
     pub field: &'a Dense<C>,
-    /// The level that is fitted.
+    /// The levels, from level 0 on, that rays may read.
+    pub levels: usize,
+    /// The level whose pictures are drawn from; the one that is fitted.
     pub level: usize,
     /// What should be seen.
     pub targets: &'a Targets,
@@ -75,29 +77,15 @@ struct Seen<const C: usize> {
     color: Option<[f32; C]>,
 }
 
+/// Derivatives of half a ray's squared error by what was accumulated and by the light left, the light
+/// left, and the squared error.
+type Traced<const C: usize> = ([f32; C], f32, f32, f32);
+
 impl<const C: usize> Rays<'_, C> {
     /// Adds the derivatives of ray `number`'s squared error.
     pub fn differentiate(&self, number: usize, gradient: &mut Gradient<C>) {
-        let Some((target, pixel)) = self.targets.draw(self.level, number) else { return };
-        let camera = &target.camera;
-        let [x, y] = [pixel % camera.lens.width, pixel / camera.lens.width];
-        let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
-        let ray = camera.ray(x, y);
-        let aside = Some([camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
-        // Coarser levels are not there yet.
-        let Some(route) = Route::new(self.view, self.level + 1, &ray, aside, None) else { return };
-        let mut samples = std::mem::take(&mut gradient.samples);
-        samples.clear();
-        let mut accumulated = [0.0f32; C];
-        let mut depth = 0.0f32;
-        route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
-            let position = route.path.position(k);
-            self.composite(position, lambda, intervals, &mut depth, &mut accumulated, &mut samples);
-            depth < OPAQUE_DEPTH
-        });
-        let left = lanes::exp(-depth);
-        let (by_color, by_left) =
-            self.by_accumulated(&ray, &accumulated, left, target.color[pixel]);
+        let Some((by_color, by_left, left, _)) = self.trace(number, gradient) else { return };
+        let samples = std::mem::take(&mut gradient.samples);
         // Back to front: what light behind a sample is worth.
         let mut behind = left * by_left;
         for seen in samples.iter().rev() {
@@ -109,6 +97,33 @@ impl<const C: usize> Rays<'_, C> {
             behind += seen.weight * worth;
         }
         gradient.samples = samples;
+    }
+
+    /// Ray `number`'s squared error, over three channels.
+    pub fn square(&self, number: usize, gradient: &mut Gradient<C>) -> f32 {
+        self.trace(number, gradient).map_or(0.0, |(_, _, _, square)| square)
+    }
+
+    /// Composites ray `number`, leaving its samples in `gradient`.
+    fn trace(&self, number: usize, gradient: &mut Gradient<C>) -> Option<Traced<C>> {
+        let (target, pixel) = self.targets.draw(self.level, number)?;
+        let camera = &target.camera;
+        let [x, y] = [pixel % camera.lens.width, pixel / camera.lens.width];
+        let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
+        let ray = camera.ray(x, y);
+        let aside = Some([camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
+        let route = Route::new(self.view, self.levels, &ray, aside, None)?;
+        let samples = &mut gradient.samples;
+        samples.clear();
+        let mut accumulated = [0.0f32; C];
+        let mut depth = 0.0f32;
+        route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
+            let position = route.path.position(k);
+            self.composite(position, lambda, intervals, &mut depth, &mut accumulated, samples);
+            depth < OPAQUE_DEPTH
+        });
+        let left = lanes::exp(-depth);
+        Some(self.by_accumulated(&ray, &accumulated, left, target.color[pixel]))
     }
 
     /// Interpolates and composites one sample.
@@ -173,15 +188,14 @@ impl<const C: usize> Rays<'_, C> {
         }
     }
 
-    /// Derivatives of the squared error of the ray's colour by what was accumulated and by the light
-    /// left.
+    /// Derivatives of half the squared error of the ray's colour.
     fn by_accumulated(
         &self,
         ray: &crate::camera::Ray,
         accumulated: &[f32; C],
         left: f32,
         target: [f32; 3],
-    ) -> ([f32; C], f32) {
+    ) -> Traced<C> {
         let background = self.view.background;
         let channels = 3 + self.view.features;
         let unit = (ray.direction / ray.direction.length()).to_array();
@@ -201,7 +215,8 @@ impl<const C: usize> Rays<'_, C> {
         for (by_color, error) in by_color.iter_mut().zip(errors) {
             *by_color += error;
         }
-        (by_color, (0..3).map(|c| errors[c] * background[c]).sum())
+        let by_left = (0..3).map(|c| errors[c] * background[c]).sum();
+        (by_color, by_left, left, errors.iter().map(|error| error * error).sum())
     }
 
     /// Adds what a sample's part says of the level's nodes around it.

@@ -3,13 +3,13 @@
 use glam::DVec3;
 
 use crate::camera::{Camera, Lens};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::grid::Bounds;
 use crate::picture::box_means;
 use crate::progress::{Progress, Step};
 use crate::render::{Field, FrameOptions, LevelChoice, render};
 
-/// Cameras, evenly on a sphere.
+/// Cameras, evenly on a sphere; of given ones this many are taken.
 const CAMERAS: usize = 192;
 /// Pixels of a full picture for each of level 0's nodes along the longest axis.
 const PIXELS_A_NODE: f64 = 1.25;
@@ -34,25 +34,39 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// For levels up to `coarsest`.
-    pub fn new(field: &Field, coarsest: usize, progress: &dyn Progress) -> Result<Self> {
+    /// For levels up to `halvings`, seen by the `given` cameras, or from around the box.
+    pub fn new(
+        field: &Field,
+        halvings: usize,
+        given: &[Camera],
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let view = field.view();
         let most = view.nodes.0.into_iter().max().unwrap_or(2) as f64;
         // A multiple of the coarsest picture's pixels, so that nothing is cut off.
-        let halvings = coarsest;
         let unit = 1usize << halvings;
         let side = ((most * PIXELS_A_NODE) as usize).next_multiple_of(unit);
+        let cameras: Vec<Camera> = match given.len() {
+            0 => around(&view.bounds, side).collect(),
+            count => {
+                let some = given.iter().step_by(count.div_ceil(CAMERAS));
+                some.map(|camera| fitting(camera, side, unit)).collect()
+            }
+        };
         let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
-        progress.begin(Step::Render, CAMERAS as u64);
+        progress.begin(Step::Render, cameras.len() as u64);
         let mut pictures = Vec::new();
         let mut pixels = vec![Vec::new(); halvings + 1];
-        for camera in cameras(&view.bounds, side) {
+        for camera in cameras {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
             let frame = render(field, &camera, &options, progress)?;
             let clamped =
                 |pixel: usize, channel: usize| frame.color[pixel][channel].clamp(0.0, 1.0);
             for (halving, pixels) in pixels.iter_mut().enumerate().skip(1) {
                 let scale = 1 << halving;
-                let size = [side; 2];
+                let size = [camera.lens.width, camera.lens.height];
                 let means = |of: &dyn Fn(usize) -> f32| -> Vec<f32> {
                     box_means(size, scale, of).collect()
                 };
@@ -60,11 +74,11 @@ impl Targets {
                     [0, 1, 2].map(|channel| means(&|pixel| clamped(pixel, channel)));
                 let left = means(&|pixel| frame.transmittance[pixel]);
                 let color = (0..red.len()).map(|i| [red[i], green[i], blue[i]]).collect();
-                let small = side / scale;
+                let [wide, high] = size.map(|side| side / scale);
                 let shows = |pixel: usize| {
-                    let [x, y] = [pixel % small, pixel / small];
-                    let near = |at: usize| at.saturating_sub(1)..(at + 2).min(small);
-                    near(y).any(|y| near(x).any(|x| left[y * small + x] < 0.9999))
+                    let [x, y] = [pixel % wide, pixel / wide];
+                    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+                    near(y, high).any(|y| near(x, wide).any(|x| left[y * wide + x] < 0.9999))
                 };
                 let picture = pictures.len() as u32;
                 let shown = (0..left.len()).filter(|&pixel| shows(pixel));
@@ -87,8 +101,17 @@ impl Targets {
     }
 }
 
+/// A given camera with a picture of the size that levels are made for, a multiple of `unit` pixels.
+fn fitting(camera: &Camera, side: usize, unit: usize) -> Camera {
+    let Lens { width, height, .. } = camera.lens;
+    let scale = side as f64 / width.max(height) as f64;
+    let [width, height] = [width, height]
+        .map(|pixels| ((pixels as f64 * scale) as usize).next_multiple_of(unit).max(unit));
+    Camera { lens: camera.lens.resized(width, height), ..camera.clone() }
+}
+
 /// Cameras on spheres around the box, looking at its middle.
-fn cameras(bounds: &Bounds, side: usize) -> impl Iterator<Item = Camera> {
+fn around(bounds: &Bounds, side: usize) -> impl Iterator<Item = Camera> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let (min, max) = (corner(bounds.min), corner(bounds.max));
     let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());

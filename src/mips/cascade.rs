@@ -16,86 +16,11 @@ use std::collections::VecDeque;
 
 use multiversion::multiversion;
 
-use super::taps::AxisTaps;
-use super::{Kernel, Matter};
+use super::lift::{Lift, Lifted, spare_plane};
+use super::regions::{Regions, Step};
 use crate::error::Result;
 use crate::grid::{NodeMask, mask};
 use crate::parallel;
-
-/// The nodes of each level that must come out right.
-#[derive(Debug)]
-pub struct Regions {
-    steps: Vec<Step>,
-    /// By level; what a level's own users need and what the next level reads.
-    levels: Vec<NodeMask>,
-}
-
-/// Weights from one level to the next.
-#[derive(Debug, Clone)]
-struct Step {
-    axes: [AxisTaps; 3],
-}
-
-impl Step {
-    /// Nodes of plane `x` of the finer level that output nodes in `outputs` read, as rows of bits.
-    fn read_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
-        let wanted = self.wanted_rows(x, outputs);
-        let words = outputs.row_words();
-        let [_, y_taps, z_taps] = &self.axes;
-        let fine_words = z_taps.inputs().div_ceil(64);
-        let mut rows = vec![0; y_taps.inputs() * fine_words];
-        let mut merged = vec![0; words];
-        for (y, row) in rows.chunks_exact_mut(fine_words).enumerate() {
-            merged.fill(0);
-            let (start, end) = y_taps.readers(y);
-            for wanted in wanted[start * words..end * words].chunks_exact(words) {
-                mask::or_into(&mut merged, wanted);
-            }
-            z_taps.spread(&merged, row);
-        }
-        rows
-    }
-
-    /// Nodes of the y-z-filtered plane `x` that output planes read: rows of bits at the coarser
-    /// level's size.
-    fn wanted_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
-        let mut wanted = vec![0; outputs.plane(0).len()];
-        let (start, end) = self.axes[0].readers(x);
-        for output in start..end {
-            mask::or_into(&mut wanted, outputs.plane(output));
-        }
-        wanted
-    }
-}
-
-impl Regions {
-    /// Grows what is `needed` of each level, finest first, by what coarser levels read of it.
-    pub fn new(needed: Vec<NodeMask>, kernel: Kernel) -> Result<Self> {
-        let weights = kernel.weights();
-        let steps: Vec<Step> = needed
-            .windows(2)
-            .map(|pair| {
-                let (fine, coarse) = (pair[0].nodes().0, pair[1].nodes().0);
-                let axes = [0, 1, 2].map(|axis| AxisTaps::new(fine[axis], coarse[axis], &weights));
-                Step { axes }
-            })
-            .collect();
-        let mut levels = needed;
-        for (level, step) in steps.iter().enumerate().rev() {
-            let coarse = &levels[level + 1];
-            let planes =
-                parallel::map(levels[level].nodes().0[0], |x| Ok(step.read_rows(x, coarse)))?;
-            let read = NodeMask::from_planes(levels[level].nodes(), planes);
-            levels[level].unite(&read);
-        }
-        Ok(Self { steps, levels })
-    }
-
-    /// Nodes of a level that must be right for its own users or for coarser levels.
-    pub fn level(&self, level: usize) -> &NodeMask {
-        &self.levels[level]
-    }
-}
 
 /// Consecutive x planes of a level, all channels.
 #[derive(Debug)]
@@ -185,7 +110,7 @@ impl Stage<'_> {
 pub struct Cascade<'a> {
     regions: &'a Regions,
     /// What goes up from level 0.
-    lift: Lift,
+    lift: Lift<'a>,
     /// Planes of a full slab.
     thickness: usize,
     stages: Vec<Stage<'a>>,
@@ -194,29 +119,10 @@ pub struct Cascade<'a> {
     spare: Vec<Vec<f32>>,
 }
 
-/// What goes up from level 0 to coarser levels.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Lift {
-    /// These channels, as they are.
-    Raw(std::ops::Range<usize>),
-    /// All channels as matter and its colour; the first is density.
-    Matter(Matter),
-}
-
-impl Lift {
-    /// The channels of level 0 that coarser levels have too.
-    fn channels(&self, channels: usize) -> std::ops::Range<usize> {
-        match self {
-            Self::Raw(range) => range.clone(),
-            Self::Matter(_) => 0..channels,
-        }
-    }
-}
-
 impl<'a> Cascade<'a> {
     /// For `channels` at level 0, of which `lift` says what goes up, in slabs of `thickness` planes.
-    pub fn new(regions: &'a Regions, channels: usize, lift: Lift, thickness: usize) -> Self {
-        let above = lift.channels(channels).len();
+    pub fn new(regions: &'a Regions, channels: usize, lift: Lift<'a>, thickness: usize) -> Self {
+        let above = lift.count(channels);
         let stages = regions.steps.iter().zip(&regions.levels[1..]).map(|(step, outputs)| Stage {
             step,
             outputs,
@@ -326,65 +232,41 @@ impl<'a> Cascade<'a> {
         let count = planes.len() / channels;
         let wanted =
             parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
-        // Above level 0 everything goes up, lifted as it is.
-        let (up, matter) = match &self.lift {
-            lift if level == 0 => (
-                lift.channels(channels),
-                if let Lift::Matter(matter) = lift { Some(*matter) } else { None },
-            ),
-            _ => (0..channels, None),
+        let lifted = match level {
+            0 => {
+                let nodes = self.regions.levels[0].nodes();
+                Lifted::new(&self.lift, nodes, start, planes, channels, &mut self.spare)?
+            }
+            _ => Lifted::AsTheyAre(0..channels),
         };
-        let spare = &mut self.spare;
-        let mut amounts = Vec::new();
-        if let Some(matter) = matter {
-            amounts.extend((0..count).map(|_| spare_plane(spare, ny * nz)));
-            parallel::map_mut(&mut amounts, |i, amounts| {
-                matter.lift_density(&planes[i * channels], amounts);
-                Ok(())
-            })?;
-        }
+        let stage = &self.stages[level];
         let [_, coarse_y, coarse_z] = stage.outputs.nodes().0;
-        let task = |spare: &mut Vec<Vec<f32>>| {
-            let lifted = matter.map(|_| spare_plane(spare, ny * nz)).unwrap_or_default();
-            (lifted, spare_plane(spare, coarse_y * coarse_z))
-        };
-        let mut tasks: Vec<_> = (0..count * up.len()).map(|_| task(spare)).collect();
-        parallel::map_mut(&mut tasks, |task, (lifted, filtered)| {
-            let (i, channel) = (task / up.len(), up.start + task % up.len());
-            let plane = &planes[i * channels + channel];
-            let plane = match matter {
-                None => plane,
-                Some(_) if channel == 0 => &amounts[i],
-                Some(matter) => {
-                    matter.lift_color(plane, &amounts[i], lifted);
-                    lifted
-                }
-            };
-            stage.filter_plane(&wanted[i], plane, filtered);
+        let up = lifted.channels();
+        let mut tasks: Vec<_> = (0..count * up)
+            .map(|_| {
+                let scratch = lifted.scratch(&mut self.spare, ny * nz);
+                (scratch, spare_plane(&mut self.spare, coarse_y * coarse_z))
+            })
+            .collect();
+        parallel::map_mut(&mut tasks, |task, (scratch, filtered)| {
+            let (i, channel) = (task / up, task % up);
+            let planes = &planes[i * channels..(i + 1) * channels];
+            stage.filter_plane(&wanted[i], lifted.plane(i, channel, planes, scratch), filtered);
             Ok(())
         })?;
-        self.spare.append(&mut amounts);
-        let mut rows = Vec::with_capacity(up.len());
-        for (lifted, filtered) in tasks {
-            if matter.is_some() {
-                self.spare.push(lifted);
-            }
+        let mut rows = Vec::with_capacity(up);
+        for (scratch, filtered) in tasks {
+            self.spare.extend(Some(scratch).filter(|scratch| !scratch.is_empty()));
             rows.push(filtered);
-            if rows.len() == up.len()
+            if rows.len() == up
                 && let Some(stage) = self.stages.get_mut(level)
             {
                 stage.ring.push_back(std::mem::take(&mut rows));
             }
         }
+        lifted.retire(&mut self.spare);
         Ok(())
     }
-}
-
-fn spare_plane(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
-    let fits = spare.iter().rposition(|plane| plane.capacity() >= length);
-    let mut plane = fits.map(|i| spare.swap_remove(i)).unwrap_or_default();
-    plane.resize(length, 0.0);
-    plane
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]

@@ -3,9 +3,9 @@
 //! Raw values are logarithms of sorts: the mean of -60 and +10 is nearly empty, although half the
 //! space is opaque, and an empty node's colour counts as much as a wall's. So nodes are *lifted* on
 //! their way up from level 0: density becomes an amount of matter, every colour and feature is
-//! activated and weighted by it. Both are then plain linear means on all levels. At each level they
-//! *settle* into what is stored: an amount into the level's density domain, weighted colours divided
-//! by the amount into logits.
+//! activated and weighted by how much of that is seen ([`super::visibility`]). All are then plain
+//! linear means on all levels. At each level they *settle* into what is stored: an amount into the
+//! level's density domain, weighted colours divided by their weight into logits.
 //!
 //! Amounts are opacities over a few intervals, `1 - exp(-reach * tau)` with the optical depth `tau`
 //! of one interval: matter counts by how much of the light behind it covers. Means of optical depth
@@ -55,9 +55,9 @@ impl Matter {
         lift_density(raw, amounts, self.activation.shift, self.activation.interval * self.reach);
     }
 
-    /// Colours of raw colours, weighted by amounts.
-    pub fn lift_color(&self, raw: &[f32], amounts: &[f32], weighted: &mut [f32]) {
-        lift_color(raw, amounts, weighted);
+    /// Colours of raw colours, multiplied by weights.
+    pub fn lift_color(&self, raw: &[f32], weights: &[f32], weighted: &mut [f32]) {
+        lift_color(raw, weights, weighted);
     }
 
     /// The amount from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that no
@@ -67,10 +67,15 @@ impl Matter {
         (-libm::expm1(-depth * f64::from(self.reach)) * (1.0 - 1e-6)) as f32
     }
 
+    /// The optical depth over one interval of an amount.
+    pub(super) fn depth(&self, amount: f32) -> f64 {
+        let left = 1.0 - f64::from(amount).clamp(0.0, MOST_AMOUNT);
+        -libm::log(left) / f64::from(self.reach)
+    }
+
     /// What is stored of an amount.
     fn settle_amount(&self, amount: f32) -> f32 {
-        let left = 1.0 - f64::from(amount).clamp(0.0, MOST_AMOUNT);
-        let depth = -libm::log(left) / f64::from(self.reach);
+        let depth = self.depth(amount);
         match self.settled {
             Settled::SqrtOpticalDepth => depth.sqrt() as f32,
             Settled::Opacity => -libm::expm1(-depth) as f32,
@@ -86,9 +91,9 @@ fn lift_density(raw: &[f32], amounts: &mut [f32], shift: f32, interval: f32) {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn lift_color(raw: &[f32], amounts: &[f32], weighted: &mut [f32]) {
-    for ((weighted, raw), amount) in weighted.iter_mut().zip(raw).zip(amounts) {
-        *weighted = lanes::sigmoid(*raw) * amount;
+fn lift_color(raw: &[f32], weights: &[f32], weighted: &mut [f32]) {
+    for ((weighted, raw), weight) in weighted.iter_mut().zip(raw).zip(weights) {
+        *weighted = lanes::sigmoid(*raw) * weight;
     }
 }
 
@@ -104,8 +109,21 @@ pub struct Settler<'a> {
 }
 
 impl<'a> Settler<'a> {
+    /// For each level, given what is `needed` of it; none where values are stored as they come.
+    pub fn of_levels(
+        matter: Option<Matter>,
+        needed: impl IntoIterator<Item = &'a NodeMask>,
+    ) -> Vec<Option<Self>> {
+        let levels = needed.into_iter().enumerate();
+        let settler = |(level, needed)| match matter {
+            Some(matter) if level > 0 => Some(Self::new(matter, needed)),
+            _ => None,
+        };
+        levels.map(settler).collect()
+    }
+
     /// For the nodes that are `needed` of a level.
-    pub fn new(matter: Matter, needed: &'a NodeMask) -> Self {
+    fn new(matter: Matter, needed: &'a NodeMask) -> Self {
         Self { matter, needed, below: None, waiting: None }
     }
 
@@ -138,14 +156,14 @@ impl<'a> Settler<'a> {
             Ok(self.settle_plane(slab.first + i, &slab.planes[i * channels..], &planes_of(i)))
         })?;
         let planes = settled.into_iter().flatten().collect();
-        Ok(Slab { first: slab.first, channels, planes })
+        Ok(Slab { first: slab.first, channels: channels - 1, planes })
     }
 
     /// Settles plane `x` of all channels: `own`, among `around`.
     fn settle_plane(&self, x: usize, own: &[Vec<f32>], around: &[&[Vec<f32>]]) -> Vec<Vec<f32>> {
         let Nodes([_, ny, nz]) = self.needed.nodes();
-        let channels = around[0].len();
-        let mut settled = vec![vec![0.0; ny * nz]; channels];
+        // All but the weight of colours.
+        let mut settled = vec![vec![0.0; ny * nz]; around[0].len() - 1];
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
             crate::grid::mask::for_each_run(self.needed.row(x, y), |start, end| {
@@ -165,9 +183,10 @@ impl<'a> Settler<'a> {
                         f64::from(own[channel][at]) + NEIGHBOURS_SHARE * near(channel)
                     };
                     settled[0][at] = self.matter.settle_amount(own[0][at]);
-                    let amount = total(0).max(f64::MIN_POSITIVE);
+                    let weight = total(1).max(f64::MIN_POSITIVE);
                     for (channel, settled) in settled.iter_mut().enumerate().skip(1) {
-                        let color = (total(channel) / amount).clamp(LEAST_COLOR, 1.0 - LEAST_COLOR);
+                        let color = total(channel + 1) / weight;
+                        let color = color.clamp(LEAST_COLOR, 1.0 - LEAST_COLOR);
                         settled[at] = libm::log(color / (1.0 - color)) as f32;
                     }
                 }

@@ -6,16 +6,23 @@
 //! The low-pass mirrors the grid at its faces without repeating the end node. Low-pass and resize
 //! are separable and linear, so one axis of one step is a short list of weights for each output
 //! node: [`taps`]. [`kernel`] says which low-pass, [`cascade`] streams a field through all levels,
-//! plane by plane, touching only the nodes that somebody needs.
+//! plane by plane, touching only the nodes that somebody needs. Matter is coloured by what can be seen
+//! of it: [`visibility`].
 
 pub mod cascade;
 pub mod kernel;
+mod lift;
 mod matter;
+mod regions;
 pub mod taps;
+mod visibility;
 
-pub use cascade::{Cascade, Lift, Regions, Slab};
+pub use cascade::{Cascade, Slab};
 pub use kernel::Kernel;
+pub use lift::Lift;
 pub use matter::{Matter, Settled, Settler};
+pub use regions::Regions;
+pub use visibility::{Occluders, Visibility};
 
 use crate::grid::Nodes;
 

@@ -18,10 +18,10 @@ use std::sync::{Mutex, PoisonError};
 pub use free_space::{inside_cells, masked_share, touched_cells};
 
 use crate::activate;
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
-use crate::grid::{NodeMask, Nodes, mask};
-use crate::mips::{Cascade, Kernel, Lift, Matter, Regions};
+use crate::error::{Error, Result};
+use crate::field::{Nonfinite, Planes, RadianceField, Scene, verify_crc32};
+use crate::grid::{Bounds, NodeMask, Nodes, mask};
+use crate::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Visibility};
 use crate::parallel;
 use crate::progress::{Progress, Step};
 
@@ -51,6 +51,8 @@ pub struct Pruned {
     pub raw_threshold: f32,
     /// Whether what only the free-space mask drops would be seen without it.
     pub keeps_mask: bool,
+    /// How much of each node is seen, for coarser levels of matter.
+    pub visibility: Option<Visibility>,
     /// Density values that are not finite (refused, or emptied).
     pub nonfinite: u64,
     /// CRC-32 of each plane of density.
@@ -95,8 +97,10 @@ pub fn prune(
             None => raw_threshold,
         })
         .collect();
+    let mut occluders = occluders(planes, filtered, filter.matter);
     let (opaque, density_checksums) =
-        opaque_nodes(planes, filtered, filter, &thresholds, progress)?;
+        opaque_nodes(planes, filtered, filter, &thresholds, occluders.as_mut(), progress)?;
+    let visibility = occluders.map(|occluders| occluders.visibility()).transpose()?;
     let nonfinite = planes.take_nonfinite()?.count;
     let inside = field.free_space.as_ref();
     let mut levels = Vec::with_capacity(sizes.len());
@@ -124,7 +128,36 @@ pub fn prune(
         }
         None => false,
     };
-    Ok(Pruned { levels, raw_threshold, keeps_mask, nonfinite, density_checksums })
+    Ok(Pruned { levels, raw_threshold, keeps_mask, visibility, nonfinite, density_checksums })
+}
+
+/// How much of each node is seen, in a pass over density of its own.
+pub fn visibility(
+    planes: &Planes,
+    sizes: &[Nodes],
+    kernel: Kernel,
+    matter: Matter,
+) -> Result<Visibility> {
+    let sizes = &sizes[..=Occluders::level(sizes)];
+    let mut occluders = Occluders::new(matter, sizes, extent_in_intervals(&planes.field().scene));
+    let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
+    Cascade::new(&Regions::new(whole, kernel)?, 1, Lift::Amounts(matter), SLAB).run(
+        |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
+        |level, slab| occluders.take(level, slab),
+    )?;
+    occluders.visibility()
+}
+
+/// What light meets, where coarser levels are made of matter.
+fn occluders(planes: &Planes, sizes: &[Nodes], matter: Option<Matter>) -> Option<Occluders> {
+    let matter = matter.filter(|_| sizes.len() > 1)?;
+    Some(Occluders::new(matter, sizes, extent_in_intervals(&planes.field().scene)))
+}
+
+fn extent_in_intervals(scene: &Scene) -> [f64; 3] {
+    let Scene { bounds: Bounds { min, max }, march, .. } = scene;
+    let step = f64::from(march.stepsize) * f64::from(march.voxel_size);
+    [0, 1, 2].map(|axis| (f64::from(max[axis]) - f64::from(min[axis])) / step)
 }
 
 /// The planes of a field with everything emptied that its free-space mask cannot reach.
@@ -145,6 +178,7 @@ fn opaque_nodes(
     sizes: &[Nodes],
     filter: DensityFilter,
     thresholds: &[f32],
+    mut occluders: Option<&mut Occluders>,
     progress: &dyn Progress,
 ) -> Result<(Vec<NodeMask>, Vec<u32>)> {
     let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
@@ -152,7 +186,7 @@ fn opaque_nodes(
     let hashers = Mutex::new(vec![crc32fast::Hasher::new(); sizes[0].0[0]]);
     let mut rows: Vec<Vec<Vec<u64>>> = vec![Vec::new(); sizes.len()];
     progress.begin(Step::Prune, sizes[0].0[0] as u64);
-    let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Matter);
+    let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Amounts);
     Cascade::new(&regions, 1, lift, SLAB).run(
         |x, channel, region, plane| {
             let read = planes.read(channel, x, region, plane)?;
@@ -163,11 +197,14 @@ fn opaque_nodes(
             rows[level].extend(parallel::map(slab.count(), |i| {
                 Ok(above(slab.plane(i, 0), sizes[level], thresholds[level]))
             })?);
+            if let Some(occluders) = &mut occluders {
+                occluders.take(level, slab)?;
+            }
             if level == 0 {
                 progress.advance(Step::Prune, slab.count() as u64);
             }
             if progress.cancelled() {
-                return Err(Error::new(ErrorKind::Cancelled, Place::File));
+                return Err(Error::cancelled());
             }
             Ok(())
         },

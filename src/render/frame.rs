@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::march::{Gathered, march};
 use super::view::{Field, View};
 use crate::camera::{Camera, Lens};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::parallel;
 use crate::picture::box_means;
 use crate::progress::Progress;
@@ -90,6 +90,9 @@ pub fn render(
     progress: &dyn Progress,
 ) -> Result<Frame> {
     camera.check()?;
+    if progress.cancelled() {
+        return Err(Error::cancelled());
+    }
     let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
     let frame = match field {
         Field::Lanes4(view, stored) => render_lanes(view, stored, &fine, options)?,

@@ -29,7 +29,7 @@ pub struct Levels {
 
 impl Levels {
     /// What densities of a level mean.
-    fn decode(&self, level: usize) -> Decode {
+    pub fn decode(&self, level: usize) -> Decode {
         match self.matter.filter(|_| level > 0).map(|matter| matter.settled) {
             None => Decode::RawDensity,
             Some(Settled::SqrtOpticalDepth) => Decode::SqrtOpticalDepth,
@@ -176,15 +176,12 @@ fn fill<const C: usize>(
     }
     let whole: Vec<NodeMask> = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
     let regions = Regions::new(whole.clone(), levels.kernel)?;
-    let lift = match levels.matter {
-        Some(matter) => Lift::Matter(matter),
-        None => Lift::Raw(usize::from(!levels.density)..channels),
+    let visibility = match levels.matter.filter(|_| nodes.len() > 1) {
+        Some(matter) => Some(prune::visibility(&planes, nodes, levels.kernel, matter)?),
+        None => None,
     };
-    let mut settlers: Vec<Option<Settler>> = whole
-        .iter()
-        .enumerate()
-        .map(|(level, nodes)| Some(Settler::new(levels.matter?, nodes)).filter(|_| level > 0))
-        .collect();
+    let lift = Lift::of_levels(levels.matter.zip(visibility.as_ref()), levels.density, channels);
+    let mut settlers = Settler::of_levels(levels.matter, &whole);
     Cascade::new(&regions, channels, lift, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| {

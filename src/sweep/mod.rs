@@ -39,7 +39,7 @@ use crate::bytes::{Output, SourceFile};
 use crate::camera::Camera;
 use crate::compare::{Reference, References};
 use crate::container::Container;
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::limits::Limits;
 use crate::parallel;
 use crate::progress::{Progress, Step};
@@ -154,7 +154,7 @@ fn results(
             continue;
         }
         if progress.cancelled() {
-            return Err(Error::new(ErrorKind::Cancelled, Place::File));
+            return Err(Error::cancelled());
         }
         Record::new(setting, &digest, None).write(folder, setting)?;
         let result = match bench.measure(setting) {

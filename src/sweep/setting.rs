@@ -1,6 +1,7 @@
 //! What a sweep tries.
 
-use crate::bake::{BakeOptions, Filter, Preset};
+use crate::bake::{BakeOptions, Filter, Preset, hex};
+use crate::camera;
 use crate::field::Nonfinite;
 use crate::quantize::Bits;
 
@@ -118,6 +119,8 @@ fn name(options: &BakeOptions) -> String {
         zstd_level,
         lod_scale,
         fit_steps,
+        fit_seconds,
+        fit_cameras,
         nonfinite,
     } = options;
     let bits = match bits {
@@ -134,6 +137,12 @@ fn name(options: &BakeOptions) -> String {
     }
     if *filter == Filter::Fit {
         name += &format!("-s{fit_steps}");
+        if let Some(seconds) = fit_seconds {
+            name += &format!("-within{seconds}");
+        }
+        if !fit_cameras.is_empty() {
+            name += &format!("-c{}", &hex(&camera::digest(fit_cameras))[..8]);
+        }
     }
     if *nonfinite == Nonfinite::Empty {
         name += "-empty";

@@ -71,6 +71,9 @@ pub fn write_tensors(
     progress.begin(Step::Decode, metadata.levels.len() as u64);
     container.for_each_level(|number, level| {
         progress.advance(Step::Decode, 1);
+        if progress.cancelled() {
+            return Err(Error::cancelled());
+        }
         match metadata.levels.get(number).filter(|_| wanted(number)) {
             Some(of_level) => append_level(&level, of_level, metadata.features, output),
             None => Ok(()),

@@ -40,7 +40,10 @@ pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> 
     }
     let mut lifted = Vec::new();
     if let Some(matter) = &levels.matter {
-        lifted = plain_matter::lift(matter, &[vec![density.clone()], color.clone()].concat());
+        let extent = plain_matter::extent(&field.scene);
+        let seen = plain_matter::visibility(nodes, matter, levels.kernel, &density, extent);
+        lifted =
+            plain_matter::lift(matter, &[vec![density.clone()], color.clone()].concat(), &seen);
     }
     while all.len() < levels.most && halved(nodes) != nodes {
         let next = |values: &[f64]| next_level(nodes, values, levels.kernel);

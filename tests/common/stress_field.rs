@@ -3,8 +3,8 @@
 use mipvog_bake::bake::Filter;
 use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
 use mipvog_bake::grid::{NodeMask, Nodes};
-use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Regions, Settled, Settler, Slab};
-use mipvog_bake::mips::{level_sizes, taps::AxisTaps};
+use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settler};
+use mipvog_bake::mips::{Slab, Visibility, level_sizes, taps::AxisTaps};
 use mipvog_bake::quantize::{
     Bits, BlockEncoder, BlockSource, color_encoding, decode_codes, density_encoding, unpredict,
 };
@@ -24,14 +24,11 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
     let regions = Regions::new(whole.clone(), kernel).expect("regions");
     let mut levels: Vec<Channels> =
         sizes.iter().map(|size| vec![vec![0.0; size.count()]; channels.len()]).collect();
-    let mut settlers: Vec<Option<Settler>> = whole
-        .iter()
-        .enumerate()
-        .map(|(level, whole)| match &lift {
-            Lift::Matter(matter) if level > 0 => Some(Settler::new(*matter, whole)),
-            _ => None,
-        })
-        .collect();
+    let matter = match &lift {
+        Lift::Seen(matter, _) => Some(*matter),
+        _ => None,
+    };
+    let mut settlers = Settler::of_levels(matter, &whole);
     let plane = |size: Nodes| size.0[1] * size.0[2];
     let mut place = |level: usize, slab: &Slab| {
         let length = plane(sizes[level]);
@@ -200,6 +197,28 @@ pub fn twenty_levels() -> Worst {
     worst
 }
 
+/// Edge of the box in intervals.
+const EXTENT: f64 = 20.0;
+
+/// What is seen of each node as the program finds it.
+fn visibility(nodes: [usize; 3], matter: &Matter, kernel: Kernel, raw: &[f32]) -> Visibility {
+    let sizes = level_sizes(Nodes(nodes), usize::MAX);
+    let regions = sizes.iter().map(|&size| NodeMask::full(size)).collect();
+    let regions = Regions::new(regions, kernel).expect("regions");
+    let mut occluders = Occluders::new(*matter, &sizes, [EXTENT; 3]);
+    let length = nodes[1] * nodes[2];
+    Cascade::new(&regions, 1, Lift::Amounts(*matter), 8)
+        .run(
+            |x, _, _, plane| {
+                plane.copy_from_slice(&raw[x * length..(x + 1) * length]);
+                Ok(())
+            },
+            |level, slab| occluders.take(level, slab),
+        )
+        .expect("amounts");
+    occluders.visibility().expect("a visibility")
+}
+
 /// Matter of hurtful fields through all levels: `take(level, matter, got, want, amounts)`, the channels
 /// being density and two colours.
 fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) {
@@ -224,9 +243,12 @@ fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) 
                 let channels: Channels =
                     channels.into_iter().map(|c| c.into_iter().map(moderate).collect()).collect();
                 let kernel = filter.kernel();
-                let levels = cascade(nodes, &channels, Lift::Matter(matter), kernel);
+                let visibility = visibility(nodes, &matter, kernel, &channels[0]);
+                let levels = cascade(nodes, &channels, Lift::Seen(matter, &visibility), kernel);
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
-                let mut lifted = plain_matter::lift(&matter, &wide);
+                let extent = [EXTENT; 3];
+                let seen = plain_matter::visibility(nodes, &matter, kernel, &wide[0], extent);
+                let mut lifted = plain_matter::lift(&matter, &wide, &seen);
                 for (level, got) in levels.iter().enumerate().skip(1) {
                     for channel in &mut lifted {
                         *channel = next_level(size, channel, kernel);

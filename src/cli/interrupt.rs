@@ -1,0 +1,47 @@
+//! Signals that ask the program to end.
+//!
+//! The first Ctrl-C ends what only makes a result better (a fit) with what there is, and anything else
+//! as soon as it can be; temporary files are then gone. A second one before that ends it on the spot.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// Exit codes of programs that a signal ended are this plus its number.
+const SIGNALLED: i32 = 128;
+
+/// What has been asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Interrupts {
+    interrupted: Arc<AtomicBool>,
+    terminated: Arc<AtomicBool>,
+}
+
+impl Interrupts {
+    /// From now on signals ask instead of ending the program, where the system has such signals.
+    pub fn watch() -> Self {
+        let watched = Self::default();
+        for (signal, asked) in [(SIGINT, &watched.interrupted), (SIGTERM, &watched.terminated)] {
+            // Whoever asks twice gets it: this looks at what the next line sets. A signal that cannot
+            // be watched keeps ending the program.
+            flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
+            flag::register(signal, Arc::clone(asked)).ok();
+        }
+        watched
+    }
+
+    /// Whether somebody wants what there is; answers once.
+    pub fn wants_result(&self) -> bool {
+        self.interrupted.swap(false, Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
+    }
+
+    /// Whether the program should end.
+    pub fn wants_end(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
+    }
+}
+
+/// The exit code of work that a signal ended.
+pub const CANCELLED: u8 = (SIGNALLED + SIGINT) as u8;
