@@ -2,9 +2,10 @@
 //!
 //! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
 //!    that must be right and the blocks that are kept.
-//! 2. **Encode**: a second pass streams density and colour through all levels at once
-//!    ([`crate::mips::Cascade`]), reading only what needed nodes reach, and turns each slab of
-//!    blocks into compressed runs as it comes ([`encode`]).
+//! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
+//!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
+//!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
+//!    finds what each level holds, lowest to highest ([`ranges`]).
 //! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
 //! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
@@ -13,11 +14,11 @@ mod encode;
 mod filter;
 mod origin;
 mod preset;
+mod ranges;
 mod rebake;
 mod report;
+mod stream;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use serde_json::json;
@@ -27,21 +28,22 @@ pub use filter::Filter;
 pub use origin::Origin;
 pub(crate) use origin::hex;
 pub use preset::Preset;
+use ranges::{LevelSpans, check_max_error, encodings_within};
 pub use rebake::{Changes, rebake};
 use report::prune_reports;
-pub use report::{BakeReport, LevelReport, PruneReport, StageReport, level_reports};
+pub use report::{BakeReport, GroupReport, LevelReport, PruneReport, StageReport, level_reports};
+use stream::{Stream, Streamed};
 
 use crate::baked::{
     Aside, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
+use crate::error::{Error, Result};
+use crate::field::{Nonfinite, RadianceField};
 use crate::fit::{Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
-use crate::mips::{Cascade, Regions, Settler};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding};
@@ -64,6 +66,10 @@ pub struct BakeOptions {
     pub levels: Option<usize>,
     /// Bits of a code. Default: 8
     pub bits: Bits,
+    /// Largest error, at any needed node of any level, of what is decoded from what was to be stored:
+    /// in opacity over one interval, in colour and features from 0 to 1. Each group of each level gets
+    /// the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
+    pub max_error: Option<f32>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
     /// Nodes along a block's edge. Default: 8
@@ -84,6 +90,7 @@ impl Default for BakeOptions {
             filter: Filter::RateTent,
             levels: None,
             bits: Bits::Integer(8),
+            max_error: None,
             alpha_threshold: 1e-3,
             block_size: 8,
             zstd_level: DEFAULT_ZSTD_LEVEL,
@@ -105,6 +112,8 @@ impl BakeOptions {
             options.block_size = finest.block_size;
             options.bits = finest.diffuse.as_ref().map_or(options.bits, Bits::of);
         }
+        let max_error = provenance["options"]["max_error"].as_f64();
+        options.max_error = max_error.map(|error| error as f32);
         let zstd_level = provenance["options"]["zstd_level"].as_i64();
         let zstd_level = zstd_level.and_then(|level| i32::try_from(level).ok());
         options.zstd_level = zstd_level.unwrap_or(options.zstd_level);
@@ -129,7 +138,11 @@ impl BakeOptions {
             (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
-        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
+        rules
+            .iter()
+            .find(|(holds, _)| !holds)
+            .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
+        check_max_error(self.max_error)
     }
 
     /// Options as provenance and reports name them.
@@ -137,7 +150,7 @@ impl BakeOptions {
         let mut options = json!({
             "filter": self.filter.name(),
             "levels": self.levels,
-            "bits": self.bits.to_string(),
+            "bits": self.max_error.is_none().then(|| self.bits.to_string()),
             "alpha_threshold": self.alpha_threshold,
             "block_size": self.block_size,
             "zstd_level": self.zstd_level,
@@ -147,6 +160,9 @@ impl BakeOptions {
                 Nonfinite::Empty => "empty",
             },
         });
+        if let Some(max_error) = self.max_error {
+            options["max_error"] = max_error.into();
+        }
         if self.filter == Filter::Fit {
             options["fit_steps"] = self.fit_steps.into();
         }
@@ -189,12 +205,16 @@ pub fn bake(
         _ => None,
     };
     let tables = tables(&pruned, options.block_size)?;
-    let metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
-    let encoded =
-        encode_levels(&planes, options, &metadata, &pruned, tables, fitted.as_ref(), progress)?;
+    let mut metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
+    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: fitted.as_ref() };
+    if let Some(max_error) = options.max_error {
+        let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
+        stage("ranges", bytes);
+    }
+    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
-    stage("encode", encoded.bytes_read);
-    let digest = origin.digest(&pruned.density_checksums, &encoded.checksums);
+    stage("encode", streamed.bytes_read);
+    let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
 
     progress.begin(Step::Write, 1);
     let head = Head {
@@ -204,7 +224,7 @@ pub fn bake(
         provenance: &origin.provenance(&digest, options.to_json()),
         zstd_level: options.zstd_level,
     };
-    let entries = container::write(&head, &encoded.levels, output)?;
+    let entries = container::write(&head, &encoded, output)?;
     progress.advance(Step::Write, 1);
     stage("write", output.length());
     let levels = level_reports(&metadata, &entries);
@@ -288,103 +308,47 @@ fn metadata(
     }
 }
 
-struct Encoded {
-    levels: Vec<EncodedLevel>,
-    /// Bytes of density and colour that were read.
-    bytes_read: u64,
-    /// CRC-32 of what was read of each colour channel of each plane.
-    checksums: Vec<u32>,
+/// Makes the levels' encodings those with the fewest bits within an error, by what the levels hold.
+/// Returns the bytes that were read.
+fn fit_encodings(
+    stream: &Stream,
+    max_error: f32,
+    metadata: &mut Metadata,
+    progress: &dyn Progress,
+) -> Result<u64> {
+    let Metadata { levels, activation, features, .. } = metadata;
+    let spans = levels.iter().map(|level| LevelSpans::new(level, activation, *features));
+    let mut spans: Vec<LevelSpans> = spans.collect();
+    let streamed = stream.run(Step::Ranges, progress, |level, slab| {
+        spans[level].take(slab, &stream.pruned.levels[level].needed)
+    })?;
+    // The pass that encodes finds the same again, and counts it.
+    stream.planes.take_nonfinite()?;
+    let found = encodings_within(max_error, levels, activation, &spans)?;
+    for (level, [density, diffuse, features]) in levels.iter_mut().zip(found) {
+        (level.density, level.diffuse, level.features) = (density, diffuse, features);
+    }
+    Ok(streamed.bytes_read)
 }
 
-/// Streams the field through all levels.
+/// Streams the field through all levels and encodes them.
 fn encode_levels(
-    planes: &Planes,
-    options: &BakeOptions,
+    stream: &Stream,
     metadata: &Metadata,
-    pruned: &Pruned,
     tables: Vec<Table>,
-    fitted: Option<&Fitted>,
     progress: &dyn Progress,
-) -> Result<Encoded> {
-    let needed_nodes = planes.field().scene.nodes;
-    let matter = options.filter.matter(&planes.field().scene.activation);
-    let mut needed = Vec::with_capacity(pruned.levels.len());
-    for (level, pruned) in pruned.levels.iter().enumerate() {
-        // Matter settles with the colour of the nodes around it.
-        needed.push(match matter.is_some() && level > 0 {
-            true => pruned.needed.cells_with_a_corner()?.corners()?,
-            false => pruned.needed.clone(),
-        });
-    }
-    let regions = Regions::new(needed, options.filter.kernel())?;
-    let channels = planes.channels();
-    let lift = options.filter.lift(&metadata.activation, channels);
+) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
         features: metadata.features,
         activation: metadata.activation,
-        zstd_level: options.zstd_level,
+        zstd_level: stream.options.zstd_level,
+        checked: None,
     };
     let mut encoders = Vec::new();
-    for ((level, pruned), table) in metadata.levels.iter().zip(&pruned.levels).zip(tables) {
+    for ((level, pruned), table) in metadata.levels.iter().zip(&stream.pruned.levels).zip(tables) {
         let encodings = Group::ALL.map(|group| level.encoding(group));
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
-    let mut settlers: Vec<Option<Settler>> = pruned
-        .levels
-        .iter()
-        .enumerate()
-        .map(|(level, pruned)| Some(Settler::new(matter?, &pruned.needed)).filter(|_| level > 0))
-        .collect();
-    let nx = metadata.levels[0].dimensions[0];
-    progress.begin(Step::Encode, nx as u64);
-    let bytes_read = AtomicU64::new(0);
-    let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
-    let whole = reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(needed_nodes));
-    Cascade::new(&regions, channels, lift, options.block_size).run(
-        |x, channel, region, plane| {
-            let Some(color) = channel.checked_sub(1) else {
-                let read = planes.read(channel, x, region, plane)?;
-                bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-                return Ok(());
-            };
-            let region = whole.as_ref().map_or(region, |whole| whole.plane(x));
-            let read = planes.read(channel, x, region, plane)?;
-            bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-            let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
-            hashers[color * nx + x] = read.checksum;
-            Ok(())
-        },
-        |level, slab| {
-            if level == 0 {
-                progress.advance(Step::Encode, slab.count() as u64);
-            }
-            if progress.cancelled() {
-                return Err(Error::new(ErrorKind::Cancelled, Place::File));
-            }
-            match &mut settlers[level] {
-                Some(settler) => settler.take(slab)?.iter_mut().try_for_each(|slab| {
-                    if let Some(fitted) = fitted {
-                        fitted.replace(level, slab);
-                    }
-                    encoders[level].take(slab)
-                }),
-                None => encoders[level].take(slab),
-            }
-        },
-    )?;
-    let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if let (Some(expected), Some(_)) = (planes.color_crc32(), whole) {
-        verify_crc32("k0", &hashers, expected)?;
-    }
-    Ok(Encoded {
-        levels: encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?,
-        bytes_read: bytes_read.into_inner(),
-        checksums: hashers.into_iter().map(crc32fast::Hasher::finalize).collect(),
-    })
-}
-
-/// Whether to read all of colour: where nearly all of it is needed anyway, the rest costs little and
-/// lets the file's checksum be verified.
-fn reads_whole_color(planes: &Planes, region: &NodeMask) -> bool {
-    planes.color_crc32().is_some() && 8 * region.count() >= 7 * region.nodes().count() as u64
+    let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;
+    Ok((encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?, streamed))
 }
