@@ -6,7 +6,7 @@ use common::{Random, baked_bytes, field, open_bytes, plain, random_field, unpack
 use mipvog_bake::bake::{BakeOptions, Changes, Filter, rebake};
 use mipvog_bake::baked::{Decode, Encoding, Group};
 use mipvog_bake::bytes::{Output, Storage};
-use mipvog_bake::error::ErrorKind;
+use mipvog_bake::error::{ErrorKind, Place};
 use mipvog_bake::field::{Activation, Nonfinite, RadianceField};
 use mipvog_bake::grid::NodeMask;
 use mipvog_bake::limits::Limits;
@@ -242,6 +242,7 @@ fn edited_values_that_the_codes_cannot_hold_are_refused() {
     volume.first = 0;
     let error = packed(&input, &Changes::default()).expect_err("moved too far");
     assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+    assert_eq!(error.place(), &Place::Tensor("level1.density".to_owned()));
     let wider = Changes { bits: Some(Bits::Integer(12)), ..Changes::default() };
     packed(&input, &wider).expect("packs");
 }

@@ -21,9 +21,17 @@ pub struct EncodeOptions {
     pub activation: Activation,
     /// Compression level of zstd.
     pub zstd_level: i32,
-    /// Where values may be others than the encodings were made for: the largest error that the caller
-    /// allows of them. A value that is moved farther, or beyond its encoding's bound, is an error.
-    pub checked: Option<f32>,
+    /// Where values may be others than the encodings were made for: what is held to.
+    pub check: Option<Check>,
+}
+
+/// Values that are moved too far when they are encoded are an error.
+#[derive(Debug, Clone, Copy)]
+pub struct Check {
+    /// The most that they may be moved, where their encoding's bound is no less.
+    pub most: f32,
+    /// The level that errors name.
+    pub level: usize,
 }
 
 /// Encodes one level, slab by slab.
@@ -144,17 +152,19 @@ impl GroupEncoder {
     fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Vec<u8>> {
         let channels = self.first_channel..self.first_channel + self.codec.channels;
         let bound = self.encoder.encoding().max_error;
-        let bound = options.checked.map_or(bound, |most| most.min(bound));
+        let bound = options.check.map_or(bound, |check| check.most.min(bound));
         let kept = || {
             let mut channels = channels.clone();
             channels.all(|c| self.encoder.keeps(bound, source, c, &options.activation))
         };
-        if options.checked.is_some() && !kept() {
-            let place = Place::Tensor(self.group.name().to_owned());
+        if let Some(check) = options.check
+            && !kept()
+        {
+            let place = format!("level{}.{}", check.level, self.group.name());
             let found =
                 format!("a value in block {:?} that moves by more than {bound}", source.place);
             let expected = "values as they were unpacked, or --bits for other encodings";
-            return Err(Error::malformed(place, found, expected));
+            return Err(Error::malformed(Place::Tensor(place), found, expected));
         }
         // The bound is proved where encodings are made; here it must hold.
         debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());

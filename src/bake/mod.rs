@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
-pub use encode::{EncodeOptions, LevelEncoder};
+pub use encode::{Check, EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use origin::Origin;
 pub(crate) use origin::hex;
@@ -342,7 +342,7 @@ fn encode_levels(
         features: metadata.features,
         activation: metadata.activation,
         zstd_level: stream.options.zstd_level,
-        checked: None,
+        check: None,
     };
     let mut encoders = Vec::new();
     for ((level, pruned), table) in metadata.levels.iter().zip(&stream.pruned.levels).zip(tables) {

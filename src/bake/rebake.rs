@@ -1,14 +1,14 @@
 //! An unpacked container, packed again.
 //!
-//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered, pruned or
-//! searched. Decoding and encoding are inverse for codes, so without changes the result is the
-//! same file that was unpacked, byte for byte.
+//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned, and
+//! encodings are searched only where an error is asked for. Decoding and encoding are inverse for
+//! codes, so without changes the result is the same file that was unpacked, byte for byte.
 
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::encode::{EncodeOptions, LevelEncoder};
+use super::encode::{Check, EncodeOptions, LevelEncoder};
 use super::ranges::{LevelSpans, check_max_error, encodings_within};
 use super::report::{BakeReport, StageReport, level_reports};
 use crate::baked::{Encoding, Group, Metadata, Table};
@@ -122,16 +122,17 @@ pub fn rebake(
     let stated = stated.and_then(|level| i32::try_from(level).ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::DEFAULT_ZSTD_LEVEL);
     progress.begin(Step::Encode, metadata.levels.len() as u64);
-    // Arrays can be edited: what a container's encodings were made for may be gone.
-    let options = EncodeOptions {
-        features: metadata.features,
-        activation: metadata.activation,
-        zstd_level,
-        checked: Some(changes.max_error.unwrap_or(f32::INFINITY)),
-    };
     let mut levels = Vec::new();
     let mut bytes_read = 0;
     for (number, (level, of_level)) in unpacked.levels.iter().zip(&metadata.levels).enumerate() {
+        // Arrays can be edited: what a container's encodings were made for may be gone.
+        let most = changes.max_error.unwrap_or(f32::INFINITY);
+        let options = EncodeOptions {
+            features: metadata.features,
+            activation: metadata.activation,
+            zstd_level,
+            check: Some(Check { most, level: number }),
+        };
         let needed = stored_nodes(&level.table);
         let encodings = Group::ALL.map(|group| of_level.encoding(group));
         let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
