@@ -6,6 +6,8 @@
 pub enum Step {
     /// Finding the nodes that can be seen, at every level.
     Prune,
+    /// Finding the lowest and the highest values of every level.
+    Ranges,
     /// Filtering, quantizing and compressing.
     Encode,
     /// Writing the output.
@@ -25,6 +27,7 @@ impl Step {
     pub fn name(self) -> &'static str {
         match self {
             Self::Prune => "prune",
+            Self::Ranges => "ranges",
             Self::Encode => "encode",
             Self::Write => "write",
             Self::Decode => "decode",

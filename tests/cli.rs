@@ -303,6 +303,69 @@ fn a_missed_gate_writes_nothing() {
 }
 
 #[test]
+fn an_error_instead_of_bits_is_kept_and_told() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = scene();
+    let bake = |more: &[&str]| report(here, &[&["bake", &scene, "--force"], more].concat());
+    // Explicit options override a preset's bits.
+    let lossy = bake(&["-o", "a.mipvog", "--max-error", "0.02", "--preset", "archive"]);
+    assert_eq!(lossy["options"]["max_error"].as_f64(), Some(f64::from(0.02f32)));
+    assert!(lossy["options"]["bits"].is_null());
+    let groups = |report: &Value| -> Vec<Value> {
+        let levels = report["levels"].as_array().expect("levels");
+        levels
+            .iter()
+            .flat_map(|level| level["groups"].as_array().expect("groups"))
+            .cloned()
+            .collect()
+    };
+    for group in groups(&lossy) {
+        assert!(group["max_error"].as_f64() <= Some(0.02f32.into()), "{group}");
+        assert!(group["bits"].as_str().expect("bits").parse().is_ok_and(|bits: u32| bits <= 8));
+    }
+    assert!(lossy["stages"].as_array().expect("stages").iter().any(|s| s["name"] == "ranges"));
+    let usual = bake(&["-o", "b.mipvog"]);
+    assert!(usual["options"].get("max_error").is_none());
+    assert!(lossy["output_bytes"].as_u64() < usual["output_bytes"].as_u64());
+
+    // People see the same with three digits, none too few.
+    let text = run(here, &["inspect", "b.mipvog"]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    let cells: Vec<&str> = text.split(" bit ").skip(1).collect();
+    assert_eq!(cells.len(), groups(&usual).len(), "{text}");
+    for (cell, group) in cells.into_iter().zip(groups(&usual)) {
+        let shown = cell.split_whitespace().next().and_then(|shown| shown.parse::<f64>().ok());
+        let (shown, error) = (shown.expect("a number"), group["max_error"].as_f64().expect("one"));
+        assert!((error..error * 1.01).contains(&shown), "{shown} for {error}");
+    }
+
+    // An unpacked container keeps its error where it is baked anew, unless bits are asked for.
+    report(here, &["unpack", "a.mipvog", "-o", "a.safetensors"]);
+    let again = |more: &[&str]| {
+        report(here, &[&["bake", "a.safetensors", "-o", "c.mipvog", "--force"], more].concat())
+    };
+    let same = again(&[]);
+    assert_eq!((&same["output_bytes"], groups(&same)), (&lossy["output_bytes"], groups(&lossy)));
+    assert_eq!(
+        again(&["--block-size", "4"])["options"]["max_error"],
+        lossy["options"]["max_error"]
+    );
+    let deep = again(&["--block-size", "4", "--bits", "12"]);
+    assert!(deep["options"].get("max_error").is_none());
+    assert_eq!(deep["levels"][0]["groups"][0]["bits"], "12");
+    let coarse = again(&["--max-error", "0.1"]);
+    assert!(coarse["output_bytes"].as_u64() < lossy["output_bytes"].as_u64());
+    assert!(groups(&coarse).iter().all(|g| g["max_error"].as_f64() <= Some(0.1f32.into())));
+
+    let bad = ["bake", &scene, "-o", "x.mipvog", "--max-error"];
+    for error in ["0", "0.5", "nan", "1e-7"] {
+        refused(here, &[&bad[..], &[error]].concat(), 2, &["--max-error", "1e-6 to 0.25"]);
+    }
+    refused(here, &[&bad[..], &["0.01", "--bits", "8"]].concat(), 2, &["--bits", "--max-error"]);
+}
+
+#[test]
 fn settings_are_swept_and_resumed() {
     let folder = folder();
     let here = folder.path();
@@ -334,6 +397,7 @@ fn settings_are_swept_and_resumed() {
         refused(here, &arguments, code, &[says]);
     };
     bad(&["--bits", "8,3"], 2, "--bits");
+    bad(&["--max-error", "0.01,1"], 2, "--max-error");
     bad(&["--filter", "code,sharp"], 2, "mean5");
     bad(&["--alpha-threshold", "1e-3,2"], 2, "--alpha-threshold");
     bad(&["--scales", "99"], 2, "--scales");

@@ -26,4 +26,8 @@ fn containers_keep_their_bytes() {
         let bytes = baked_bytes(&trained(scene), &options).expect("a bake");
         assert_golden(&fixture("baked").join(name), &bytes);
     }
+    let mut options = BakeOptions::default();
+    options.max_error = Some(0.01);
+    let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
+    assert_golden(&fixture("baked/tiny.rate.error.mipvog"), &bytes);
 }

@@ -2,7 +2,7 @@
 
 use crate::baked::{Encoding, Group, Table};
 use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, RunCodec};
-use crate::error::Result;
+use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
@@ -21,6 +21,17 @@ pub struct EncodeOptions {
     pub activation: Activation,
     /// Compression level of zstd.
     pub zstd_level: i32,
+    /// Where values may be others than the encodings were made for: what is held to.
+    pub check: Option<Check>,
+}
+
+/// Values that are moved too far when they are encoded are an error.
+#[derive(Debug, Clone, Copy)]
+pub struct Check {
+    /// The most that they may be moved, where their encoding's bound is no less.
+    pub most: f32,
+    /// The level that errors name.
+    pub level: usize,
 }
 
 /// Encodes one level, slab by slab.
@@ -28,7 +39,7 @@ pub struct EncodeOptions {
 pub struct LevelEncoder<'a> {
     table: Table,
     needed: &'a NodeMask,
-    zstd_level: i32,
+    options: EncodeOptions,
     groups: Vec<GroupEncoder>,
 }
 
@@ -73,7 +84,7 @@ impl<'a> LevelEncoder<'a> {
             });
             first_channel += channels;
         }
-        Self { table, needed, zstd_level: options.zstd_level, groups }
+        Self { table, needed, options, groups }
     }
 
     /// Encodes the slab's stored blocks. Slabs come in order, each a block thick.
@@ -85,10 +96,10 @@ impl<'a> LevelEncoder<'a> {
             .map(|block| [row, block / bz, block % bz])
             .filter(|&place| self.table.frame(place).is_some())
             .collect();
-        let (groups, needed) = (&self.groups, self.needed);
+        let (groups, needed, options) = (&self.groups, self.needed, &self.options);
         let frames = parallel::map(places.len(), |i| {
             let source = BlockSource { slab, needed, place: places[i] };
-            Ok(groups.iter().map(|group| group.frame(source)).collect::<Vec<_>>())
+            groups.iter().map(|group| group.frame(source, options)).collect::<Result<Vec<_>>>()
         })?;
         for frame in frames {
             for (group, bytes) in self.groups.iter_mut().zip(frame) {
@@ -124,7 +135,7 @@ impl<'a> LevelEncoder<'a> {
             }
             group.pending = frames.collect();
         }
-        let (groups, level) = (&self.groups, self.zstd_level);
+        let (groups, level) = (&self.groups, self.options.zstd_level);
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             groups[*number].codec.compress(frames, level)
@@ -138,11 +149,29 @@ impl<'a> LevelEncoder<'a> {
 
 impl GroupEncoder {
     /// A block's residual bytes, all channels.
-    fn frame(&self, source: BlockSource) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.codec.frame_bytes());
-        for channel in 0..self.codec.channels {
-            self.encoder.encode(source, self.first_channel + channel, &mut bytes);
+    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Vec<u8>> {
+        let channels = self.first_channel..self.first_channel + self.codec.channels;
+        let bound = self.encoder.encoding().max_error;
+        let bound = options.check.map_or(bound, |check| check.most.min(bound));
+        let kept = || {
+            let mut channels = channels.clone();
+            channels.all(|c| self.encoder.keeps(bound, source, c, &options.activation))
+        };
+        if let Some(check) = options.check
+            && !kept()
+        {
+            let place = format!("level{}.{}", check.level, self.group.name());
+            let found =
+                format!("a value in block {:?} that moves by more than {bound}", source.place);
+            let expected = "values as they were unpacked, or --bits for other encodings";
+            return Err(Error::malformed(Place::Tensor(place), found, expected));
         }
-        bytes
+        // The bound is proved where encodings are made; here it must hold.
+        debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
+        let mut bytes = Vec::with_capacity(self.codec.frame_bytes());
+        for channel in channels {
+            self.encoder.encode(source, channel, &mut bytes);
+        }
+        Ok(bytes)
     }
 }

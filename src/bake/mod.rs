@@ -2,175 +2,55 @@
 //!
 //! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
 //!    that must be right and the blocks that are kept.
-//! 2. **Encode**: a second pass streams density and colour through all levels at once
-//!    ([`crate::mips::Cascade`]), reading only what needed nodes reach, and turns each slab of
-//!    blocks into compressed runs as it comes ([`encode`]).
+//! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
+//!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
+//!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
+//!    finds what each level holds, lowest to highest ([`ranges`]).
 //! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
 //! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
 
 mod encode;
 mod filter;
+mod options;
 mod origin;
 mod preset;
+mod ranges;
 mod rebake;
 mod report;
+mod stream;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use serde_json::json;
 
-pub use encode::{EncodeOptions, LevelEncoder};
+pub use encode::{Check, EncodeOptions, LevelEncoder};
 pub use filter::Filter;
+pub use options::BakeOptions;
 pub use origin::Origin;
 pub(crate) use origin::hex;
 pub use preset::Preset;
+use ranges::{LevelSpans, encodings_within};
 pub use rebake::{Changes, rebake};
 use report::prune_reports;
-pub use report::{BakeReport, FitReport, LevelReport, PruneReport, StageReport, level_reports};
+pub use report::{
+    BakeReport, FitReport, GroupReport, LevelReport, PruneReport, StageReport, level_reports,
+};
+use stream::{Stream, Streamed};
 
 use crate::baked::{
     Aside, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
 use crate::bytes::Output;
-use crate::camera::{Camera, digest};
-use crate::container::{self, EncodedLevel, Head, LARGEST_BLOCK};
-use crate::error::{Error, Result};
-use crate::field::{Nonfinite, Planes, RadianceField, verify_crc32};
+use crate::container::{self, EncodedLevel, Head};
+use crate::error::Result;
+use crate::field::RadianceField;
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
-use crate::mips::{Cascade, Lift, Regions, Settler};
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{Bits, color_encoding, density_encoding};
-
-/// Compression level of zstd where nobody says another: the last that is fast enough to be no
-/// bottleneck.
-const DEFAULT_ZSTD_LEVEL: i32 = 1;
-
-/// More steps than any fit needs by far.
-const MOST_FIT_STEPS: usize = 100_000;
-
-/// What a bake makes of a field.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct BakeOptions {
-    /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
-    /// afar
-    pub filter: Filter,
-    /// Levels in all, at most. Default: down to 4 nodes along the longest axis
-    pub levels: Option<usize>,
-    /// Bits of a code. Default: 8
-    pub bits: Bits,
-    /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
-    pub alpha_threshold: f32,
-    /// Nodes along a block's edge. Default: 8
-    pub block_size: usize,
-    /// Compression level of zstd, 1 to 22. Default: 1
-    pub zstd_level: i32,
-    /// Multiplies the filter's level-of-detail factor. Default: 1
-    pub lod_scale: f32,
-    /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
-    pub fit_steps: usize,
-    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no bound
-    pub fit_seconds: Option<f64>,
-    /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
-    pub fit_cameras: Vec<Camera>,
-    /// What happens to values that are not finite. Default: refuse
-    pub nonfinite: Nonfinite,
-}
-
-impl Default for BakeOptions {
-    fn default() -> Self {
-        Self {
-            filter: Filter::RateTent,
-            levels: None,
-            bits: Bits::Integer(8),
-            alpha_threshold: 1e-3,
-            block_size: 8,
-            zstd_level: DEFAULT_ZSTD_LEVEL,
-            lod_scale: 1.0,
-            fit_steps: 150,
-            fit_seconds: None,
-            fit_cameras: Vec::new(),
-            nonfinite: Nonfinite::Refuse,
-        }
-    }
-}
-
-impl BakeOptions {
-    /// The options that made a container, as far as its metadata and provenance tell.
-    pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
-        let mut options = Self::default();
-        options.filter = metadata.filter.parse().unwrap_or(options.filter);
-        options.levels = Some(metadata.levels.len());
-        options.alpha_threshold = metadata.alpha_threshold;
-        if let Some(finest) = metadata.levels.first() {
-            options.block_size = finest.block_size;
-            options.bits = finest.diffuse.as_ref().map_or(options.bits, Bits::of);
-        }
-        let zstd_level = provenance["options"]["zstd_level"].as_i64();
-        let zstd_level = zstd_level.and_then(|level| i32::try_from(level).ok());
-        options.zstd_level = zstd_level.unwrap_or(options.zstd_level);
-        options
-    }
-
-    /// Refuses values that no bake can follow.
-    pub fn check(&self) -> Result<()> {
-        let bits_fit = match self.bits {
-            Bits::Integer(bits) => (4..=16).contains(&bits),
-            Bits::F16 | Bits::F32 => true,
-        };
-        let rules = [
-            (bits_fit, "--bits must be 4 to 16, f16 or f32"),
-            (self.levels.is_none_or(|levels| levels >= 1), "--levels must be at least 1"),
-            (
-                self.alpha_threshold >= 1e-9 && self.alpha_threshold < 1.0,
-                "--alpha-threshold must be from 1e-9 to below 1",
-            ),
-            ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
-            ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
-            (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
-            (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
-            (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
-        ];
-        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))
-    }
-
-    /// Options as provenance and reports name them.
-    pub fn to_json(&self) -> serde_json::Value {
-        let mut options = json!({
-            "filter": self.filter.name(),
-            "levels": self.levels,
-            "bits": self.bits.to_string(),
-            "alpha_threshold": self.alpha_threshold,
-            "block_size": self.block_size,
-            "zstd_level": self.zstd_level,
-            "lod_scale": self.lod_scale,
-            "nonfinite": match self.nonfinite {
-                Nonfinite::Refuse => "refuse",
-                Nonfinite::Empty => "empty",
-            },
-        });
-        if self.filter == Filter::Fit {
-            options["fit_steps"] = self.fit_steps.into();
-            options["fit_seconds"] = self.fit_seconds.into();
-            options["fit_cameras"] = cameras_json(&self.fit_cameras);
-        }
-        options
-    }
-}
-
-/// Given cameras by their number and what tells them from others.
-fn cameras_json(cameras: &[Camera]) -> serde_json::Value {
-    match cameras.len() {
-        0 => serde_json::Value::Null,
-        count => json!({ "count": count, "sha256": hex(&digest(cameras)) }),
-    }
-}
+use crate::quantize::{color_encoding, density_encoding};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -211,11 +91,15 @@ pub fn bake(
     if let Some(fitted) = &fitted {
         metadata.level_of_detail = fitted.level_of_detail;
     }
-    let encoded =
-        encode_levels(&planes, options, &metadata, &pruned, tables, fitted.as_ref(), progress)?;
+    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: fitted.as_ref() };
+    if let Some(max_error) = options.max_error {
+        let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
+        stage("ranges", bytes);
+    }
+    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
-    stage("encode", encoded.bytes_read);
-    let digest = origin.digest(&pruned.density_checksums, &encoded.checksums);
+    stage("encode", streamed.bytes_read);
+    let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
 
     progress.begin(Step::Write, 1);
     let mut resolved = options.to_json();
@@ -231,7 +115,7 @@ pub fn bake(
         provenance: &origin.provenance(&digest, resolved),
         zstd_level: options.zstd_level,
     };
-    let entries = container::write(&head, &encoded.levels, output)?;
+    let entries = container::write(&head, &encoded, output)?;
     progress.advance(Step::Write, 1);
     stage("write", output.length());
     let levels = level_reports(&metadata, &entries);
@@ -325,99 +209,47 @@ fn metadata(
     }
 }
 
-struct Encoded {
-    levels: Vec<EncodedLevel>,
-    /// Bytes of density and colour that were read.
-    bytes_read: u64,
-    /// CRC-32 of what was read of each colour channel of each plane.
-    checksums: Vec<u32>,
+/// Makes the levels' encodings those with the fewest bits within an error, by what the levels hold.
+/// Returns the bytes that were read.
+fn fit_encodings(
+    stream: &Stream,
+    max_error: f32,
+    metadata: &mut Metadata,
+    progress: &dyn Progress,
+) -> Result<u64> {
+    let Metadata { levels, activation, features, .. } = metadata;
+    let spans = levels.iter().map(|level| LevelSpans::new(level, activation, *features));
+    let mut spans: Vec<LevelSpans> = spans.collect();
+    let streamed = stream.run(Step::Ranges, progress, |level, slab| {
+        spans[level].take(slab, &stream.pruned.levels[level].needed)
+    })?;
+    // The pass that encodes finds the same again, and counts it.
+    stream.planes.take_nonfinite()?;
+    let found = encodings_within(max_error, levels, activation, &spans)?;
+    for (level, [density, diffuse, features]) in levels.iter_mut().zip(found) {
+        (level.density, level.diffuse, level.features) = (density, diffuse, features);
+    }
+    Ok(streamed.bytes_read)
 }
 
-/// Streams the field through all levels.
+/// Streams the field through all levels and encodes them.
 fn encode_levels(
-    planes: &Planes,
-    options: &BakeOptions,
+    stream: &Stream,
     metadata: &Metadata,
-    pruned: &Pruned,
     tables: Vec<Table>,
-    fitted: Option<&Fitted>,
     progress: &dyn Progress,
-) -> Result<Encoded> {
-    let needed_nodes = planes.field().scene.nodes;
-    let matter = options.filter.matter(&planes.field().scene.activation);
-    let mut needed = Vec::with_capacity(pruned.levels.len());
-    for (level, pruned) in pruned.levels.iter().enumerate() {
-        // Matter settles with the colour of the nodes around it.
-        needed.push(match matter.is_some() && level > 0 {
-            true => pruned.needed.cells_with_a_corner()?.corners()?,
-            false => pruned.needed.clone(),
-        });
-    }
-    let regions = Regions::new(needed, options.filter.kernel())?;
-    let channels = planes.channels();
-    let seen = matter.zip(pruned.visibility.as_ref());
-    let lift = Lift::of_levels(seen, options.filter.filters_density(), channels);
+) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
         features: metadata.features,
         activation: metadata.activation,
-        zstd_level: options.zstd_level,
+        zstd_level: stream.options.zstd_level,
+        check: None,
     };
     let mut encoders = Vec::new();
-    for ((level, pruned), table) in metadata.levels.iter().zip(&pruned.levels).zip(tables) {
+    for ((level, pruned), table) in metadata.levels.iter().zip(&stream.pruned.levels).zip(tables) {
         let encodings = Group::ALL.map(|group| level.encoding(group));
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
-    let mut settlers = Settler::of_levels(matter, pruned.levels.iter().map(|level| &level.needed));
-    let nx = metadata.levels[0].dimensions[0];
-    progress.begin(Step::Encode, nx as u64);
-    let bytes_read = AtomicU64::new(0);
-    let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
-    let whole = reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(needed_nodes));
-    Cascade::new(&regions, channels, lift, options.block_size).run(
-        |x, channel, region, plane| {
-            let Some(color) = channel.checked_sub(1) else {
-                let read = planes.read(channel, x, region, plane)?;
-                bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-                return Ok(());
-            };
-            let region = whole.as_ref().map_or(region, |whole| whole.plane(x));
-            let read = planes.read(channel, x, region, plane)?;
-            bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-            let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
-            hashers[color * nx + x] = read.checksum;
-            Ok(())
-        },
-        |level, slab| {
-            if level == 0 {
-                progress.advance(Step::Encode, slab.count() as u64);
-            }
-            if progress.cancelled() {
-                return Err(Error::cancelled());
-            }
-            match &mut settlers[level] {
-                Some(settler) => settler.take(slab)?.iter_mut().try_for_each(|slab| {
-                    if let Some(fitted) = fitted {
-                        fitted.replace(level, slab);
-                    }
-                    encoders[level].take(slab)
-                }),
-                None => encoders[level].take(slab),
-            }
-        },
-    )?;
-    let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if let (Some(expected), Some(_)) = (planes.color_crc32(), whole) {
-        verify_crc32("k0", &hashers, expected)?;
-    }
-    Ok(Encoded {
-        levels: encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?,
-        bytes_read: bytes_read.into_inner(),
-        checksums: hashers.into_iter().map(crc32fast::Hasher::finalize).collect(),
-    })
-}
-
-/// Whether to read all of colour: where nearly all of it is needed anyway, the rest costs little and
-/// lets the file's checksum be verified.
-fn reads_whole_color(planes: &Planes, region: &NodeMask) -> bool {
-    planes.color_crc32().is_some() && 8 * region.count() >= 7 * region.nodes().count() as u64
+    let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;
+    Ok((encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?, streamed))
 }

@@ -1,21 +1,22 @@
 //! An unpacked container, packed again.
 //!
-//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered, pruned or
-//! searched. Decoding and encoding are inverse for codes, so without changes the result is the
-//! same file that was unpacked, byte for byte.
+//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned, and
+//! encodings are searched only where an error is asked for. Decoding and encoding are inverse for
+//! codes, so without changes the result is the same file that was unpacked, byte for byte.
 
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::encode::{EncodeOptions, LevelEncoder};
+use super::encode::{Check, EncodeOptions, LevelEncoder};
+use super::ranges::{LevelSpans, check_max_error, encodings_within};
 use super::report::{BakeReport, StageReport, level_reports};
-use crate::baked::{Encoding, Group, Metadata};
+use crate::baked::{Encoding, Group, Metadata, Table};
 use crate::bytes::Output;
-use crate::container::{self, EncodedLevel, Head};
+use crate::container::{self, Head};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{March, Scene, Volume};
-use crate::grid::NodeMask;
+use crate::grid::{BlockGrid, NodeMask, Nodes, mask};
 use crate::mips::Slab;
 use crate::parallel;
 use crate::progress::{Progress, Step};
@@ -27,6 +28,9 @@ use crate::unpack::{Unpacked, UnpackedLevel};
 pub struct Changes {
     /// Other bits, with ranges to match.
     pub bits: Option<Bits>,
+    /// The fewest bits that keep this error of the unpacked values, whatever `bits` says; 1e-6 to 0.25.
+    /// Encodings that have no more bits stay: they hold the values exactly.
+    pub max_error: Option<f32>,
     /// Fewer levels.
     pub levels: Option<usize>,
     /// Another compression level of zstd. Default: as the provenance says, else the bake's
@@ -57,7 +61,7 @@ impl Changes {
     }
 
     fn apply(&self, metadata: &mut Metadata) {
-        if let Some(bits) = self.bits {
+        if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
             let color = color_encoding(bits);
             for level in &mut metadata.levels {
                 if let Some(density) = &mut level.density {
@@ -75,8 +79,9 @@ impl Changes {
 
     /// As provenance and reports name them.
     pub fn to_json(&self) -> Value {
-        json!({
-            "bits": self.bits.map(|bits| bits.to_string()),
+        let bits = self.bits.filter(|_| self.max_error.is_none());
+        let mut changes = json!({
+            "bits": bits.map(|bits| bits.to_string()),
             "levels": self.levels,
             "zstd_level": self.zstd_level,
             "lod_scale": self.lod_scale,
@@ -84,7 +89,11 @@ impl Changes {
             "far": self.far,
             "background": self.background,
             "color_threshold": self.color_threshold,
-        })
+        });
+        if let Some(max_error) = self.max_error {
+            changes["max_error"] = max_error.into();
+        }
+        changes
     }
 }
 
@@ -102,17 +111,33 @@ pub fn rebake(
     output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
+    check_max_error(changes.max_error)?;
     let clock = Instant::now();
     let mut metadata = unpacked.metadata.clone();
     changes.apply(&mut metadata);
+    if let Some(max_error) = changes.max_error {
+        fit_encodings(unpacked, max_error, &mut metadata)?;
+    }
     let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
     let stated = stated.and_then(|level| i32::try_from(level).ok());
-    let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::DEFAULT_ZSTD_LEVEL);
+    let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
     progress.begin(Step::Encode, metadata.levels.len() as u64);
     let mut levels = Vec::new();
     let mut bytes_read = 0;
-    for (number, level) in unpacked.levels.iter().take(metadata.levels.len()).enumerate() {
-        levels.push(encode_level(level, number, &metadata, zstd_level)?);
+    for (number, (level, of_level)) in unpacked.levels.iter().zip(&metadata.levels).enumerate() {
+        // Arrays can be edited: what a container's encodings were made for may be gone.
+        let most = changes.max_error.unwrap_or(f32::INFINITY);
+        let options = EncodeOptions {
+            features: metadata.features,
+            activation: metadata.activation,
+            zstd_level,
+            check: Some(Check { most, level: number }),
+        };
+        let needed = stored_nodes(&level.table);
+        let encodings = Group::ALL.map(|group| of_level.encoding(group));
+        let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
+        for_each_slab(level, number, |slab| encoder.take(slab))?;
+        levels.push(encoder.finish()?);
         bytes_read += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
         progress.advance(Step::Encode, 1);
     }
@@ -148,28 +173,61 @@ pub fn rebake(
     })
 }
 
-fn encode_level(
+/// Makes encodings those with the fewest bits that keep the error, where that is fewer than they have.
+fn fit_encodings(unpacked: &Unpacked, max_error: f32, metadata: &mut Metadata) -> Result<()> {
+    let Metadata { levels, activation, features, .. } = metadata;
+    let mut spans = Vec::new();
+    for (number, (level, of_level)) in unpacked.levels.iter().zip(levels.iter()).enumerate() {
+        let needed = stored_nodes(&level.table);
+        let mut of_values = LevelSpans::new(of_level, activation, *features);
+        for_each_slab(level, number, |slab| of_values.take(slab, &needed))?;
+        spans.push(of_values);
+    }
+    let found = encodings_within(max_error, levels, activation, &spans)?;
+    for (level, found) in levels.iter_mut().zip(found) {
+        let present = [&mut level.density, &mut level.diffuse, &mut level.features];
+        for (encoding, found) in present.into_iter().zip(found) {
+            if let (Some(encoding), Some(found)) = (encoding, found)
+                && found.bits < encoding.bits
+            {
+                *encoding = found;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Every node of a stored block: each value counts as it is, whether anybody sees it or not.
+fn stored_nodes(table: &Table) -> NodeMask {
+    let BlockGrid { nodes, edge } = table.grid();
+    let [nx, ny, nz] = nodes.0;
+    let words = mask::row_words(nodes);
+    let mut planes = vec![vec![0; ny * words]; nx];
+    for [i, j, k] in table.stored() {
+        for plane in &mut planes[i * edge..nx.min((i + 1) * edge)] {
+            for row in plane.chunks_exact_mut(words).take((j + 1) * edge).skip(j * edge) {
+                mask::set_between(row, k * edge, nz.min((k + 1) * edge));
+            }
+        }
+    }
+    NodeMask::from_planes(nodes, planes)
+}
+
+/// Calls `take` with every slab of a level, all channels, each a block thick.
+fn for_each_slab(
     level: &UnpackedLevel,
     number: usize,
-    metadata: &Metadata,
-    zstd_level: i32,
-) -> Result<EncodedLevel> {
-    let of_level = &metadata.levels[number];
-    // Every value counts as it is, whether anybody sees it or not.
-    let needed = NodeMask::full(level.table.grid().nodes);
-    let options =
-        EncodeOptions { features: metadata.features, activation: metadata.activation, zstd_level };
-    let encodings = Group::ALL.map(|group| of_level.encoding(group));
-    let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
+    mut take: impl FnMut(&Slab) -> Result<()>,
+) -> Result<()> {
     let channels: Vec<(Group, &Volume, usize)> = Group::ALL
         .into_iter()
         .zip(&level.volumes)
         .filter_map(|(group, volume)| volume.as_ref().map(|volume| (group, volume)))
         .flat_map(|(group, volume)| (0..volume.channels).map(move |c| (group, volume, c)))
         .collect();
-    let [nx, ny, nz] = of_level.dimensions;
-    for first in (0..nx).step_by(of_level.block_size) {
-        let count = of_level.block_size.min(nx - first);
+    let BlockGrid { nodes: Nodes([nx, ny, nz]), edge } = level.table.grid();
+    for first in (0..nx).step_by(edge) {
+        let count = edge.min(nx - first);
         let planes = parallel::map(count * channels.len(), |i| {
             let (group, volume, channel) = channels[i % channels.len()];
             let x = first + i / channels.len();
@@ -185,7 +243,7 @@ fn encode_level(
             }
             Ok(plane)
         })?;
-        encoder.take(&Slab { first, channels: channels.len(), planes })?;
+        take(&Slab { first, channels: channels.len(), planes })?;
     }
-    encoder.finish()
+    Ok(())
 }

@@ -6,6 +6,7 @@ use crate::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
 use crate::container::layout::Entry;
 use crate::fit::FittedLevel;
 use crate::prune::{Pruned, PrunedLevel};
+use crate::quantize::Bits;
 
 /// What came out, what was dropped and why, and what it took.
 #[derive(Debug, Clone, Serialize)]
@@ -61,6 +62,19 @@ pub struct LevelReport {
     pub max_opacity_error: Option<f32>,
     /// Largest error of a colour or feature at a needed node, by proof.
     pub max_color_error: Option<f32>,
+    /// How each of the level's groups is stored, density first.
+    pub groups: Vec<GroupReport>,
+}
+
+/// How one group of a level is stored.
+#[derive(Debug, Clone, Serialize)]
+pub struct GroupReport {
+    /// Its name.
+    pub group: &'static str,
+    /// Bits of a code: 4 to 16, f16 or f32.
+    pub bits: String,
+    /// Largest error at a needed node, by proof.
+    pub max_error: f32,
 }
 
 /// What was dropped of a level, and why.
@@ -111,6 +125,12 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
                 .encoding(group)
                 .map_or(0, |encoding| group.channels(metadata.features) * encoding.number.bytes())
         };
+        let group = |group: Group| {
+            let encoding = level.encoding(group)?;
+            let bits = Bits::of(encoding).to_string();
+            Some(GroupReport { group: group.name(), bits, max_error: encoding.max_error })
+        };
+        let colors = [&level.diffuse, &level.features].into_iter().flatten();
         let frame_bytes = grid.block_nodes() * Group::ALL.map(values).iter().sum::<usize>();
         LevelReport {
             level: number,
@@ -122,7 +142,8 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             stored_bytes: own.clone().map(|entry| entry.length).sum(),
             prefix_bytes: own.map(|entry| entry.prefix).max().unwrap_or(0),
             max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),
-            max_color_error: level.diffuse.as_ref().map(|encoding| encoding.max_error),
+            max_color_error: colors.map(|encoding| encoding.max_error).reduce(f32::max),
+            groups: Group::ALL.into_iter().filter_map(group).collect(),
         }
     };
     metadata.levels.iter().enumerate().map(report).collect()

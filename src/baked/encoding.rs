@@ -15,6 +15,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
+use crate::activate;
 use crate::field::{Activation, UNSEEN_OPACITY};
 
 /// Values that share an encoding and a chunk.
@@ -99,6 +100,19 @@ impl Decode {
     /// Every meaning.
     pub const ALL: [Self; 4] =
         [Self::RawDensity, Self::Logit, Self::SqrtOpticalDepth, Self::Opacity];
+
+    /// What a value comes to: opacity over one interval, or colour from 0 to 1. Errors are counted in
+    /// this. It never falls where values rise.
+    pub fn activated(self, value: f64, activation: &Activation) -> f64 {
+        match self {
+            Self::RawDensity => {
+                activate::opacity(value, activation.shift.into(), activation.interval.into())
+            }
+            Self::SqrtOpticalDepth => -libm::expm1(-value * value),
+            Self::Opacity => value.clamp(0.0, 1.0),
+            Self::Logit => activate::sigmoid(value),
+        }
+    }
 
     /// The values of a group that can have this meaning.
     pub const fn is_density(self) -> bool {

@@ -52,6 +52,10 @@ pub struct Arguments {
     /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
     #[arg(long, value_name = "BITS", value_parser = parse_bits)]
     bits: Option<Bits>,
+    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one interval,
+    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it
+    #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
+    max_error: Option<f32>,
     /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
     alpha_threshold: Option<f32>,
@@ -169,7 +173,10 @@ impl Arguments {
     fn apply(&self, options: &mut BakeOptions) -> Result<()> {
         options.filter = self.filter.unwrap_or(options.filter);
         options.levels = self.levels.or(options.levels);
-        options.bits = self.bits.unwrap_or(options.bits);
+        if let Some(bits) = self.bits {
+            (options.bits, options.max_error) = (bits, None);
+        }
+        options.max_error = self.max_error.or(options.max_error);
         options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
@@ -245,6 +252,7 @@ impl Arguments {
         let asked = |given: bool| given || self.preset.is_some();
         let changes = Changes {
             bits: asked(self.bits.is_some()).then_some(options.bits),
+            max_error: self.max_error,
             zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
             levels: self.levels,
             lod_scale: self.lod_scale,

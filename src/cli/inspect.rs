@@ -9,8 +9,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{Outcome, readable};
-use crate::bake::{LevelReport, level_reports};
-use crate::baked::Metadata;
+use crate::bake::{GroupReport, LevelReport, level_reports};
+use crate::baked::{Group, Metadata};
 use crate::bytes::SourceFile;
 use crate::container::{Container, is_container};
 use crate::error::Result;
@@ -104,12 +104,15 @@ fn container_text(path: &Path, report: &ContainerReport) -> String {
 
 /// A table of levels.
 pub(super) fn levels_text(levels: &[LevelReport]) -> String {
-    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix\n");
+    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix");
+    for group in Group::ALL {
+        write!(text, "   {:14}", group.name()).ok();
+    }
+    text = text.trim_end().to_owned() + "\n";
     for level in levels {
         let [x, y, z] = level.dimensions;
         let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
-        writeln!(
-            text,
+        let mut row = format!(
             "  {:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
             level.level,
             format!("{x} x {y} x {z}"),
@@ -117,10 +120,30 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
             share,
             readable(level.stored_bytes),
             readable(level.prefix_bytes),
-        )
-        .ok();
+        );
+        for group in Group::ALL {
+            let stored = level.groups.iter().find(|stored| stored.group == group.name());
+            write!(row, "   {:14}", stored.map_or_else(|| "-".to_owned(), depth)).ok();
+        }
+        text += row.trim_end();
+        text.push('\n');
     }
     text
+}
+
+/// A group's bits and proved error, as three digits that are none too few.
+fn depth(stored: &GroupReport) -> String {
+    let error = f64::from(stored.max_error);
+    if error == 0.0 {
+        return format!("{} exact", stored.bits);
+    }
+    let mut shown = format!("{error:.2e}");
+    if shown.parse().is_ok_and(|shown: f64| shown < error) {
+        let unit = 10f64.powi(error.log10().floor() as i32 - 2);
+        shown = format!("{:.2e}", error + 0.5 * unit);
+    }
+    let unit = if stored.bits.starts_with('f') { "" } else { " bit" };
+    format!("{}{unit} {shown}", stored.bits)
 }
 
 fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {

@@ -41,6 +41,9 @@ pub struct Arguments {
     /// Bits to try: 4 to 16, f16 or f32
     #[arg(long, value_name = "BITS,...", value_delimiter = ',', value_parser = parse_bits)]
     bits: Vec<Bits>,
+    /// Errors to try beside the bits, as `bake --max-error`
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
+    max_error: Vec<f32>,
     /// Opacities to try, over one interval up to which blocks are dropped
     #[arg(long, value_name = "OPACITY,...", value_delimiter = ',')]
     alpha_threshold: Vec<f32>,
@@ -108,6 +111,7 @@ impl Arguments {
         Grid {
             filters: self.filter.clone(),
             bits: self.bits.clone(),
+            max_errors: self.max_error.clone(),
             alpha_thresholds: self.alpha_threshold.clone(),
             levels: self.levels.clone(),
             block_sizes: self.block_size.clone(),

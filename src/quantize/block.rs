@@ -3,6 +3,7 @@
 use super::code::Quantizer;
 use super::predict::{for_each_node, predicted, residual_bytes};
 use crate::baked::Encoding;
+use crate::field::Activation;
 use crate::grid::{NodeMask, mask};
 use crate::mips::Slab;
 
@@ -54,6 +55,35 @@ impl BlockEncoder {
             });
         }
         residual_bytes(number, edge, &codes, out);
+    }
+
+    /// Whether what every needed value of one channel of a block comes to is moved by no more than
+    /// `bound`.
+    pub fn keeps(
+        &self,
+        bound: f32,
+        source: BlockSource,
+        channel: usize,
+        activation: &Activation,
+    ) -> bool {
+        let BlockSource { slab, needed: mask, place } = source;
+        let (edge, encoding) = (self.edge, self.encoding());
+        let (mut codes, mut needed) = (vec![0; edge.pow(3)], vec![false; edge.pow(3)]);
+        self.gather(source, channel, &mut codes, &mut needed);
+        let mut decoded = vec![0.0; edge.pow(3)];
+        super::code::decode_values(encoding, codes.into_iter(), &mut decoded);
+        let [_, _, nz] = mask.nodes().0;
+        let activated = |value: f32| encoding.decode.activated(value.into(), activation);
+        let mut kept = true;
+        for_each_node(edge, |at, [x, y, z]| {
+            if needed[at] {
+                let plane = slab.plane(place[0] * edge + x - slab.first, channel);
+                let value = plane[(place[1] * edge + y) * nz + place[2] * edge + z];
+                let error = || (activated(decoded[at]) - activated(value)).abs();
+                kept &= decoded[at] == value || error() <= bound.into();
+            }
+        });
+        kept
     }
 
     /// Quantizes the nodes that the grid has; the others stay unneeded.

@@ -26,9 +26,11 @@ impl Quantizer {
         let count = 16 * borders.len();
         let (first, last) = (borders[0], borders[borders.len() - 1]);
         let bins_per_unit = count as f32 / (last - first);
-        // A whole bin lower: rounding can put a value one bin too high, never two.
-        let lower_end = |bin: usize| first + (bin as f32 - 1.0) / bins_per_unit;
-        let code = |bin| borders.partition_point(|&border| border <= lower_end(bin)) as u32;
+        // A whole bin lower: rounding can put a value one bin too high, never two. In f64, because bins
+        // can be narrower than the spacing of f32 numbers there.
+        let wide = |number: f32| f64::from(number);
+        let lower_end = |bin: usize| wide(first) + (bin as f64 - 1.0) / wide(bins_per_unit);
+        let code = |bin| borders.partition_point(|&border| wide(border) <= lower_end(bin)) as u32;
         let bins = (0..=count).map(code).collect();
         Self { encoding, borders, bins, bins_per_unit }
     }
@@ -73,9 +75,14 @@ impl Quantizer {
 }
 
 /// The values between those of neighbouring integer codes, ascending.
-pub(super) fn borders(encoding: &Encoding) -> Vec<f32> {
+fn borders(encoding: &Encoding) -> Vec<f32> {
     let values: Vec<f32> = encoding.values().collect();
-    values.windows(2).map(|pair| 0.5 * pair[0] + 0.5 * pair[1]).collect()
+    values.windows(2).map(|pair| border(pair[0], pair[1])).collect()
+}
+
+/// The value between those of two neighbouring codes.
+pub(super) fn border(low: f32, high: f32) -> f32 {
+    0.5 * low + 0.5 * high
 }
 
 /// The values of codes.

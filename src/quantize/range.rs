@@ -10,8 +10,11 @@
 //! activation is monotone, so the farthest that a value's activation can be from its code's is at a
 //! border, or, beyond the ends, where the activation ends. Borders are f32 numbers that values are
 //! compared with exactly, so no rounding is left to add: the bound is the largest of these distances.
+//! Where all values are known to lie between a lowest and a highest ([`super::search`]), the
+//! activation ends there: what is between borders is cut off at both, and codes whose values would
+//! all lie beyond count for nothing.
 
-use super::code::borders;
+use super::code::border;
 use crate::activate;
 use crate::baked::{Decode, Encoding, NumberType};
 use crate::field::{Activation, EMPTY_DENSITY};
@@ -69,13 +72,13 @@ const SQRT_DEPTH_REACH: f64 = 4.0;
 
 /// The encoding of a level's density.
 pub fn density_encoding(bits: Bits, decode: Decode, activation: &Activation) -> Encoding {
+    let activated = |value| decode.activated(value, activation);
     match decode {
         Decode::SqrtOpticalDepth => {
             // The slope of 1 - exp(-q^2) times q is at most 2 / e.
-            let opacity = |q: f64| -libm::expm1(-q * q);
-            linear_encoding(bits, decode, SQRT_DEPTH_REACH, 2.0 / std::f64::consts::E, opacity)
+            linear_encoding(bits, decode, SQRT_DEPTH_REACH, 2.0 / std::f64::consts::E, activated)
         }
-        Decode::Opacity => linear_encoding(bits, decode, 1.0, 1.0, |alpha| alpha.clamp(0.0, 1.0)),
+        Decode::Opacity => linear_encoding(bits, decode, 1.0, 1.0, activated),
         Decode::RawDensity | Decode::Logit => raw_density_encoding(bits, activation),
     }
 }
@@ -94,7 +97,7 @@ fn linear_encoding(
         let step = reach / f64::from(1u32 << bits);
         encoding.step = step as f32;
         encoding.center = (reach / 2.0) as f32;
-        encoding.max_error = bound(&encoding, activation);
+        encoding.max_error = bound(&encoding, [0.0, activation(f64::MAX)], activation);
     }
     encoding
 }
@@ -107,21 +110,32 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     // where sigma >= x, and (1 + max(0, ln interval)) / e below.
     let slope_times_value =
         (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope;
-    let opacity = |raw| activate::opacity(raw, shift, interval);
+    let opacity = |raw| Decode::RawDensity.activated(raw, activation);
     let mut encoding =
         float_encoding(bits, Decode::RawDensity, EMPTY_DENSITY, slope_times_value, opacity);
     if let Bits::Integer(_) = bits {
-        // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
-        let center = -libm::log(interval) - shift;
-        let clear = activate::raw_at_opacity(0.9999, shift, interval);
-        // The lowest code stays above emptiness, which has its own.
-        let reach = (center - f64::from(EMPTY_DENSITY) - 2.0).max(clear - center);
+        let (center, reach) = raw_density_reach(activation);
         set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, reach);
         encoding.empty_code = true;
-        encoding.empty = EMPTY_DENSITY.min((center - reach - 1.0) as f32);
-        encoding.max_error = bound(&encoding, opacity);
+        encoding.empty = emptiness(center, reach);
+        encoding.max_error = bound(&encoding, [0.0, opacity(f64::MAX)], opacity);
     }
     encoding
+}
+
+/// Where opacity is steepest over raw density, and how far from there codes reach.
+fn raw_density_reach(activation: &Activation) -> (f64, f64) {
+    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
+    // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
+    let center = -libm::log(interval) - shift;
+    let clear = activate::raw_at_opacity(0.9999, shift, interval);
+    // The lowest code stays above emptiness, which has its own.
+    (center, (center - f64::from(EMPTY_DENSITY) - 2.0).max(clear - center))
+}
+
+/// What raw density reads as where nothing is: below the lowest code.
+fn emptiness(center: f64, reach: f64) -> f32 {
+    EMPTY_DENSITY.min((center - reach - 1.0) as f32)
 }
 
 /// Lays codes around `center`: there `step` apart at 8 bits (in proportion at others), at the ends
@@ -135,16 +149,65 @@ fn set_codes(encoding: &mut Encoding, center: f64, step: f64, reach: f64) {
     encoding.curve = ((reach - step * half) / (half * half * half)) as f32;
 }
 
-/// The largest distance of a value's activation from its code's; see the module's proof.
-fn bound(encoding: &Encoding, activation: impl Fn(f64) -> f64) -> f32 {
-    let levels: Vec<f64> = encoding.values().map(|value| activation(value.into())).collect();
-    let borders = borders(encoding);
-    let mut most = (activation(f64::MAX) - levels[levels.len() - 1]).max(levels[0]);
-    for (pair, &border) in levels.windows(2).zip(&borders) {
-        let at = activation(border.into());
-        most = most.max(at - pair[0]).max(pair[1] - at);
+/// Where values of one meaning count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Domain {
+    /// Where the activation is steepest.
+    pub steepest: f64,
+    /// Values below need no code of their own.
+    pub floor: f64,
+    /// Values above need none either.
+    pub ceiling: f64,
+    /// Emptiness, and what is below it: below `floor`.
+    pub empty: f32,
+}
+
+impl Domain {
+    /// Of values that mean this.
+    pub fn of(decode: Decode, activation: &Activation) -> Self {
+        match decode {
+            Decode::RawDensity => {
+                let (steepest, reach) = raw_density_reach(activation);
+                let empty = emptiness(steepest, reach);
+                Self { steepest, floor: steepest - reach, ceiling: steepest + reach, empty }
+            }
+            Decode::SqrtOpticalDepth => {
+                let steepest = std::f64::consts::FRAC_1_SQRT_2;
+                Self { steepest, floor: 0.0, ceiling: SQRT_DEPTH_REACH, empty: 0.0 }
+            }
+            Decode::Opacity => Self { steepest: 0.5, floor: 0.0, ceiling: 1.0, empty: 0.0 },
+            Decode::Logit => {
+                Self { steepest: 0.0, floor: -COLOR_REACH, ceiling: COLOR_REACH, empty: 0.0 }
+            }
+        }
     }
-    round_up(most)
+}
+
+/// The largest distance of a value's activation from its code's, of values whose activations lie
+/// between those `seen`; see the module's proof.
+fn bound(encoding: &Encoding, seen: [f64; 2], activation: impl Fn(f64) -> f64) -> f32 {
+    let codes = 0..=encoding.last_code();
+    round_up(codes.fold(0.0, |most, code| most.max(code_error(encoding, code, seen, &activation))))
+}
+
+/// [`bound`], of the values that get this code.
+pub(super) fn code_error(
+    encoding: &Encoding,
+    code: u32,
+    seen: [f64; 2],
+    activation: &impl Fn(f64) -> f64,
+) -> f64 {
+    let value = encoding.value(code);
+    let at_border = |low, high| activation(border(low, high).into());
+    let [mut low, mut high] = seen;
+    if code > 0 {
+        low = low.max(at_border(encoding.value(code - 1), value));
+    }
+    if code < encoding.last_code() {
+        high = high.min(at_border(value, encoding.value(code + 1)));
+    }
+    let level = activation(value.into());
+    if low > high { 0.0 } else { (high - level).max(level - low) }
 }
 
 /// The encoding of raw colour or features.
@@ -153,7 +216,7 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     let mut encoding = float_encoding(bits, Decode::Logit, 0.0, 0.224, activate::sigmoid);
     if let Bits::Integer(_) = bits {
         set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_REACH);
-        encoding.max_error = bound(&encoding, activate::sigmoid);
+        encoding.max_error = bound(&encoding, [0.0, 1.0], activate::sigmoid);
     }
     encoding
 }
@@ -191,7 +254,7 @@ fn float_encoding(
     }
 }
 
-fn round_up(bound: f64) -> f32 {
+pub(super) fn round_up(bound: f64) -> f32 {
     let nearest = bound as f32;
     if f64::from(nearest) < bound { nearest.next_up() } else { nearest }
 }

@@ -23,6 +23,7 @@ pub fn csv(report: &SweepReport) -> String {
         "preset",
         "filter",
         "bits",
+        "max_error",
         "alpha_threshold",
         "block_size",
         "zstd_level",
@@ -56,7 +57,8 @@ fn row(setting: &SettingReport, scales: usize) -> Vec<String> {
         }
         other => other.to_string(),
     };
-    let options = ["filter", "bits", "alpha_threshold", "block_size", "zstd_level", "levels"];
+    let options =
+        ["filter", "bits", "max_error", "alpha_threshold", "block_size", "zstd_level", "levels"];
     let mut row = vec![quoted(&setting.name), shown(setting.preset)];
     row.extend(options.map(option));
     row.extend([shown(setting.output_bytes), shown(setting.seconds), shown(setting.levels)]);

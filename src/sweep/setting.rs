@@ -24,6 +24,8 @@ pub struct Grid {
     pub filters: Vec<Filter>,
     /// Bits of a code.
     pub bits: Vec<Bits>,
+    /// Largest errors instead of bits; combined with the others as if they were more `bits`.
+    pub max_errors: Vec<f32>,
     /// Opacity up to which blocks are dropped.
     pub alpha_thresholds: Vec<f32>,
     /// Levels in all, at most.
@@ -63,7 +65,11 @@ impl Grid {
             combined.clear();
         }
         vary(&mut combined, &self.filters, |options, &filter| options.filter = filter);
-        vary(&mut combined, &self.bits, |options, &bits| options.bits = bits);
+        let bits = self.bits.iter().map(|&bits| (bits, None));
+        let default = BakeOptions::default().bits;
+        let errors = self.max_errors.iter().map(|&error| (default, Some(error)));
+        let depths: Vec<(Bits, Option<f32>)> = bits.chain(errors).collect();
+        vary(&mut combined, &depths, |options, &depth| (options.bits, options.max_error) = depth);
         vary(&mut combined, &self.alpha_thresholds, |options, &threshold| {
             options.alpha_threshold = threshold;
         });
@@ -114,6 +120,7 @@ fn name(options: &BakeOptions) -> String {
         filter,
         levels,
         bits,
+        max_error,
         alpha_threshold,
         block_size,
         zstd_level,
@@ -123,12 +130,13 @@ fn name(options: &BakeOptions) -> String {
         fit_cameras,
         nonfinite,
     } = options;
-    let bits = match bits {
-        Bits::Integer(bits) => format!("{bits}bit"),
-        Bits::F16 | Bits::F32 => bits.to_string(),
+    let depth = match (max_error, bits) {
+        (Some(max_error), _) => format!("e{max_error:e}"),
+        (None, Bits::Integer(bits)) => format!("{bits}bit"),
+        (None, Bits::F16 | Bits::F32) => bits.to_string(),
     };
     let mut name =
-        format!("{}-{bits}-t{alpha_threshold:e}-b{block_size}-z{zstd_level}", filter.name());
+        format!("{}-{depth}-t{alpha_threshold:e}-b{block_size}-z{zstd_level}", filter.name());
     if let Some(levels) = levels {
         name += &format!("-l{levels}");
     }
@@ -176,6 +184,15 @@ mod tests {
     }
 
     #[test]
+    fn errors_stand_beside_bits() {
+        let errors = Grid { max_errors: vec![0.01, 2e-4], levels: vec![2], ..Grid::default() };
+        let expected = ["rate-tent-e1e-2-t1e-3-b8-z1-l2", "rate-tent-e2e-4-t1e-3-b8-z1-l2"];
+        assert_eq!(names(&errors), expected);
+        let both = Grid { bits: vec![Bits::Integer(8)], ..errors };
+        assert_eq!(names(&both), [&["rate-tent-8bit-t1e-3-b8-z1-l2"], &expected[..]].concat());
+    }
+
+    #[test]
     fn presets_are_settings_of_their_own() {
         let alone = Grid { presets: vec![Preset::Web, Preset::Web], ..Grid::default() };
         assert_eq!(names(&alone), [Setting::new(Preset::Web.options()).name]);
@@ -191,6 +208,7 @@ mod tests {
         let grid = Grid {
             filters: Filter::all(),
             bits: vec![Bits::Integer(4), Bits::Integer(16), Bits::F16, Bits::F32],
+            max_errors: vec![1e-6, 0.0015, 0.25],
             alpha_thresholds: vec![1e-9, 1.5e-3, 0.01, 0.1],
             levels: vec![1, 2],
             block_sizes: vec![4, 8],

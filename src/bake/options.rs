@@ -1,0 +1,151 @@
+//! What a bake makes of a field, as users say it.
+
+use serde_json::json;
+
+use super::ranges::check_max_error;
+use super::{Filter, hex};
+use crate::baked::Metadata;
+use crate::camera::{Camera, digest};
+use crate::container::LARGEST_BLOCK;
+use crate::error::{Error, Result};
+use crate::field::Nonfinite;
+use crate::quantize::Bits;
+
+/// Compression level of zstd where nobody says another: the last that is fast enough to be no
+/// bottleneck.
+pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
+
+/// More steps than any fit needs by far.
+const MOST_FIT_STEPS: usize = 100_000;
+
+/// What a bake makes of a field.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct BakeOptions {
+    /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
+    /// afar
+    pub filter: Filter,
+    /// Levels in all, at most. Default: down to 4 nodes along the longest axis
+    pub levels: Option<usize>,
+    /// Bits of a code. Default: 8
+    pub bits: Bits,
+    /// Largest error, at any needed node of any level, of what is decoded from what was to be stored:
+    /// in opacity over one interval, in colour and features from 0 to 1. Each group of each level gets
+    /// the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
+    pub max_error: Option<f32>,
+    /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
+    pub alpha_threshold: f32,
+    /// Nodes along a block's edge. Default: 8
+    pub block_size: usize,
+    /// Compression level of zstd, 1 to 22. Default: 1
+    pub zstd_level: i32,
+    /// Multiplies the filter's level-of-detail factor. Default: 1
+    pub lod_scale: f32,
+    /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
+    pub fit_steps: usize,
+    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no bound
+    pub fit_seconds: Option<f64>,
+    /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
+    pub fit_cameras: Vec<Camera>,
+    /// What happens to values that are not finite. Default: refuse
+    pub nonfinite: Nonfinite,
+}
+
+impl Default for BakeOptions {
+    fn default() -> Self {
+        Self {
+            filter: Filter::RateTent,
+            levels: None,
+            bits: Bits::Integer(8),
+            max_error: None,
+            alpha_threshold: 1e-3,
+            block_size: 8,
+            zstd_level: DEFAULT_ZSTD_LEVEL,
+            lod_scale: 1.0,
+            fit_steps: 150,
+            fit_seconds: None,
+            fit_cameras: Vec::new(),
+            nonfinite: Nonfinite::Refuse,
+        }
+    }
+}
+
+impl BakeOptions {
+    /// The options that made a container, as far as its metadata and provenance tell.
+    pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
+        let mut options = Self::default();
+        options.filter = metadata.filter.parse().unwrap_or(options.filter);
+        options.levels = Some(metadata.levels.len());
+        options.alpha_threshold = metadata.alpha_threshold;
+        if let Some(finest) = metadata.levels.first() {
+            options.block_size = finest.block_size;
+            options.bits = finest.diffuse.as_ref().map_or(options.bits, Bits::of);
+        }
+        let max_error = provenance["options"]["max_error"].as_f64();
+        options.max_error = max_error.map(|error| error as f32);
+        let zstd_level = provenance["options"]["zstd_level"].as_i64();
+        let zstd_level = zstd_level.and_then(|level| i32::try_from(level).ok());
+        options.zstd_level = zstd_level.unwrap_or(options.zstd_level);
+        options
+    }
+
+    /// Refuses values that no bake can follow.
+    pub fn check(&self) -> Result<()> {
+        let bits_fit = match self.bits {
+            Bits::Integer(bits) => (4..=16).contains(&bits),
+            Bits::F16 | Bits::F32 => true,
+        };
+        let rules = [
+            (bits_fit, "--bits must be 4 to 16, f16 or f32"),
+            (self.levels.is_none_or(|levels| levels >= 1), "--levels must be at least 1"),
+            (
+                self.alpha_threshold >= 1e-9 && self.alpha_threshold < 1.0,
+                "--alpha-threshold must be from 1e-9 to below 1",
+            ),
+            ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
+            ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
+            (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
+            (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
+            (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
+        ];
+        rules
+            .iter()
+            .find(|(holds, _)| !holds)
+            .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
+        check_max_error(self.max_error)
+    }
+
+    /// Options as provenance and reports name them.
+    pub fn to_json(&self) -> serde_json::Value {
+        let mut options = json!({
+            "filter": self.filter.name(),
+            "levels": self.levels,
+            "bits": self.max_error.is_none().then(|| self.bits.to_string()),
+            "alpha_threshold": self.alpha_threshold,
+            "block_size": self.block_size,
+            "zstd_level": self.zstd_level,
+            "lod_scale": self.lod_scale,
+            "nonfinite": match self.nonfinite {
+                Nonfinite::Refuse => "refuse",
+                Nonfinite::Empty => "empty",
+            },
+        });
+        if let Some(max_error) = self.max_error {
+            options["max_error"] = max_error.into();
+        }
+        if self.filter == Filter::Fit {
+            options["fit_steps"] = self.fit_steps.into();
+            options["fit_seconds"] = self.fit_seconds.into();
+            options["fit_cameras"] = cameras_json(&self.fit_cameras);
+        }
+        options
+    }
+}
+
+/// Given cameras by their number and what tells them from others.
+fn cameras_json(cameras: &[Camera]) -> serde_json::Value {
+    match cameras.len() {
+        0 => serde_json::Value::Null,
+        count => json!({ "count": count, "sha256": hex(&digest(cameras)) }),
+    }
+}
