@@ -1,0 +1,36 @@
+/**
+ * Builds the two products: the page in `dist/`, which is committed and goes into the program, and with `--package` the
+ * npm package in `build/package/`. With `--tests` the tests in `build/tests/`.
+ */
+
+import { execFileSync } from "node:child_process";
+import { copyFileSync, readdirSync, rmSync } from "node:fs";
+import { build } from "esbuild";
+
+const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning" };
+
+// The worker's address is relative to its script in every product.
+const worker = (outfile) => build({ ...common, entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+
+if (process.argv.includes("--package")) {
+  rmSync("build/package", { recursive: true, force: true });
+  await build({ ...common, entryPoints: ["src/index.ts"], outfile: "build/package/index.js", external: ["three", "three/*"] });
+  await worker("build/package/worker.js");
+  execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
+} else if (process.argv.includes("--tests")) {
+  rmSync("build/tests", { recursive: true, force: true });
+  const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts"));
+  await build({
+    ...common,
+    entryPoints: tests.map((name) => `tests/${name}`),
+    outdir: "build/tests",
+    outExtension: { ".js": ".mjs" },
+    platform: "node",
+    packages: "external",
+  });
+} else {
+  await build({ ...common, entryPoints: ["page/viewer.ts"], outfile: "dist/viewer.js", minify: true });
+  await worker("dist/worker.js");
+  copyFileSync("page/index.html", "dist/index.html");
+  await build({ ...common, entryPoints: ["page/style.css"], outfile: "dist/style.css", minify: true });
+}

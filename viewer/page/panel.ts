@@ -1,0 +1,94 @@
+/** What the panel says. */
+
+import type { RadianceField, Statistics } from "../src/index.js";
+
+const TRANSFERS = {
+  ranges: "in parts",
+  whole: "whole: the server offers no parts",
+  memory: "from this device",
+} as const;
+
+function element<E extends HTMLElement>(id: string): E {
+  return document.getElementById(id) as E;
+}
+
+export const page = {
+  canvas: element<HTMLCanvasElement>("picture"),
+  progress: element<HTMLProgressElement>("progress"),
+  hint: element("hint"),
+  error: element("error"),
+  panel: element<HTMLDetailsElement>("panel"),
+  facts: element("facts"),
+  level: element<HTMLSelectElement>("level"),
+  colors: element<HTMLInputElement>("colors"),
+  chooser: element<HTMLInputElement>("chooser"),
+  openers: [element("open"), element("another")],
+};
+
+/** Bytes in the unit that people read, as the program prints them. */
+export function readable(bytes: number): string {
+  const units = ["B", "kB", "MB", "GB"];
+  let unit = 0;
+  let value = bytes;
+  for (; value >= 1000 && unit + 1 < units.length; unit++) value /= 1000;
+  return unit === 0 ? `${bytes} B` : `${value.toFixed(2)} ${units[unit]}`;
+}
+
+/** Shows an error in plain words, or takes it away. */
+export function showError(error: { message: string; remedy?: string } | null): void {
+  page.error.hidden = !error;
+  page.error.replaceChildren();
+  if (!error) return;
+  const title = document.createElement("b");
+  title.textContent = "This file cannot be shown.";
+  const lines = [error.message, error.remedy ?? ""].filter(Boolean).map((text) => {
+    const line = document.createElement("p");
+    line.textContent = text;
+    return line;
+  });
+  page.error.append(title, ...lines);
+}
+
+/** The choice of levels of a field. */
+export function offerLevels(field: RadianceField | null): void {
+  const levels = field?.metadata?.levels ?? [];
+  const options = [["", "as far as it is"], ...levels.map((level, i) => [String(i), `${i}: ${level.dimensions.join(" × ")}`])];
+  page.level.replaceChildren(
+    ...options.map(([value, text]) => {
+      const option = document.createElement("option");
+      [option.value, option.textContent] = [value, text];
+      return option;
+    }),
+  );
+}
+
+/** Rewrites the facts. */
+export function showFacts(name: string, field: RadianceField | null, frameTime: number | null, statistics: Statistics | null): void {
+  const rows: [string, string][] = [["File", name]];
+  const { metadata, file } = field ?? {};
+  if (field && metadata && file) {
+    const shown = field.finest;
+    const levels = metadata.levels.length;
+    const blocks = metadata.levels.filter((_, level) => shown !== null && level >= shown).reduce((sum, level) => sum + level.blocks_stored, 0);
+    const coarsest = file.plan.finest;
+    rows.push(
+      ["Level", shown === null ? "none yet" : `${shown}, of ${levels}${coarsest > 0 ? `; finer than ${coarsest} do not fit this device` : ""}`],
+      ["Nodes", metadata.levels[shown ?? levels - 1].dimensions.join(" × ")],
+      ["Blocks", `${blocks} of ${metadata.levels.reduce((sum, level) => sum + level.blocks_stored, 0)}`],
+      ["Bytes", `${readable(field.arrived)} of ${readable(file.fileBytes)}`],
+      ["Comes", TRANSFERS[file.transfer]],
+    );
+  }
+  if (frameTime !== null) rows.push(["Frame", `${frameTime.toFixed(1)} ms`]);
+  if (statistics && statistics.rays > 0) {
+    rows.push(["Samples a ray", statistics.samplesPerRay.toFixed(1)]);
+    rows.push(["Fetches a sample", (statistics.fetchesPerRay / Math.max(statistics.samplesPerRay, 1e-9)).toFixed(1)]);
+  }
+  page.facts.replaceChildren(
+    ...rows.flatMap(([term, text]) => {
+      const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
+      [dt.textContent, dd.textContent] = [term, text];
+      return [dt, dd];
+    }),
+  );
+}

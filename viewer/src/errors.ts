@@ -1,0 +1,23 @@
+/** What went wrong, in words for whoever opened the file. */
+export class FieldError extends Error {
+  /**
+   * @param message what was found where, and what was expected
+   * @param remedy what can be done about it
+   */
+  constructor(
+    message: string,
+    readonly remedy: string = REMEDY.damaged,
+  ) {
+    super(message);
+    this.name = "FieldError";
+  }
+}
+
+/** What can be done about the usual errors. */
+export const REMEDY = {
+  damaged: "The file is cut short or damaged: copy it or bake it again.",
+  foreign: "Open a .mipvog container or a .glb asset that holds one.",
+  newer: "Use a newer version of this viewer, or bake the file again.",
+  network: "Check the address and the connection, then open it again.",
+  device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",
+} as const;

@@ -1,0 +1,33 @@
+/** CRC-32 as zip and PNG compute it, eight bytes at a time. */
+
+const TABLES = tables();
+
+function tables(): Uint32Array[] {
+  const first = new Uint32Array(256);
+  for (let byte = 0; byte < 256; byte++) {
+    let sum = byte;
+    for (let bit = 0; bit < 8; bit++) sum = sum & 1 ? (sum >>> 1) ^ 0xedb88320 : sum >>> 1;
+    first[byte] = sum;
+  }
+  const all = [first];
+  for (let i = 1; i < 8; i++) {
+    const before = all[i - 1];
+    all.push(first.map((_, byte) => (before[byte] >>> 8) ^ first[before[byte] & 255]));
+  }
+  return all;
+}
+
+/** The checksum of `bytes`, or of what `before` is the sum of and then `bytes`. */
+export function crc32(bytes: Uint8Array, before = 0): number {
+  const [t0, t1, t2, t3, t4, t5, t6, t7] = TABLES;
+  let sum = ~before;
+  let i = 0;
+  for (const end = bytes.length - 7; i < end; i += 8) {
+    const low = sum ^ (bytes[i] | (bytes[i + 1] << 8) | (bytes[i + 2] << 16) | (bytes[i + 3] << 24));
+    sum =
+      t7[low & 255] ^ t6[(low >>> 8) & 255] ^ t5[(low >>> 16) & 255] ^ t4[low >>> 24] ^
+      t3[bytes[i + 4]] ^ t2[bytes[i + 5]] ^ t1[bytes[i + 6]] ^ t0[bytes[i + 7]];
+  }
+  for (; i < bytes.length; i++) sum = (sum >>> 8) ^ t0[(sum ^ bytes[i]) & 255];
+  return ~sum >>> 0;
+}

@@ -1,0 +1,125 @@
+/** Header and directory: sections 2 and 3 of `formats/mipvog.md`. */
+
+import { FieldError, REMEDY } from "../errors.js";
+import { crc32 } from "./crc32.js";
+
+export const HEADER_BYTES = 64;
+export const ENTRY_BYTES = 64;
+const ALIGNMENT = 64;
+const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
+const NO_LEVEL = 0xffffffff;
+/** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
+const MOST_CHUNKS = 4096;
+const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT"];
+
+export interface Header {
+  /** Bytes of the whole file. */
+  fileBytes: number;
+  chunks: number;
+}
+
+export interface Entry {
+  /** Four letters. */
+  kind: string;
+  /** 0 is the finest; null for chunks of no level. */
+  level: number | null;
+  offset: number;
+  bytes: number;
+  /** Bytes after which the level renders. */
+  prefix: number;
+  checksum: number;
+}
+
+/** Whether bytes start like a container. */
+export function isContainer(bytes: Uint8Array): boolean {
+  return SIGNATURE.every((byte, i) => bytes[i] === byte);
+}
+
+function view(bytes: Uint8Array): DataView {
+  return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+}
+
+/** A u64 that counts bytes of a file: no file is beyond 2^53. */
+function length(data: DataView, at: number): number {
+  const value = data.getBigUint64(at, true);
+  if (value > BigInt(Number.MAX_SAFE_INTEGER)) throw new FieldError(`The number at byte ${at} is impossibly large (${value}).`);
+  return Number(value);
+}
+
+/** Reads the first 64 bytes. */
+export function readHeader(bytes: Uint8Array): Header {
+  if (!isContainer(bytes)) throw new FieldError("This is no .mipvog container: it does not start with the signature.", REMEDY.foreign);
+  if (bytes.length < HEADER_BYTES) throw new FieldError(`The file ends after ${bytes.length} bytes, within its header.`);
+  const data = view(bytes);
+  const major = data.getUint16(8, true);
+  if (major !== 1) throw new FieldError(`The container is of version ${major}; this viewer knows version 1.`, REMEDY.newer);
+  const features = data.getBigUint64(16, true);
+  if (features !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
+  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true) };
+  if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");
+  if (header.chunks === 0 || header.chunks > MOST_CHUNKS) throw new FieldError(`The header speaks of ${header.chunks} chunks; 1 to ${MOST_CHUNKS} can be.`);
+  return header;
+}
+
+/** Reads the directory from the file's first `64 + 64 * chunks` bytes and checks both. */
+export function readDirectory(header: Header, bytes: Uint8Array): Entry[] {
+  const end = HEADER_BYTES + ENTRY_BYTES * header.chunks;
+  const head = bytes.slice(0, end);
+  if (head.length < end) throw new FieldError(`The file ends after ${bytes.length} bytes, within its directory.`);
+  const data = view(head);
+  const expected = data.getUint32(48, true);
+  head.fill(0, 48, 52);
+  const found = crc32(head);
+  if (found !== expected) throw new FieldError(`The checksum of header and directory is ${hex(found)} and should be ${hex(expected)}.`);
+  const entries: Entry[] = [];
+  let next = end;
+  for (let i = 0; i < header.chunks; i++) {
+    const at = HEADER_BYTES + ENTRY_BYTES * i;
+    const level = data.getUint32(at + 4, true);
+    const entry = {
+      kind: String.fromCharCode(...head.subarray(at, at + 4)),
+      level: level === NO_LEVEL ? null : level,
+      offset: length(data, at + 8),
+      bytes: length(data, at + 16),
+      prefix: length(data, at + 24),
+      checksum: data.getUint32(at + 32, true),
+    };
+    checkEntry(entry, entries, next, header);
+    next = Math.ceil((entry.offset + entry.bytes) / ALIGNMENT) * ALIGNMENT;
+    entries.push(entry);
+  }
+  if (next !== header.fileBytes) throw new FieldError(`The chunks end at byte ${next}, the file at ${header.fileBytes}.`);
+  return entries;
+}
+
+function checkEntry(entry: Entry, before: Entry[], next: number, header: Header): void {
+  const { kind, level } = entry;
+  if (!/^[A-Za-z]{4}$/.test(kind)) throw new FieldError(`A chunk's type is not four letters.`);
+  if (entry.offset !== next || entry.offset + entry.bytes > header.fileBytes) {
+    throw new FieldError(`Chunk ${kind} lies at byte ${entry.offset} with ${entry.bytes} bytes; it should start at ${next} and end within the file.`);
+  }
+  const critical = kind[0] === kind[0].toUpperCase();
+  if (!KNOWN.includes(kind)) {
+    if (critical) throw new FieldError(`The container needs the chunk ${kind}, which this viewer does not know.`, REMEDY.newer);
+  } else if (before.some((other) => other.kind === kind && other.level === level)) {
+    throw new FieldError(`Chunk ${kind} is there twice.`);
+  }
+  if (entry.prefix > header.fileBytes) throw new FieldError(`Chunk ${kind} speaks of a prefix of ${entry.prefix} bytes, beyond the file's end.`);
+}
+
+/** The bytes of a chunk, held against their checksum. `bytes` starts at byte `start` of the file. */
+export function chunkBytes(entry: Entry, bytes: Uint8Array, start: number): Uint8Array {
+  const chunk = bytes.subarray(entry.offset - start, entry.offset - start + entry.bytes);
+  const found = crc32(chunk);
+  if (chunk.length === entry.bytes && found === entry.checksum) return chunk;
+  throw new FieldError(`${chunkName(entry)} at byte ${entry.offset} is damaged: its checksum is ${hex(found)} and should be ${hex(entry.checksum)}.`);
+}
+
+/** For messages. */
+export function chunkName(entry: Entry): string {
+  return entry.level === null ? `Chunk ${entry.kind}` : `Chunk ${entry.kind} of level ${entry.level}`;
+}
+
+function hex(value: number): string {
+  return value.toString(16).padStart(8, "0");
+}

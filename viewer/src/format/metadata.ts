@@ -1,0 +1,221 @@
+/** The metadata, chunk META: section 4 of `formats/mipvog.md`. */
+
+import { FieldError, REMEDY } from "../errors.js";
+
+export type Triple = [number, number, number];
+
+/** How the values of one group of one level are stored. */
+export interface Encoding {
+  number: "u8" | "u16" | "f16" | "f32";
+  bits: number;
+  center: number;
+  step: number;
+  curve: number;
+  empty: number;
+  empty_code: boolean;
+  decode: "logit" | "raw_density" | "sqrt_optical_depth" | "opacity";
+  max_error: number;
+}
+
+export interface LevelMetadata {
+  dimensions: Triple;
+  block_size: number;
+  blocks_stored: number;
+  density: Encoding | null;
+  diffuse: Encoding;
+  features: Encoding | null;
+}
+
+export interface Metadata {
+  bounds: { min: Triple; max: Triple };
+  activation: { interval: number; order: "raw" | "density" | "opacity"; shift: number };
+  march: {
+    alpha_threshold: number;
+    color_threshold: number;
+    far: number | null;
+    near: number;
+    stepsize: number;
+    voxel_size: number;
+  };
+  step_rule: "constant" | "level_of_detail";
+  level_of_detail: { aside: "same_distance" | "same_index"; bias: number; factor: number; most: number | null };
+  blend: "before_activation" | "after_activation";
+  background: Triple;
+  color_space: "srgb_display";
+  features: number;
+  view: null | { frequencies: number; input: "diffuse_and_features" | "features"; widths: number[] };
+  free_space: boolean;
+  alpha_threshold: number;
+  filter: string;
+  /** Fine to coarse. */
+  levels: LevelMetadata[];
+}
+
+/** What a value of the metadata must be; throws where it is not. */
+type Rule = (value: unknown, key: string) => void;
+
+function fail(key: string, expected: string): never {
+  throw new FieldError(`The metadata's ${key || "content"} should be ${expected}.`);
+}
+
+const number = (expected: string, holds: (value: number) => boolean): Rule => (value, key) => {
+  if (typeof value !== "number" || !Number.isFinite(Math.fround(value)) || !holds(value)) fail(key, expected);
+};
+const whole = (from: number, to: number) =>
+  number(`a whole number from ${from} to ${to}`, (value) => Number.isInteger(value) && value >= from && value <= to);
+const finite = number("a finite number", () => true);
+const positive = number("a positive number", (value) => value > 0);
+const share = number("a number from 0 to below 1", (value) => value >= 0 && value < 1);
+const fromZero = number("a number from 0", (value) => value >= 0);
+const oneOf = (...names: string[]): Rule => (value, key) => {
+  if (!names.includes(value as string)) {
+    throw new FieldError(`The metadata's ${key} is ${JSON.stringify(value)}; this viewer knows ${names.join(", ")}.`, REMEDY.newer);
+  }
+};
+const boolean: Rule = (value, key) => {
+  if (typeof value !== "boolean") fail(key, "true or false");
+};
+const text: Rule = (value, key) => {
+  if (typeof value !== "string") fail(key, "a text");
+};
+const nullable = (rule: Rule): Rule => (value, key) => {
+  if (value !== null) rule(value, key);
+};
+const list = (least: number, most: number, rule: Rule): Rule => (value, key) => {
+  if (!Array.isArray(value) || value.length < least || value.length > most) fail(key, `a list of ${least} to ${most}`);
+  value.forEach((item, i) => rule(item, `${key}[${i}]`));
+};
+/** Unknown and missing keys are errors. */
+const record = (rules: Record<string, Rule>): Rule => (value, key) => {
+  if (typeof value !== "object" || value === null || Array.isArray(value)) fail(key, "an object");
+  const found = value as Record<string, unknown>;
+  for (const name of Object.keys(found)) {
+    if (!(name in rules)) throw new FieldError(`The metadata's ${join(key, name)} is not known.`, REMEDY.newer);
+  }
+  for (const [name, rule] of Object.entries(rules)) {
+    if (!(name in found)) fail(join(key, name), "there");
+    rule(found[name], join(key, name));
+  }
+};
+const join = (key: string, name: string) => (key ? `${key}.${name}` : name);
+
+const triple = list(3, 3, finite);
+const encoding = record({
+  number: oneOf("u8", "u16", "f16", "f32"),
+  bits: whole(1, 32),
+  center: finite,
+  step: finite,
+  curve: finite,
+  empty: finite,
+  empty_code: boolean,
+  decode: oneOf("logit", "raw_density", "sqrt_optical_depth", "opacity"),
+  max_error: fromZero,
+});
+
+const METADATA = record({
+  bounds: record({ min: triple, max: triple }),
+  activation: record({ interval: positive, order: oneOf("raw", "density", "opacity"), shift: finite }),
+  march: record({
+    alpha_threshold: share,
+    color_threshold: share,
+    far: nullable(finite),
+    near: fromZero,
+    stepsize: positive,
+    voxel_size: positive,
+  }),
+  step_rule: oneOf("constant", "level_of_detail"),
+  level_of_detail: record({
+    aside: oneOf("same_distance", "same_index"),
+    bias: finite,
+    factor: positive,
+    most: nullable(fromZero),
+  }),
+  blend: oneOf("before_activation", "after_activation"),
+  background: triple,
+  color_space: oneOf("srgb_display"),
+  features: whole(0, 61),
+  view: nullable(
+    record({
+      frequencies: whole(0, 32),
+      input: oneOf("diffuse_and_features", "features"),
+      widths: list(2, 32, whole(1, 4096)),
+    }),
+  ),
+  free_space: boolean,
+  alpha_threshold: share,
+  filter: text,
+  levels: list(
+    1,
+    32,
+    record({
+      dimensions: list(3, 3, whole(2, 65536)),
+      block_size: whole(1, 64),
+      blocks_stored: whole(0, 2 ** 33),
+      density: nullable(encoding),
+      diffuse: encoding,
+      features: nullable(encoding),
+    }),
+  ),
+});
+
+/** Blocks along each axis of a level. */
+export function blockCounts(level: LevelMetadata): Triple {
+  return level.dimensions.map((nodes) => Math.ceil(nodes / level.block_size)) as Triple;
+}
+
+/** Inputs of the network that follow the embedded direction. */
+export function networkInputs(metadata: Metadata): number {
+  return metadata.view?.input === "features" ? metadata.features : 3 + metadata.features;
+}
+
+/** Reads chunk META. */
+export function readMetadata(bytes: Uint8Array): Metadata {
+  let parsed: unknown;
+  try {
+    parsed = JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(bytes));
+  } catch {
+    throw new FieldError("The metadata is no JSON in UTF-8.");
+  }
+  METADATA(parsed, "");
+  const metadata = parsed as Metadata;
+  checkAgreement(metadata);
+  return metadata;
+}
+
+function checkAgreement(metadata: Metadata): void {
+  const { bounds, march, levels, view } = metadata;
+  if (!bounds.min.every((min, axis) => min < bounds.max[axis])) fail("bounds", "a box, min below max");
+  if (march.far !== null && march.far <= march.near) fail("march.far", "above near");
+  levels.forEach((level, i) => {
+    const key = `levels[${i}]`;
+    if (i > 0 && !level.dimensions.every((nodes, axis) => nodes <= levels[i - 1].dimensions[axis])) {
+      fail(`${key}.dimensions`, "no more than those of the finer level");
+    }
+    const [x, y, z] = level.dimensions;
+    if (x * y * z > 2 ** 33) fail(`${key}.dimensions`, "2^33 nodes at most");
+    const [bx, by, bz] = blockCounts(level);
+    if (level.blocks_stored > bx * by * bz) fail(`${key}.blocks_stored`, "no more than the level has");
+    if ((level.features !== null) !== metadata.features > 0) fail(`${key}.features`, "there if the field has features");
+    checkEncoding(level.density, `${key}.density`, metadata.blend);
+    checkEncoding(level.diffuse, `${key}.diffuse`, null);
+    checkEncoding(level.features, `${key}.features`, null);
+  });
+  if (levels[0].density === null) fail("levels[0].density", "an encoding");
+  if (metadata.blend === "after_activation" && levels.some((level) => level.density === null)) {
+    fail("blend", "before_activation where a level has no density");
+  }
+  if (view && (view.widths[0] !== 3 + 6 * view.frequencies + networkInputs(metadata) || view.widths.at(-1) !== 3)) {
+    fail("view.widths", "those of its inputs and of three colours");
+  }
+}
+
+/** `blend` is null for colour. */
+function checkEncoding(stored: Encoding | null, key: string, blend: Metadata["blend"] | null): void {
+  if (!stored) return;
+  const { number: type, bits, decode } = stored;
+  const [least, most] = { u8: [1, 8], u16: [9, 16], f16: [16, 16], f32: [32, 32] }[type];
+  if (bits < least || bits > most) fail(`${key}.bits`, `${least} to ${most}`);
+  const densities = blend === "after_activation" ? ["raw_density", "sqrt_optical_depth", "opacity"] : ["raw_density"];
+  if (!(blend === null ? ["logit"] : densities).includes(decode)) fail(`${key}.decode`, "one that fits its group");
+  if (type.startsWith("f") && stored.empty_code) fail(`${key}.empty_code`, "false for floats");
+}

@@ -1,0 +1,61 @@
+/** `MIPVOG_radiance_field` for three.js's GLTFLoader: nodes that show a field instead of their mesh. */
+
+import { LoaderUtils, type Mesh } from "three";
+import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
+import { FieldError } from "./errors.js";
+import { RadianceField } from "./field.js";
+
+export const EXTENSION = "MIPVOG_radiance_field";
+
+interface FieldDefinition {
+  uri?: string;
+  bufferView?: number;
+}
+
+/**
+ * Registers with `loader.register((parser) => new RadianceFieldExtension(parser))`. A field's node holds a
+ * `RadianceField`, which goes on loading after the scene is there; a field that cannot be opened leaves the
+ * node's own mesh, with the error as `userData.radianceFieldError`.
+ */
+export class RadianceFieldExtension implements GLTFLoaderPlugin {
+  readonly name = EXTENSION;
+
+  constructor(private readonly parser: GLTFParser) {}
+
+  createNodeMesh(nodeIndex: number): Promise<Mesh> | null {
+    const node = this.parser.json.nodes[nodeIndex];
+    const reference = node.extensions?.[EXTENSION];
+    return reference ? this.create(nodeIndex, reference.radianceField) : null;
+  }
+
+  private async create(nodeIndex: number, number: unknown): Promise<Mesh> {
+    try {
+      const field = new RadianceField(await this.source(number));
+      try {
+        await field.opened;
+      } catch (error) {
+        field.dispose();
+        throw error;
+      }
+      return field;
+    } catch (error) {
+      const { nodes } = this.parser.json;
+      // The loader's own way to a node's mesh, which it does not declare.
+      const own = this.parser as unknown as { createNodeMesh(index: number): Promise<Mesh> | null };
+      const fallback = nodes[nodeIndex].mesh === undefined ? null : await own.createNodeMesh(nodeIndex);
+      if (!fallback) throw error;
+      fallback.userData.radianceFieldError = error;
+      return fallback;
+    }
+  }
+
+  /** Where the container of a field is. */
+  private async source(number: unknown): Promise<string | ArrayBuffer> {
+    const fields: FieldDefinition[] = this.parser.json.extensions?.[EXTENSION]?.radianceFields ?? [];
+    const field = typeof number === "number" ? fields[number] : undefined;
+    if (!field) throw new FieldError(`A node shows radiance field ${number}; the asset has ${fields.length}.`);
+    if (field.bufferView !== undefined) return this.parser.getDependency("bufferView", field.bufferView) as Promise<ArrayBuffer>;
+    if (field.uri === undefined) throw new FieldError(`Radiance field ${number} has neither uri nor bufferView.`);
+    return LoaderUtils.resolveURL(field.uri, this.parser.options.path);
+  }
+}

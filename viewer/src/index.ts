@@ -1,0 +1,5 @@
+export { FieldError } from "./errors.js";
+export { RadianceField, type RadianceFieldEventMap, type Statistics } from "./field.js";
+export type { Metadata } from "./format/metadata.js";
+export { EXTENSION, RadianceFieldExtension } from "./gltf.js";
+export type { Source, Transfer } from "./load/source.js";

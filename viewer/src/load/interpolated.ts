@@ -1,0 +1,26 @@
+/** What is interpolated between nodes: section 6 of `formats/mipvog.md`, as the reference renderer does it. */
+
+import type { Encoding, Metadata } from "../format/metadata.js";
+
+/** Densities beyond are as good as these, and differences of larger ones overflow. */
+const LARGEST_DENSITY = 1e30;
+/** Opacity over one interval that nobody sees. */
+const UNSEEN_OPACITY = 1e-10;
+
+/** From a stored density to the value that is interpolated. */
+export function interpolatedDensity({ shift, interval, order }: Metadata["activation"], decode: Encoding["decode"]): (stored: number) => number {
+  const bounded = (value: number) => Math.max(-LARGEST_DENSITY, Math.min(LARGEST_DENSITY, value));
+  if (decode !== "raw_density" || order === "raw") return bounded;
+  const softplus = (x: number) => Math.max(x, 0) + Math.log1p(Math.exp(-Math.abs(x)));
+  if (order === "density") return (raw) => softplus(bounded(raw) + shift);
+  return (raw) => -Math.expm1(-softplus(bounded(raw) + shift) * interval);
+}
+
+/** The value up to which no cell between such nodes can be seen. */
+export function unseenDensity(activation: Metadata["activation"], decode: Encoding["decode"]): number {
+  if (decode === "sqrt_optical_depth") return Math.sqrt(UNSEEN_OPACITY);
+  if (decode === "opacity") return UNSEEN_OPACITY;
+  // The raw density of that opacity; so far below, softplus is an exponential.
+  const raw = Math.log(UNSEEN_OPACITY / activation.interval) - activation.shift;
+  return interpolatedDensity(activation, decode)(raw);
+}

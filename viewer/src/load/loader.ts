@@ -1,0 +1,171 @@
+/**
+ * Reads a container coarse to fine: header and directory, metadata, then level after level as their bytes arrive.
+ * Runs in a worker.
+ */
+
+import { FieldError } from "../errors.js";
+import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../format/layout.js";
+import { type Mask, readMask } from "../format/mask.js";
+import { type Metadata, readMetadata } from "../format/metadata.js";
+import { type Layer, readNetwork } from "../format/network.js";
+import { decodeLevel, type DecodedLevel } from "./level.js";
+import { type DeviceLimits, type Plan, plan } from "./plan.js";
+import { type ByteSource, openSource, type Source, type Transfer } from "./source.js";
+
+/** The first request: header and directory of every container with a usual number of levels. */
+const FIRST_BYTES = 4096;
+/** Levels up to this share of the file come with the first picture. */
+const FIRST_PICTURE = 1 / 25;
+
+/** What is known before the first level. */
+export interface Opened {
+  metadata: Metadata;
+  plan: Plan;
+  network: Layer[];
+  mask: Mask | null;
+  fileBytes: number;
+  /** Bytes from the file's start after which each level renders, fine to coarse. */
+  prefixes: number[];
+  transfer: Transfer;
+}
+
+/** What happens on the way. */
+export interface Listener {
+  opened(opened: Opened): void;
+  progress(arrived: number): void;
+  level(level: DecodedLevel): void;
+}
+
+/** One container on its way. */
+export class Loader {
+  private readonly source: ByteSource;
+  private entries: Entry[] = [];
+  private opened: Opened | null = null;
+  /** Levels as they are in the file, to be decoded again after the device lost them. */
+  private readonly kept: { levels: number[]; bytes: Uint8Array; start: number }[] = [];
+
+  constructor(source: Source) {
+    this.source = openSource(source);
+  }
+
+  /** Loads every level that fits the device. */
+  async load(device: DeviceLimits, listener: Listener): Promise<void> {
+    const head = await this.open(device, listener);
+    const { opened } = this;
+    if (!opened) return;
+    let loaded = head.length;
+    // Bytes of the file from `start` on that no level has taken yet.
+    let rest: Uint8Array = head;
+    let start = 0;
+    for (const levels of this.pieces(opened)) {
+      const end = opened.prefixes[levels[levels.length - 1]];
+      const bytes = joined(rest, await this.source.read(loaded, end, listener.progress));
+      loaded = start + bytes.length;
+      if (loaded < end) throw new FieldError(`The file ends after ${loaded} bytes and should have ${opened.fileBytes}.`);
+      const piece = { levels, bytes, start };
+      for (const level of levels) listener.level(this.decode(opened, level, piece));
+      this.kept.push(piece);
+      [rest, start] = [bytes.subarray(end - start), end];
+    }
+  }
+
+  /** Decodes once more what was loaded. */
+  again(listener: Pick<Listener, "level">): void {
+    const { opened } = this;
+    if (!opened) return;
+    for (const piece of this.kept) for (const level of piece.levels) listener.level(this.decode(opened, level, piece));
+  }
+
+  cancel(): void {
+    this.source.cancel();
+  }
+
+  private decode(opened: Opened, level: number, piece: { bytes: Uint8Array; start: number }): DecodedLevel {
+    return decodeLevel(opened.metadata, this.entries, opened.plan, level, piece.bytes, piece.start);
+  }
+
+  /** Header, directory and the chunks of no level before the first one; all bytes read. */
+  private async open(device: DeviceLimits, listener: Listener): Promise<Uint8Array> {
+    let bytes: Uint8Array = await this.source.read(0, FIRST_BYTES, listener.progress);
+    const more = async (end: number) => {
+      if (end > bytes.length) bytes = joined(bytes, await this.source.read(bytes.length, end, listener.progress));
+    };
+    const header = readHeader(bytes);
+    if (this.source.length !== null && this.source.length !== header.fileBytes) {
+      throw new FieldError(`The file has ${this.source.length} bytes; its header says ${header.fileBytes}.`);
+    }
+    await more(HEADER_BYTES + ENTRY_BYTES * header.chunks);
+    this.entries = readDirectory(header, bytes);
+    const [meta] = this.entries;
+    if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
+    await more(meta.offset + meta.bytes);
+    const metadata = readMetadata(chunkBytes(meta, bytes, 0));
+    this.checkLevels(metadata);
+    const laidOut = plan(metadata, device);
+    const prefixes = metadata.levels.map((_, level) => this.prefix(level));
+    const first = this.find("TABL", metadata.levels.length - 1);
+    // All that is not of a level lies before the coarsest one, or is not needed.
+    const body = async (kind: string) => {
+      const entry = this.find(kind, null);
+      if (!entry || entry.offset > (first?.offset ?? 0)) throw new FieldError(`Chunk ${kind} is missing, or lies behind levels.`);
+      await more(entry.offset + entry.bytes);
+      return chunkBytes(entry, bytes, 0);
+    };
+    if (!metadata.view && this.find("VMLP", null)) throw new FieldError("There is a network that the metadata does not speak of.");
+    const network = metadata.view ? readNetwork(metadata.view, await body("VMLP")) : [];
+    const mask = metadata.free_space ? readMask(await body("MASK")) : null;
+    const { fileBytes } = header;
+    this.opened = { metadata, plan: laidOut, network, mask, fileBytes, prefixes, transfer: this.source.transfer };
+    listener.opened(this.opened);
+    return bytes;
+  }
+
+  /** Levels that come together, coarsest first. */
+  private *pieces({ metadata, plan, prefixes, fileBytes }: Opened): Generator<number[]> {
+    let levels: number[] = [];
+    for (let level = metadata.levels.length - 1; level >= plan.finest; level--) {
+      levels.push(level);
+      const soon = level > plan.finest && prefixes[level - 1] <= fileBytes * FIRST_PICTURE;
+      // Levels that render with the finest one only come with it.
+      const together = level > plan.finest && prefixes[level - 1] === prefixes[level];
+      if (soon || together) continue;
+      yield levels;
+      levels = [];
+    }
+  }
+
+  private find(kind: string, level: number | null): Entry | undefined {
+    return this.entries.find((entry) => entry.kind === kind && entry.level === level);
+  }
+
+  private prefix(level: number): number {
+    return this.find("TABL", level)?.prefix ?? 0;
+  }
+
+  /** Chunks of levels that are there, coarsest first; prefixes that hold them. */
+  private checkLevels(metadata: Metadata): void {
+    let coarser = Infinity;
+    for (const entry of this.entries) {
+      if (entry.level === null) continue;
+      if (entry.level >= metadata.levels.length) throw new FieldError(`Chunk ${entry.kind} is of level ${entry.level}, which is not there.`);
+      const critical = ["TABL", "DENS", "DIFF", "FEAT"].includes(entry.kind);
+      if (critical && entry.level > coarser) throw new FieldError("The levels are not in order, coarsest first.");
+      if (critical) coarser = entry.level;
+      if (entry.offset + entry.bytes > entry.prefix || this.prefix(entry.level) !== entry.prefix) {
+        throw new FieldError(`The directory's prefix of level ${entry.level} does not hold the level.`);
+      }
+    }
+    metadata.levels.forEach((_, level) => {
+      if (!this.find("TABL", level)) throw new FieldError(`Level ${level} has no table of blocks.`);
+    });
+  }
+}
+
+function joined(a: Uint8Array, b: Uint8Array): Uint8Array {
+  if (a.length === 0) return b;
+  if (b.length === 0) return a;
+  const both = new Uint8Array(a.length + b.length);
+  both.set(a);
+  both.set(b, a.length);
+  return both;
+}

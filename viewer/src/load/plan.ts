@@ -1,0 +1,83 @@
+/**
+ * Where stored blocks lie in the device's textures.
+ *
+ * All levels share an atlas of density and one of colour. A stored block takes a slot of both, a cube of
+ * nodes one wider than a block: on its upper sides it repeats the lowest nodes of its neighbours, so that hardware
+ * interpolates every cell of a block within the slot. The coarsest level has the first slots. A texture's x is the
+ * field's z, so that nodes lie as in the file.
+ */
+
+import { FieldError, REMEDY } from "../errors.js";
+import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
+
+/** What the device can hold. */
+export interface DeviceLimits {
+  /** Texels along a 3D texture. */
+  side: number;
+  /** Whether textures of 32-bit floats are interpolated by hardware; else density is in 16 bits. */
+  floatLinear: boolean;
+  /** Bytes of atlases, at most. */
+  bytes: number;
+}
+
+export interface Plan {
+  /** The finest level that fits. */
+  finest: number;
+  /** Texels along a slot. */
+  slot: number;
+  /** Slots along the atlas's x, y and z. */
+  slots: Triple;
+  /** Quadruples of colour channels; each has its own slot of the colour atlas, one behind the other along z. */
+  quads: number;
+  /** Slots before the first one of each level, fine to coarse. */
+  firstSlot: number[];
+  /** Bytes of both atlases. */
+  bytes: number;
+  floatLinear: boolean;
+}
+
+/** Slots are numbered in the table of blocks with 10 bits along each axis. */
+const MOST_SLOTS = 1024;
+
+/** Lays out as many levels as fit, coarsest first. */
+export function plan(metadata: Metadata, device: DeviceLimits): Plan {
+  const { levels } = metadata;
+  const quads = Math.ceil((3 + metadata.features) / 4);
+  const slot = Math.max(...levels.map((level) => level.block_size)) + 1;
+  const texelBytes = (device.floatLinear ? 4 : 2) + 8 * quads;
+  const firstSlot = new Array<number>(levels.length).fill(0);
+  let fitting: Plan | null = null;
+  let count = 0;
+  let tableSide = 0;
+  for (let finest = levels.length - 1; finest >= 0; finest--) {
+    const counts = blockCounts(levels[finest]);
+    tableSide += counts[0];
+    firstSlot[finest] = count;
+    count += levels[finest].blocks_stored;
+    const slots = arrange(Math.max(count, 1), device.side, slot, quads);
+    if (!slots || Math.max(tableSide, counts[1], counts[2]) > device.side) break;
+    const bytes = slots[0] * slots[1] * slots[2] * slot ** 3 * texelBytes;
+    if (bytes > device.bytes) break;
+    const renders = finest === 0 || levels.every((level) => level.density !== null);
+    if (renders) fitting = { finest, slot, slots, quads, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear };
+  }
+  if (fitting) return fitting;
+  throw new FieldError(`This field's ${count} blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);
+}
+
+/** Slots along each axis for `count` of them, as near to a cube as fits. */
+function arrange(count: number, side: number, slot: number, quads: number): Triple | null {
+  const most = Math.min(MOST_SLOTS, Math.floor(side / slot));
+  const deepest = Math.min(most, Math.floor(side / (slot * quads)));
+  if (most < 1 || deepest < 1) return null;
+  const z = Math.min(deepest, Math.ceil(Math.cbrt(count)));
+  const x = Math.min(most, Math.ceil(Math.sqrt(count / z)));
+  const y = Math.ceil(count / (x * z));
+  return y <= most ? [x, y, z] : null;
+}
+
+/** The place of a slot. */
+export function slotPlace(plan: Plan, slot: number): Triple {
+  const [x, y] = plan.slots;
+  return [slot % x, Math.floor(slot / x) % y, Math.floor(slot / (x * y))];
+}

@@ -1,0 +1,237 @@
+/** The device's textures of a field, and the way of decoded levels into them. */
+
+import {
+  ClampToEdgeWrapping,
+  Data3DTexture,
+  DataTexture,
+  FloatType,
+  HalfFloatType,
+  LinearFilter,
+  NearestFilter,
+  RedFormat,
+  RedIntegerFormat,
+  RGBAFormat,
+  RGBAIntegerFormat,
+  UnsignedByteType,
+  UnsignedIntType,
+  type Texture,
+  type WebGLRenderer,
+} from "three";
+import { FieldError, REMEDY } from "../errors.js";
+import { blockCounts, type Triple } from "../format/metadata.js";
+import type { DecodedLevel } from "../load/level.js";
+import type { Opened } from "../load/loader.js";
+import { type Plan, slotPlace } from "../load/plan.js";
+import { macroCounts } from "../load/seen.js";
+import { packWeights, WEIGHTS_WIDTH } from "./shader.js";
+
+/** Bytes that go to the device in one frame, so that no frame takes long. */
+const UPLOAD_BYTES = 16 << 20;
+
+/** A decoded level on its way to the device. */
+interface Upload {
+  level: DecodedLevel;
+  /** Blocks that are there. */
+  done: number;
+}
+
+export class Atlas {
+  readonly density: Data3DTexture;
+  readonly color: Data3DTexture;
+  readonly table: Data3DTexture;
+  readonly rooms: Data3DTexture;
+  readonly weights: DataTexture;
+  readonly mask: Data3DTexture | null;
+  /** Where each level's table starts along the field's x. */
+  readonly tableStart: number[] = [];
+  /** Levels whose blocks are all there. */
+  readonly live = new Set<number>();
+  private readonly plan: Plan;
+  private readonly tables: Uint32Array;
+  private readonly tableSize: Triple;
+  private readonly roomsOf: Uint8Array;
+  private readonly macro: Triple;
+  private uploads: Upload[] = [];
+  /** The texture that holds what was uploaded: another one after the context was lost. */
+  private holder: WebGLTexture | null = null;
+
+  constructor(private readonly opened: Opened) {
+    const { metadata, plan, network, mask } = opened;
+    this.plan = plan;
+    const [x, y, z] = plan.slots.map((slots) => slots * plan.slot) as Triple;
+    this.density = volume(null, [x, y, z], RedFormat, plan.floatLinear ? FloatType : HalfFloatType);
+    this.color = volume(null, [x, y, z * plan.quads], RGBAFormat, HalfFloatType);
+    for (const texture of [this.density, this.color]) {
+      texture.minFilter = texture.magFilter = LinearFilter;
+      // Storage alone: blocks come one by one.
+      texture.source.dataReady = false;
+    }
+    const counts = metadata.levels.map(blockCounts);
+    let depth = 0;
+    counts.forEach(([x], level) => {
+      this.tableStart.push(level < plan.finest ? 0 : depth);
+      if (level >= plan.finest) depth += x;
+    });
+    const widest = counts[plan.finest];
+    this.tableSize = [widest[2], widest[1], depth];
+    this.tables = new Uint32Array(widest[2] * widest[1] * depth);
+    this.table = volume(this.tables, this.tableSize, RedIntegerFormat, UnsignedIntType, "R32UI");
+    this.macro = macroCounts(metadata);
+    const [mx, my, mz] = this.macro;
+    const quads = Math.ceil(metadata.levels.length / 4);
+    this.roomsOf = new Uint8Array(mx * my * mz * quads * 4);
+    this.rooms = volume(this.roomsOf, [mz, my, mx * quads], RGBAIntegerFormat, UnsignedByteType, "RGBA8UI");
+    const packed = packWeights(network);
+    this.weights = new DataTexture(packed, WEIGHTS_WIDTH, packed.length / 4 / WEIGHTS_WIDTH, RGBAFormat, FloatType);
+    this.weights.needsUpdate = true;
+    this.mask = mask && volume(mask.values, [mask.nodes[2], mask.nodes[1], mask.nodes[0]], RedFormat, FloatType);
+  }
+
+  /** Takes a decoded level; it is live when `upload` has brought all of it to the device. */
+  add(level: DecodedLevel): void {
+    this.uploads.push({ level, done: 0 });
+  }
+
+  /** Whether something waits for `upload`. */
+  get waiting(): boolean {
+    return this.uploads.length > 0;
+  }
+
+  /** The finest live level without a hole below it; null where there is none. */
+  get finest(): number | null {
+    const { levels } = this.opened.metadata;
+    let finest: number | null = null;
+    for (let level = levels.length - 1; level >= 0 && this.live.has(level); level--) finest = level;
+    const whole = levels.every((level) => level.density !== null) || finest === 0;
+    return whole ? finest : null;
+  }
+
+  /**
+   * Brings waiting blocks to the device, as many as a frame should. False where the device has lost what it had and
+   * all levels have to come again.
+   */
+  upload(renderer: WebGLRenderer): boolean {
+    const { properties } = renderer;
+    const handle = (texture: Texture) => (properties.get(texture) as { __webglTexture?: WebGLTexture }).__webglTexture ?? null;
+    if (!this.holder || handle(this.density) !== this.holder) {
+      const lost = this.holder !== null;
+      this.allocate(renderer);
+      this.holder = handle(this.density);
+      this.live.clear();
+      if (lost) {
+        this.uploads = [];
+        return false;
+      }
+    }
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    let left = UPLOAD_BYTES;
+    while (left > 0 && this.uploads.length > 0) {
+      const [upload] = this.uploads;
+      // three.js remembers the state of the context, so it is told.
+      const state = renderer.state as typeof renderer.state & { pixelStorei(name: number, value: number | boolean): void };
+      state.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+      state.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+      state.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+      left -= this.bring(upload, left, gl, (texture) => state.bindTexture(gl.TEXTURE_3D, handle(texture)!));
+      if (upload.done < upload.level.blocks) break;
+      this.uploads.shift();
+      this.enter(upload.level);
+    }
+    return true;
+  }
+
+  dispose(): void {
+    for (const texture of [this.density, this.color, this.table, this.rooms, this.weights, this.mask]) texture?.dispose();
+  }
+
+  private allocate(renderer: WebGLRenderer): void {
+    const gl = renderer.getContext();
+    // Errors of before are not ours.
+    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
+    for (const texture of [this.density, this.color]) {
+      texture.needsUpdate = true;
+      renderer.initTexture(texture);
+    }
+    if (gl.getError() === gl.OUT_OF_MEMORY) {
+      throw new FieldError(`The device has no room for ${Math.round(this.plan.bytes / 1e6)} MB of textures.`, REMEDY.device);
+    }
+  }
+
+  /** Uploads blocks of a level up to `most` bytes; how many bytes that were. */
+  private bring(upload: Upload, most: number, gl: WebGL2RenderingContext, bind: (texture: Texture) => void): number {
+    const { level } = upload;
+    const { slot, slots, quads, firstSlot } = this.plan;
+    const nodes = level.side ** 3;
+    const blockBytes = nodes * (8 * quads + (level.density?.BYTES_PER_ELEMENT ?? 0));
+    const end = Math.min(level.blocks, upload.done + Math.max(1, Math.floor(most / blockBytes)));
+    const put = (place: Triple, format: number, type: number, data: ArrayBufferView) => {
+      const [x, y, z] = place.map((slots) => slots * slot);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, level.side, level.side, level.side, format, type, data);
+    };
+    const { density, color } = level;
+    if (density) {
+      bind(this.density);
+      const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
+      for (let block = upload.done; block < end; block++) {
+        put(slotPlace(this.plan, firstSlot[level.level] + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
+      }
+    }
+    bind(this.color);
+    for (let block = upload.done; block < end; block++) {
+      const [x, y, z] = slotPlace(this.plan, firstSlot[level.level] + block);
+      for (let quad = 0; quad < quads; quad++) {
+        const at = (block * quads + quad) * nodes * 4;
+        put([x, y, z + quad * slots[2]], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + nodes * 4));
+      }
+    }
+    const bytes = (end - upload.done) * blockBytes;
+    upload.done = end;
+    return bytes;
+  }
+
+  /** Enters a level into the tables. */
+  private enter({ level, table, rooms }: DecodedLevel): void {
+    const [nx, ny, nz] = blockCounts(this.opened.metadata.levels[level]);
+    const [width, height] = this.tableSize;
+    for (let x = 0; x < nx; x++) {
+      for (let y = 0; y < ny; y++) {
+        const row = ((this.tableStart[level] + x) * height + y) * width;
+        this.tables.set(table.subarray((x * ny + y) * nz, (x * ny + y + 1) * nz), row);
+      }
+    }
+    if (rooms) {
+      // Colour alone shows what level 0 shows.
+      const { levels } = this.opened.metadata;
+      const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
+      const count = this.macro[0] * this.macro[1] * this.macro[2];
+      for (const one of shown) {
+        const start = Math.floor(one / 4) * count * 4 + (one % 4);
+        for (let i = 0; i < count; i++) this.roomsOf[start + 4 * i] = rooms[i];
+      }
+    }
+    this.table.needsUpdate = true;
+    this.rooms.needsUpdate = true;
+    this.live.add(level);
+  }
+}
+
+type Format = typeof RedFormat | typeof RGBAFormat | typeof RedIntegerFormat | typeof RGBAIntegerFormat;
+type Type = typeof FloatType | typeof HalfFloatType | typeof UnsignedIntType | typeof UnsignedByteType;
+
+function volume(
+  data: Float32Array | Uint32Array | Uint8Array | null,
+  [width, height, depth]: Triple,
+  format: Format,
+  type: Type,
+  internal?: "R32UI" | "RGBA8UI",
+): Data3DTexture {
+  const texture = new Data3DTexture(data as never, width, height, depth);
+  texture.format = format as never;
+  texture.type = type;
+  if (internal) texture.internalFormat = internal;
+  texture.wrapS = texture.wrapT = texture.wrapR = ClampToEdgeWrapping;
+  texture.minFilter = texture.magFilter = NearestFilter;
+  texture.unpackAlignment = 1;
+  texture.needsUpdate = true;
+  return texture;
+}

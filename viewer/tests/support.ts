@@ -1,0 +1,169 @@
+/** What the tests share: a server that counts, a browser, the program, and pictures. */
+
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from "node:fs";
+import { createServer, type IncomingMessage, type ServerResponse } from "node:http";
+import type { AddressInfo } from "node:net";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { type Browser, chromium, type Page } from "playwright-core";
+
+/** The repository; tests run in `viewer/`. */
+export const ROOT = join(process.cwd(), "..");
+const DIST = join(process.cwd(), "dist");
+const TYPES: Record<string, string> = { html: "text/html", js: "text/javascript", css: "text/css" };
+
+/** The program, built before: `MIPVOG_BAKE`, or cargo's debug build. */
+export function program(...parameters: string[]): string {
+  return execFileSync(programPath(), parameters, { encoding: "utf8", cwd: ROOT, stdio: ["ignore", "pipe", "inherit"] });
+}
+
+export function programPath(): string {
+  const target = process.env.CARGO_TARGET_DIR ?? join(ROOT, "target");
+  const path = process.env.MIPVOG_BAKE ?? join(target, "debug", "mipvog-bake");
+  if (!existsSync(path)) throw new Error(`${path} is not there: build the program first, with cargo build`);
+  return path;
+}
+
+/** A folder that is gone after the tests. */
+export function temporaryFolder(): { path: string; remove(): void } {
+  const path = mkdtempSync(join(tmpdir(), "mipvog-viewer-"));
+  return { path, remove: () => rmSync(path, { recursive: true, force: true }) };
+}
+
+/** A server of the page and of files, which counts the files' bytes. */
+export class CountingServer {
+  /** Bytes of files that were sent. */
+  sent = 0;
+  /** Whether ranges are answered; else the whole file is. */
+  ranges = true;
+  /** Requests of bytes from here on wait until this grows. */
+  gate = Infinity;
+  private readonly waiting: { from: number; go: () => void }[] = [];
+  private readonly files = new Map<string, Buffer>();
+  private readonly server = createServer((request, response) => this.answer(request, response));
+
+  async start(): Promise<void> {
+    await new Promise<void>((ready) => this.server.listen(0, "127.0.0.1", ready));
+  }
+
+  stop(): void {
+    this.server.closeAllConnections();
+    this.server.close();
+  }
+
+  /** The page's address with a file to open. */
+  page(name: string, bytes: Buffer): string {
+    this.files.set(`/${name}`, bytes);
+    return `${this.origin}/?file=${name}`;
+  }
+
+  get origin(): string {
+    return `http://127.0.0.1:${(this.server.address() as AddressInfo).port}`;
+  }
+
+  open(gate: number): void {
+    this.gate = gate;
+    for (const { from, go } of this.waiting.splice(0)) this.behind(from, go);
+  }
+
+  private behind(from: number, go: () => void): void {
+    if (from < this.gate) go();
+    else this.waiting.push({ from, go });
+  }
+
+  private answer(request: IncomingMessage, response: ServerResponse): void {
+    const path = new URL(request.url ?? "/", this.origin).pathname;
+    const bytes = this.files.get(path);
+    if (!bytes) {
+      const name = path === "/" ? "index.html" : path.slice(1);
+      const file = join(DIST, name);
+      if (!/^\w+\.\w+$/.test(name) || !existsSync(file) || !statSync(file).isFile()) {
+        response.writeHead(404).end();
+        return;
+      }
+      response.writeHead(200, { "Content-Type": TYPES[name.split(".")[1]] }).end(readFileSync(file));
+      return;
+    }
+    const range = this.ranges ? /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "") : null;
+    if (!range) {
+      this.sent += bytes.length;
+      response.writeHead(200, { "Content-Length": bytes.length }).end(bytes);
+      return;
+    }
+    const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, bytes.length)];
+    this.behind(from, () => {
+      this.sent += to - from;
+      response.writeHead(206, { "Content-Range": `bytes ${from}-${to - 1}/${bytes.length}`, "Content-Length": to - from });
+      response.end(bytes.subarray(from, to));
+    });
+  }
+}
+
+/** Chromium from the system, drawing in software. */
+export async function launch(): Promise<Browser> {
+  const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+  const quiet = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+  return chromium.launch({
+    executablePath,
+    args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", ...quiet],
+  });
+}
+
+/** A page that remembers what went wrong in it. */
+export async function newPage(browser: Browser, size = { width: 400, height: 300 }): Promise<{ page: Page; problems: string[] }> {
+  const page = await browser.newPage({ viewport: size });
+  page.setDefaultTimeout(120_000);
+  const problems: string[] = [];
+  page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type())) problems.push(`${message.type()}: ${message.text()}`);
+  });
+  return { page, problems };
+}
+
+/** Waits until everything is loaded and drawn, or throws what the page says went wrong. */
+export async function ready(page: Page): Promise<void> {
+  await page.waitForFunction(() => window.__mipvog?.ready || window.__mipvog?.error);
+  const error = await page.evaluate(() => window.__mipvog.error);
+  if (error) throw new Error(error);
+}
+
+/** A camera of a camera file. */
+export interface View {
+  width: number;
+  height: number;
+  toWorld: number[][];
+  focal: number;
+}
+
+/** Cameras of a NeRF-synthetic file, as `render --size SIZExSIZE` sees them. */
+export function views(path: string, size: number): View[] {
+  const file = JSON.parse(readFileSync(path, "utf8"));
+  const focal = (0.5 * size) / Math.tan(0.5 * file.camera_angle_x);
+  return file.frames.map((frame: { transform_matrix: number[][] }) => ({ width: size, height: size, toWorld: frame.transform_matrix, focal }));
+}
+
+/** The page's picture of a view, four bytes a pixel. */
+export async function capture(page: Page, view: View): Promise<number[]> {
+  return page.evaluate((view) => window.__mipvog.capture(view), view);
+}
+
+/** A PNG's pixels, four bytes each, as the browser reads them. */
+export async function pixels(page: Page, path: string): Promise<number[]> {
+  return page.evaluate(async (data) => {
+    const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
+    const picture = await createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none" });
+    const context = new OffscreenCanvas(picture.width, picture.height).getContext("2d")!;
+    context.drawImage(picture, 0, 0);
+    return Array.from(context.getImageData(0, 0, picture.width, picture.height).data);
+  }, readFileSync(path, "base64"));
+}
+
+/** Peak signal-to-noise ratio of the colours of two pictures, in dB. */
+export function psnr(a: number[], b: number[]): number {
+  if (a.length !== b.length || a.length === 0) throw new Error(`pictures of ${a.length} and ${b.length} bytes`);
+  let sum = 0;
+  for (let i = 0; i < a.length; i++) if (i % 4 < 3) sum += ((a[i] - b[i]) / 255) ** 2;
+  return -10 * Math.log10(sum / ((a.length / 4) * 3));
+}
