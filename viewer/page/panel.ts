@@ -70,9 +70,10 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
     const shown = field.finest;
     const levels = metadata.levels.length;
     const blocks = metadata.levels.filter((_, level) => shown !== null && level >= shown).reduce((sum, level) => sum + level.blocks_stored, 0);
-    const coarsest = file.plan.finest;
+    const { finest } = file.plan;
+    const missing = finest > file.available ? "do not fit this device" : "are not in this part of the file";
     rows.push(
-      ["Level", shown === null ? "none yet" : `${shown}, of ${levels}${coarsest > 0 ? `; finer than ${coarsest} do not fit this device` : ""}`],
+      ["Level", shown === null ? "none yet" : `${shown}, of ${levels}${finest > 0 ? `; those before ${finest} ${missing}` : ""}`],
       ["Nodes", metadata.levels[shown ?? levels - 1].dimensions.join(" × ")],
       ["Blocks", `${blocks} of ${metadata.levels.reduce((sum, level) => sum + level.blocks_stored, 0)}`],
       ["Bytes", `${readable(field.arrived)} of ${readable(file.fileBytes)}`],

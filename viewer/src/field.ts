@@ -122,7 +122,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /** How the file came and what of it the device holds; null until it is opened. */
-  get file(): Pick<Opened, "fileBytes" | "prefixes" | "transfer" | "plan"> | null {
+  get file(): Pick<Opened, "fileBytes" | "available" | "prefixes" | "transfer" | "plan"> | null {
     return this.content?.opened ?? null;
   }
 

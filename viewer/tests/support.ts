@@ -7,6 +7,7 @@ import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { type Browser, chromium, type Page } from "playwright-core";
+import type {} from "../page/viewer.js";
 
 /** The repository; tests run in `viewer/`. */
 export const ROOT = join(process.cwd(), "..");

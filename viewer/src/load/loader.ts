@@ -23,7 +23,10 @@ export interface Opened {
   plan: Plan;
   network: Layer[];
   mask: Mask | null;
+  /** Bytes of the whole file. */
   fileBytes: number;
+  /** The finest level that the file holds: not 0 where it is the first part of a container. */
+  available: number;
   /** Bytes from the file's start after which each level renders, fine to coarse. */
   prefixes: number[];
   transfer: Transfer;
@@ -91,9 +94,6 @@ export class Loader {
       if (end > bytes.length) bytes = joined(bytes, await this.source.read(bytes.length, end, listener.progress));
     };
     const header = readHeader(bytes);
-    if (this.source.length !== null && this.source.length !== header.fileBytes) {
-      throw new FieldError(`The file has ${this.source.length} bytes; its header says ${header.fileBytes}.`);
-    }
     await more(HEADER_BYTES + ENTRY_BYTES * header.chunks);
     this.entries = readDirectory(header, bytes);
     const [meta] = this.entries;
@@ -101,8 +101,9 @@ export class Loader {
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
     this.checkLevels(metadata);
-    const laidOut = plan(metadata, device);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
+    const available = this.available(prefixes, header.fileBytes);
+    const laidOut = plan(metadata, device, available);
     const first = this.find("TABL", metadata.levels.length - 1);
     // All that is not of a level lies before the coarsest one, or is not needed.
     const body = async (kind: string) => {
@@ -115,9 +116,18 @@ export class Loader {
     const network = metadata.view ? readNetwork(metadata.view, await body("VMLP")) : [];
     const mask = metadata.free_space ? readMask(await body("MASK")) : null;
     const { fileBytes } = header;
-    this.opened = { metadata, plan: laidOut, network, mask, fileBytes, prefixes, transfer: this.source.transfer };
+    this.opened = { metadata, plan: laidOut, network, mask, fileBytes, available, prefixes, transfer: this.source.transfer };
     listener.opened(this.opened);
     return bytes;
+  }
+
+  /** The finest level of a file that may be the first part of a container, but only one that ends at a level. */
+  private available(prefixes: number[], fileBytes: number): number {
+    const { length } = this.source;
+    if (length === null || length === fileBytes) return 0;
+    const level = prefixes.indexOf(length);
+    if (level >= 0) return level;
+    throw new FieldError(`The file has ${length} bytes, which is not where a level ends; its header says ${fileBytes}.`);
   }
 
   /** Levels that come together, coarsest first. */

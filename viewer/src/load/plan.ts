@@ -39,8 +39,8 @@ export interface Plan {
 /** Slots are numbered in the table of blocks with 10 bits along each axis. */
 const MOST_SLOTS = 1024;
 
-/** Lays out as many levels as fit, coarsest first. */
-export function plan(metadata: Metadata, device: DeviceLimits): Plan {
+/** Lays out as many levels as fit, coarsest first, down to level `available`. */
+export function plan(metadata: Metadata, device: DeviceLimits, available: number): Plan {
   const { levels } = metadata;
   const quads = Math.ceil((3 + metadata.features) / 4);
   const slot = Math.max(...levels.map((level) => level.block_size)) + 1;
@@ -49,7 +49,7 @@ export function plan(metadata: Metadata, device: DeviceLimits): Plan {
   let fitting: Plan | null = null;
   let count = 0;
   let tableSide = 0;
-  for (let finest = levels.length - 1; finest >= 0; finest--) {
+  for (let finest = levels.length - 1; finest >= available; finest--) {
     const counts = blockCounts(levels[finest]);
     tableSide += counts[0];
     firstSlot[finest] = count;

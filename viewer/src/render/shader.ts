@@ -212,7 +212,8 @@ bool locate(int level, vec3 position, out vec3 texel) {
   uint place = places[side];
   uvec3 slot = uvec3(place, place >> 10, place >> 20) & 1023u;
   texel = vec3(slot) * float(u_slot) + 0.5 + (at - vec3(block * edge)).zyx;
-  return place != 0u;
+  // A dense grid stores everything.
+  return place != 0u || !u_skips;
 }
 
 float densityAt(vec3 texel) {

@@ -1,0 +1,92 @@
+/** Pictures against the reference renderer's. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser } from "playwright-core";
+import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, type View, views } from "./support.js";
+
+const FIXTURES = join(ROOT, "fixtures");
+const LEGO = join(FIXTURES, "trained", "lego64");
+const folder = temporaryFolder();
+const server = new CountingServer();
+let browser: Browser;
+
+before(async () => {
+  await server.start();
+  browser = await launch();
+});
+
+after(async () => {
+  await browser.close();
+  server.stop();
+  folder.remove();
+});
+
+/** Cameras on a circle, as `render --turntable`. */
+function turntable(bounds: { min: number[]; max: number[] }, count: number, size: number): View[] {
+  const middle = bounds.min.map((min, axis) => (min + bounds.max[axis]) / 2);
+  const radius = 0.5 * Math.hypot(...bounds.min.map((min, axis) => bounds.max[axis] - min));
+  const [half, up] = [0.35, Math.PI / 6];
+  return Array.from({ length: count }, (_, i) => {
+    const around = (2 * Math.PI * i) / count;
+    const back = [Math.cos(around) * Math.cos(up), Math.sin(around) * Math.cos(up), Math.sin(up)];
+    const right = [-Math.sin(around), Math.cos(around), 0];
+    const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
+    const row = (axis: number) => [right[axis], above[axis], back[axis], middle[axis] + (radius / Math.sin(half)) * back[axis]];
+    return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half) };
+  });
+}
+
+test("a trained scene looks as the reference renderer draws it, near and far", async () => {
+  const container = join(folder.path, "lego64.mipvog");
+  const cameras = join(LEGO, "transforms_test.json");
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container);
+  const reference = join(folder.path, "lego64");
+  program("render", container, "--cameras", cameras, "--size", "200x200", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
+  const { page, problems } = await newPage(browser);
+  await page.goto(server.page("lego64.mipvog", readFileSync(container)));
+  await ready(page);
+  const frames = JSON.parse(readFileSync(cameras, "utf8")).frames;
+  for (const [i, view] of views(cameras, 200).slice(0, 3).entries()) {
+    const name = frames[i].file_path.split("/").pop();
+    for (const [scale, least] of [
+      [1, 40],
+      [4, 38],
+    ]) {
+      const small = { ...view, width: view.width / scale, height: view.height / scale, focal: view.focal / scale };
+      const found = psnr(await capture(page, small), await pixels(page, join(reference, `${name}.s${scale}.png`)));
+      assert.ok(found >= least, `${name} at 1/${scale}: ${found} dB`);
+    }
+  }
+  // A march that skips reads a third of what a dense one does, at most, and sees the same.
+  const [sparse, dense] = await page.evaluate(() => [window.__mipvog.statistics(true)!, window.__mipvog.statistics(false)!]);
+  assert.equal(sparse.rays, dense.rays);
+  assert.ok(sparse.rays > 1000, `${sparse.rays} rays`);
+  assert.ok(3 * sparse.fetchesPerRay <= dense.fetchesPerRay, `${sparse.fetchesPerRay} of ${dense.fetchesPerRay}`);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage"];
+
+for (const name of CONTAINERS) {
+  test(`${name} looks as the reference renderer draws it, level by level`, async () => {
+    const container = join(FIXTURES, "baked", `${name}.mipvog`);
+    const { bounds, levels } = JSON.parse(program("inspect", container, "--format", "json"));
+    const { page, problems } = await newPage(browser);
+    await page.goto(server.page(`${name}.mipvog`, readFileSync(container)));
+    await ready(page);
+    const [, view] = turntable(bounds, 3, 96);
+    for (const level of ["auto", ...levels.keys()]) {
+      const reference = join(folder.path, `${name}.${level}`);
+      program("render", container, "--turntable", "3", "--frames", "1", "--size", "96x96", "--level-of-detail", String(level), "-o", reference);
+      await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = typeof level === "number" ? level : null), level);
+      const found = psnr(await capture(page, view), await pixels(page, join(reference, "turn_001.s1.png")));
+      assert.ok(found >= 40, `level ${level}: ${found} dB`);
+    }
+    assert.deepEqual(problems, []);
+    await page.close();
+  });
+}
