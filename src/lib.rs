@@ -24,6 +24,7 @@ pub mod prune;
 pub mod quantize;
 pub mod render;
 pub mod sample;
+pub mod serve;
 pub mod source;
 pub mod sweep;
 pub mod tensor;

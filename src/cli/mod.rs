@@ -15,6 +15,7 @@ mod render;
 mod sweep;
 mod unpack;
 mod validate;
+mod view;
 
 use std::io::{ErrorKind as IoErrorKind, Write};
 use std::process::ExitCode;
@@ -44,6 +45,7 @@ enum Verb {
     Render(render::Arguments),
     Compare(compare::Arguments),
     Sweep(Box<sweep::Arguments>),
+    View(view::Arguments),
     Completions(document::CompletionArguments),
     Man,
 }
@@ -133,6 +135,7 @@ pub fn main() -> ExitCode {
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
+        Verb::View(arguments) => view::run(arguments, common).map(|()| None),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),
     });

@@ -38,9 +38,9 @@ export class CountingServer {
   sent = 0;
   /** Whether ranges are answered; else the whole file is. */
   ranges = true;
-  /** Requests of bytes from here on wait until this grows. */
+  /** Requests of bytes beyond this wait until it grows. */
   gate = Infinity;
-  private readonly waiting: { from: number; go: () => void }[] = [];
+  private readonly waiting: { to: number; go: () => void }[] = [];
   private readonly files = new Map<string, Buffer>();
   private readonly server = createServer((request, response) => this.answer(request, response));
 
@@ -65,12 +65,12 @@ export class CountingServer {
 
   open(gate: number): void {
     this.gate = gate;
-    for (const { from, go } of this.waiting.splice(0)) this.behind(from, go);
+    for (const { to, go } of this.waiting.splice(0)) this.before(to, go);
   }
 
-  private behind(from: number, go: () => void): void {
-    if (from < this.gate) go();
-    else this.waiting.push({ from, go });
+  private before(to: number, go: () => void): void {
+    if (to <= this.gate) go();
+    else this.waiting.push({ to, go });
   }
 
   private answer(request: IncomingMessage, response: ServerResponse): void {
@@ -93,7 +93,7 @@ export class CountingServer {
       return;
     }
     const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, bytes.length)];
-    this.behind(from, () => {
+    this.before(to, () => {
       this.sent += to - from;
       response.writeHead(206, { "Content-Range": `bytes ${from}-${to - 1}/${bytes.length}`, "Content-Length": to - from });
       response.end(bytes.subarray(from, to));

@@ -1,0 +1,214 @@
+//! What a browser asks: the head of an HTTP/1.1 request, read strictly and within limits.
+
+use std::io::Read;
+use std::net::SocketAddr;
+
+/// Bytes of a request's head, at most.
+const MOST_BYTES: usize = 16 << 10;
+/// Fields of a head, at most.
+const MOST_FIELDS: usize = 100;
+
+/// A request that can be answered.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Whether only the answer's head is wanted.
+    pub is_head: bool,
+    /// The target without its query.
+    pub path: String,
+    /// The field `Range`.
+    pub range: Option<String>,
+    /// Whether another request may follow on the connection.
+    pub keeps_alive: bool,
+}
+
+/// Why a request is not answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// Not HTTP, or a request with a body.
+    Malformed,
+    /// Another method than GET and HEAD.
+    Method,
+    /// Meant for another host: a page elsewhere whose name was made to point here.
+    Host,
+    /// A head beyond the limits.
+    TooLarge,
+    /// Another version than 1.0 and 1.1.
+    Version,
+}
+
+impl Refusal {
+    /// The answer's status.
+    pub fn status(self) -> &'static str {
+        match self {
+            Self::Malformed => "400 Bad Request",
+            Self::Method => "405 Method Not Allowed\r\nAllow: GET, HEAD",
+            Self::Host => "421 Misdirected Request",
+            Self::TooLarge => "431 Request Header Fields Too Large",
+            Self::Version => "505 HTTP Version Not Supported",
+        }
+    }
+}
+
+/// Requests of a connection, one after the other.
+pub struct Reader<R> {
+    stream: R,
+    /// Bytes that have come and belong to no request yet.
+    buffer: Vec<u8>,
+}
+
+impl<R: Read> Reader<R> {
+    /// From the start of a connection.
+    pub fn new(stream: R) -> Self {
+        Self { stream, buffer: Vec::new() }
+    }
+
+    /// The next request to a server at `address`; none where the connection ends before one.
+    pub fn next(
+        &mut self,
+        address: SocketAddr,
+    ) -> std::io::Result<Option<Result<Request, Refusal>>> {
+        let mut looked_at = 0;
+        loop {
+            // The end may straddle two reads.
+            let from = looked_at.max(3) - 3;
+            if let Some(found) = self.buffer[from..].windows(4).position(|end| end == b"\r\n\r\n") {
+                let head: Vec<u8> = self.buffer.drain(..from + found + 4).collect();
+                return Ok(Some(parse(&head[..head.len() - 4], address)));
+            }
+            looked_at = self.buffer.len();
+            if looked_at >= MOST_BYTES {
+                return Ok(Some(Err(Refusal::TooLarge)));
+            }
+            let mut piece = [0; 4096];
+            let count = self.stream.read(&mut piece)?;
+            if count == 0 {
+                return Ok(None);
+            }
+            self.buffer.extend_from_slice(&piece[..count]);
+        }
+    }
+}
+
+/// Understands a head without its last two line ends.
+fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
+    // Fields may hold other bytes than ASCII, but not those that matter here.
+    let text = std::str::from_utf8(head).map_err(|_| Refusal::Malformed)?;
+    if text.bytes().any(|byte| byte.is_ascii_control() && !matches!(byte, b'\r' | b'\n' | b'\t')) {
+        return Err(Refusal::Malformed);
+    }
+    let mut lines = text.split("\r\n");
+    let words: Vec<&str> = lines.next().unwrap_or_default().split(' ').collect();
+    let [method, target, version] = words[..] else { return Err(Refusal::Malformed) };
+    let mut keeps_alive = match version {
+        "HTTP/1.1" => true,
+        "HTTP/1.0" => false,
+        _ if version.starts_with("HTTP/") => return Err(Refusal::Version),
+        _ => return Err(Refusal::Malformed),
+    };
+    let is_head = match method {
+        "GET" => false,
+        "HEAD" => true,
+        _ => return Err(Refusal::Method),
+    };
+    if !target.starts_with('/') {
+        return Err(Refusal::Malformed);
+    }
+    let path = target.split('?').next().unwrap_or_default().to_owned();
+    let (mut host, mut range) = (None, None);
+    for (count, line) in lines.enumerate() {
+        if count == MOST_FIELDS {
+            return Err(Refusal::TooLarge);
+        }
+        let (name, value) = line.split_once(':').ok_or(Refusal::Malformed)?;
+        // A lone line end, a folded line or a space before the colon is how requests are smuggled.
+        let is_name = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic());
+        if !is_name || value.contains(['\r', '\n']) {
+            return Err(Refusal::Malformed);
+        }
+        let value = value.trim_matches([' ', '\t']);
+        match name.to_ascii_lowercase().as_str() {
+            "host" if host.replace(value).is_some() => return Err(Refusal::Malformed),
+            "range" => range = Some(value.to_owned()),
+            "connection" if value.eq_ignore_ascii_case("close") => keeps_alive = false,
+            // There is nothing here that takes a body.
+            "content-length" if value != "0" => return Err(Refusal::Malformed),
+            "transfer-encoding" => return Err(Refusal::Malformed),
+            _ => {}
+        }
+    }
+    match host {
+        Some(host) if is_here(host, address) => Ok(Request { is_head, path, range, keeps_alive }),
+        _ => Err(Refusal::Host),
+    }
+}
+
+fn is_here(host: &str, address: SocketAddr) -> bool {
+    let port = address.port();
+    [format!("127.0.0.1:{port}"), format!("localhost:{port}")].iter().any(|here| here == host)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HERE: ([u8; 4], u16) = ([127, 0, 0, 1], 8080);
+
+    fn first(bytes: &str) -> Option<Result<Request, Refusal>> {
+        Reader::new(bytes.as_bytes()).next(HERE.into()).expect("memory can be read")
+    }
+
+    #[test]
+    fn requests_are_read_one_by_one_however_they_arrive() {
+        /// A byte at a time.
+        struct Slow<'a>(&'a [u8]);
+        impl Read for Slow<'_> {
+            fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+                let count = self.0.len().min(1);
+                out[..count].copy_from_slice(&self.0[..count]);
+                self.0 = &self.0[count..];
+                Ok(count)
+            }
+        }
+        let text = "GET /a?b=/../c HTTP/1.1\r\nHost: localhost:8080\r\nRange: bytes=1-2\r\n\r\n\
+                    HEAD / HTTP/1.1\r\nhOST:127.0.0.1:8080\r\nConnection: close\r\n\r\n";
+        let mut reader = Reader::new(Slow(text.as_bytes()));
+        let mut next = || reader.next(HERE.into()).expect("memory can be read");
+        let range = Some("bytes=1-2".to_owned());
+        let get = Request { is_head: false, path: "/a".into(), range, keeps_alive: true };
+        let head = Request { is_head: true, path: "/".into(), range: None, keeps_alive: false };
+        assert_eq!(next(), Some(Ok(get)));
+        assert_eq!(next(), Some(Ok(head)));
+        assert_eq!(next(), None);
+    }
+
+    #[test]
+    fn everything_else_is_refused() {
+        let host = "Host: localhost:8080\r\n";
+        let many = "X: y\r\n".repeat(MOST_FIELDS + 1);
+        let cases = [
+            (format!("POST / HTTP/1.1\r\n{host}\r\n"), Refusal::Method),
+            (format!("GET / HTTP/2\r\n{host}\r\n"), Refusal::Version),
+            (format!("GET / FTP/1\r\n{host}\r\n"), Refusal::Malformed),
+            (format!("GET  / HTTP/1.1\r\n{host}\r\n"), Refusal::Malformed),
+            (format!("GET http://localhost:8080/ HTTP/1.1\r\n{host}\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}Content-Length: 5\r\n\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}Transfer-Encoding: x\r\n\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}{host}\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host} folded: x\r\n\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}Range : x\r\n\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}X: y\nZ: w\r\n\r\n"), Refusal::Malformed),
+            (format!("GET /\0 HTTP/1.1\r\n{host}\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}{many}\r\n"), Refusal::TooLarge),
+            ("GET / HTTP/1.1\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: evil.example:8080\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(), Refusal::Host),
+            (format!("GET /{}", "x".repeat(MOST_BYTES)), Refusal::TooLarge),
+        ];
+        for (text, want) in cases {
+            assert_eq!(first(&text), Some(Err(want)), "{}", &text[..text.len().min(80)]);
+        }
+        // Nothing, or less than a head.
+        assert_eq!(first(""), None);
+        assert_eq!(first("GET / HTTP/1.1\r\nHost: loc"), None);
+    }
+}

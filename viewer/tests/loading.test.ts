@@ -1,0 +1,143 @@
+/** How a container arrives: coarse to fine, in parts or whole, and what happens when it does not. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+
+const LEGO = join(ROOT, "fixtures", "trained", "lego64");
+const CAMERAS = join(LEGO, "transforms_test.json");
+const folder = temporaryFolder();
+const container = join(folder.path, "lego64.mipvog");
+let bytes: Buffer;
+let levels: { prefix_bytes: number }[];
+let server: CountingServer;
+let browser: Browser;
+
+before(async () => {
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container);
+  bytes = readFileSync(container);
+  ({ levels } = JSON.parse(program("inspect", container, "--format", "json")));
+  server = new CountingServer();
+  await server.start();
+  browser = await launch();
+});
+
+after(async () => {
+  await browser.close();
+  server.stop();
+  folder.remove();
+});
+
+/** Waits until the finest level that is shown is this one. */
+async function shows(page: Page, level: number): Promise<void> {
+  await page.waitForFunction((level) => window.__mipvog?.field?.finest === level || window.__mipvog?.error, level);
+  assert.equal(await page.evaluate(() => window.__mipvog.error), null);
+}
+
+test("the first picture needs a twentieth of the file, and every further level makes it better", async () => {
+  const { page, problems } = await newPage(browser);
+  const [view] = views(CAMERAS, 100);
+  const reference = join(folder.path, "levels");
+  const drawn = levels.map((_, level) => {
+    const out = join(reference, String(level));
+    program("render", container, "--cameras", CAMERAS, "--frames", "0", "--size", "100x100", "--level-of-detail", String(level), "-o", out);
+    return join(out, "r_0.s1.png");
+  });
+  const whole = await pixels(page, drawn[0]);
+  server.sent = 0;
+  server.gate = Math.floor(bytes.length / 20);
+  await page.goto(server.page("gated.mipvog", bytes));
+  await page.waitForFunction(() => window.__mipvog?.firstPicture);
+  assert.ok(server.sent <= bytes.length / 20, `${server.sent} of ${bytes.length} bytes`);
+  let finest = (await page.evaluate(() => window.__mipvog.field!.finest))!;
+  assert.ok(finest > 0);
+  let before = 0;
+  for (; ; finest--) {
+    // Only bytes of the levels so far were sent.
+    assert.equal(server.sent, levels[finest].prefix_bytes);
+    const picture = await capture(page, view);
+    const likeness = psnr(picture, whole);
+    assert.ok(likeness > before, `level ${finest}: ${likeness} dB after ${before} dB`);
+    before = likeness;
+    await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = level), finest);
+    const found = psnr(await capture(page, view), await pixels(page, drawn[finest]));
+    assert.ok(found >= 40, `level ${finest}: ${found} dB`);
+    await page.evaluate(() => (window.__mipvog.field!.fixedLevel = null));
+    if (finest === 0) break;
+    server.open(levels[finest - 1].prefix_bytes);
+    await shows(page, finest - 1);
+  }
+  await ready(page);
+  assert.equal(server.sent, bytes.length);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("every first part that ends at a level is shown, and says what is missing", async () => {
+  server.gate = Infinity;
+  const { page, problems } = await newPage(browser, { width: 800, height: 300 });
+  for (const level of levels.keys()) {
+    await page.goto(server.page("part.mipvog", bytes.subarray(0, levels[level].prefix_bytes)));
+    await ready(page);
+    assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), level);
+    const facts = await page.locator("#facts").innerText();
+    assert.equal(facts.includes("not in this part of the file"), level > 0, facts);
+  }
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a server without ranges is asked once, and the panel says so", async () => {
+  const { page, problems } = await newPage(browser, { width: 800, height: 300 });
+  server.ranges = false;
+  server.sent = 0;
+  await page.goto(server.page("whole.mipvog", bytes));
+  await ready(page);
+  server.ranges = true;
+  assert.equal(server.sent, bytes.length);
+  assert.match(await page.locator("#facts").innerText(), /the server offers no parts/);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a broken file is told in words, and what came before stays", async () => {
+  const { page, problems } = await newPage(browser);
+  const damaged = (at: number) => {
+    const copy = Buffer.from(bytes);
+    copy[at] ^= 1;
+    return copy;
+  };
+  const cases: [string, Buffer, RegExp, number | null][] = [
+    ["level 0", damaged(bytes.length - 1000), /of level 0 at byte \d+ is damaged: its checksum/, 1],
+    ["the coarsest level", damaged(levels[levels.length - 1].prefix_bytes - 100), /of level \d at byte \d+ is damaged/, null],
+    ["the directory", damaged(100), /checksum of header and directory/, null],
+    ["the metadata", damaged(64 + 64 * bytes.readUInt32LE(40) + 10), /META at byte \d+ is damaged/, null],
+    ["a later version", Buffer.concat([bytes.subarray(0, 8), Buffer.from([2]), bytes.subarray(9)]), /version 2; this viewer knows version 1/, null],
+    ["no container", Buffer.from("hello"), /no \.mipvog container/, null],
+    ["nothing at all", Buffer.alloc(0), /empty|no \.mipvog container/, null],
+    ["an end within a level", bytes.subarray(0, bytes.length - 64), /not where a level ends/, null],
+    ["an end within the header", bytes.subarray(0, 30), /ends after 30 bytes/, null],
+  ];
+  for (const [name, content, message, finest] of cases) {
+    await page.goto(server.page("broken.mipvog", content));
+    await page.waitForFunction(() => window.__mipvog?.error);
+    const error = page.locator("#error");
+    assert.ok(await error.isVisible(), name);
+    assert.match(await error.innerText(), message, name);
+    if (finest !== null) await remains(page, finest);
+  }
+  await page.goto(`${server.origin}/?file=missing.mipvog`);
+  await page.waitForFunction(() => window.__mipvog?.error);
+  assert.match(await page.locator("#error").innerText(), /answers 404/);
+  // The browser itself complains about the 404, nothing else does.
+  assert.deepEqual(problems.filter((problem) => !problem.includes("404") && !problem.includes("416")), []);
+  await page.close();
+});
+
+/** Waits until a level is shown beside an error. */
+async function remains(page: Page, level: number): Promise<void> {
+  await page.waitForFunction((level) => window.__mipvog.field?.finest === level, level);
+}
