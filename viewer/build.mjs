@@ -1,6 +1,7 @@
 /**
  * Builds the two products: the page in `dist/`, which is committed and goes into the program, and with `--package` the
- * npm package in `build/package/`. With `--tests` the tests in `build/tests/`.
+ * npm package in `build/package/`. With `--tests` the tests in `build/tests/`; with `--check` the page in `build/page/`,
+ * which must equal `dist/`.
  */
 
 import { execFileSync } from "node:child_process";
@@ -29,8 +30,9 @@ if (process.argv.includes("--package")) {
     packages: "external",
   });
 } else {
-  await build({ ...common, entryPoints: ["page/viewer.ts"], outfile: "dist/viewer.js", minify: true });
-  await worker("dist/worker.js");
-  copyFileSync("page/index.html", "dist/index.html");
-  await build({ ...common, entryPoints: ["page/style.css"], outfile: "dist/style.css", minify: true });
+  const out = process.argv.includes("--check") ? "build/page" : "dist";
+  await build({ ...common, entryPoints: ["page/viewer.ts"], outfile: `${out}/viewer.js`, minify: true });
+  await worker(`${out}/worker.js`);
+  await build({ ...common, entryPoints: ["page/style.css"], outfile: `${out}/style.css`, minify: true });
+  copyFileSync("page/index.html", `${out}/index.html`);
 }

@@ -52,7 +52,7 @@ export function showError(error: { message: string; remedy?: string } | null): v
 /** The choice of levels of a field. */
 export function offerLevels(field: RadianceField | null): void {
   const levels = field?.metadata?.levels ?? [];
-  const options = [["", "as far as it is"], ...levels.map((level, i) => [String(i), `${i}: ${level.dimensions.join(" × ")}`])];
+  const options = [["", "by distance"], ...levels.map((level, i) => [String(i), `${i}: ${level.dimensions.join(" × ")}`])];
   page.level.replaceChildren(
     ...options.map(([value, text]) => {
       const option = document.createElement("option");
@@ -76,7 +76,7 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
       ["Level", shown === null ? "none yet" : `${shown}, of ${levels}${finest > 0 ? `; those before ${finest} ${missing}` : ""}`],
       ["Nodes", metadata.levels[shown ?? levels - 1].dimensions.join(" × ")],
       ["Blocks", `${blocks} of ${metadata.levels.reduce((sum, level) => sum + level.blocks_stored, 0)}`],
-      ["Bytes", `${readable(field.arrived)} of ${readable(file.fileBytes)}`],
+      ["Bytes", field.arrived < file.fileBytes ? `${readable(field.arrived)} of ${readable(file.fileBytes)}` : readable(file.fileBytes)],
       ["Comes", TRANSFERS[file.transfer]],
     );
   }

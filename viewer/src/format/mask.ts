@@ -17,7 +17,7 @@ export interface Mask {
 }
 
 /** Nodes of a mask, at most: it is coarse, and lies in memory whole. */
-const MOST_NODES = 2 ** 28;
+const MOST_NODES = 2 ** 26;
 
 /** Reads chunk MASK. */
 export function readMask(bytes: Uint8Array): Mask {

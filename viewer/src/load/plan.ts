@@ -31,7 +31,7 @@ export interface Plan {
   quads: number;
   /** Slots before the first one of each level, fine to coarse. */
   firstSlot: number[];
-  /** Bytes of both atlases. */
+  /** Bytes of both atlases and the table of blocks. */
   bytes: number;
   floatLinear: boolean;
 }
@@ -56,7 +56,8 @@ export function plan(metadata: Metadata, device: DeviceLimits, available: number
     count += levels[finest].blocks_stored;
     const slots = arrange(Math.max(count, 1), device.side, slot, quads);
     if (!slots || Math.max(tableSide, counts[1], counts[2]) > device.side) break;
-    const bytes = slots[0] * slots[1] * slots[2] * slot ** 3 * texelBytes;
+    const tableBytes = 4 * tableSide * counts[1] * counts[2];
+    const bytes = slots[0] * slots[1] * slots[2] * slot ** 3 * texelBytes + tableBytes;
     if (bytes > device.bytes) break;
     const renders = finest === 0 || levels.every((level) => level.density !== null);
     if (renders) fitting = { finest, slot, slots, quads, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear };
