@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 
@@ -120,7 +120,8 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
 #[test]
 fn nothing_else_is_served() {
     let served = Served::start(&fixture("baked/tiny.rate.mipvog"));
-    let outside = ["/../Cargo.toml", "/%2e%2e/Cargo.toml", "//viewer.js", "/field.mipvog/", "/asset.glb"];
+    let outside =
+        ["/../Cargo.toml", "/%2e%2e/Cargo.toml", "//viewer.js", "/field.mipvog/", "/asset.glb"];
     for path in outside {
         assert_eq!(served.ask(&format!("GET {path} HTTP/1.1"), "").status, 404, "{path}");
     }

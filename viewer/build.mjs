@@ -5,13 +5,20 @@
  */
 
 import { execFileSync } from "node:child_process";
-import { copyFileSync, readdirSync, rmSync } from "node:fs";
+import { copyFileSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { build } from "esbuild";
 
-const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning" };
+const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text" } };
+
+/** The licences of what a product contains, which they ask to be kept with it. */
+function notices(...packages) {
+  const texts = packages.map((name) => `${name}:\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}`);
+  return { banner: { js: `/*!\nContains these packages.\n\n${texts.join("\n\n")}\n*/` } };
+}
 
 // The worker's address is relative to its script in every product.
-const worker = (outfile) => build({ ...common, entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+const worker = (outfile) =>
+  build({ ...common, ...notices("fzstd"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
 
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });
@@ -31,7 +38,7 @@ if (process.argv.includes("--package")) {
   });
 } else {
   const out = process.argv.includes("--check") ? "build/page" : "dist";
-  await build({ ...common, entryPoints: ["page/viewer.ts"], outfile: `${out}/viewer.js`, minify: true });
+  await build({ ...common, ...notices("three"), entryPoints: ["page/viewer.ts"], outfile: `${out}/viewer.js`, minify: true });
   await worker(`${out}/worker.js`);
   await build({ ...common, entryPoints: ["page/style.css"], outfile: `${out}/style.css`, minify: true });
   copyFileSync("page/index.html", `${out}/index.html`);

@@ -9,16 +9,8 @@ use crate::error::{Error, Place, Result};
 /// The viewer's own files, as `viewer/build.mjs` made them.
 const VIEWER: [(&str, &str, &[u8]); 4] = [
     ("/", "text/html; charset=utf-8", include_bytes!("../../viewer/dist/index.html")),
-    (
-        "/viewer.js",
-        "text/javascript; charset=utf-8",
-        include_bytes!("../../viewer/dist/viewer.js"),
-    ),
-    (
-        "/worker.js",
-        "text/javascript; charset=utf-8",
-        include_bytes!("../../viewer/dist/worker.js"),
-    ),
+    ("/viewer.js", "text/javascript; charset=utf-8", include_bytes!("../../viewer/dist/viewer.js")),
+    ("/worker.js", "text/javascript; charset=utf-8", include_bytes!("../../viewer/dist/worker.js")),
     ("/style.css", "text/css; charset=utf-8", include_bytes!("../../viewer/dist/style.css")),
 ];
 

@@ -27,7 +27,8 @@ import type { Opened } from "./load/loader.js";
 import type { Reply, Request } from "./load/messages.js";
 import type { Source } from "./load/source.js";
 import { Atlas } from "./render/atlas.js";
-import { fragmentShader, defines, OUTPUT, VERTEX, WIDEST_LAYER } from "./render/shader.js";
+import { WIDEST_LAYER } from "./render/network.js";
+import { defines, fragmentShader, OUTPUT, VERTEX } from "./render/shader.js";
 import { BEYOND, fieldUniforms, type Uniforms, viewUniforms } from "./render/uniforms.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */

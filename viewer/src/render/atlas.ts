@@ -23,7 +23,7 @@ import type { DecodedLevel } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { type Plan, slotPlace } from "../load/plan.js";
 import { macroCounts } from "../load/seen.js";
-import { packWeights, WEIGHTS_WIDTH } from "./shader.js";
+import { packWeights, WEIGHTS_WIDTH } from "./network.js";
 
 /** Bytes that go to the device in one frame, so that no frame takes long. */
 const UPLOAD_BYTES = 16 << 20;
