@@ -26,6 +26,9 @@ declare global {
   }
 }
 
+/** After this long without a new picture, what the last one took is counted. */
+const COUNT_MS = 250;
+
 let stage: Stage;
 let opened: Opened | null = null;
 let error: FieldError | null = null;
@@ -33,6 +36,7 @@ let loading = false;
 let firstPicture: number | null = null;
 let statistics: Statistics | null = null;
 let number = 0;
+let counting = 0;
 
 const field = () => opened?.fields[0] ?? null;
 
@@ -102,10 +106,19 @@ function drawn(): void {
   const shown = field();
   if (shown && shown.finest !== null) {
     firstPicture ??= shown.arrived;
-    // Counting draws a small picture of its own, so only where nothing moves.
-    if (stage.settled && !shown.waiting) statistics = stage.count(shown, true);
+    // Counting draws a small picture of its own, so it waits until nothing moves.
+    clearTimeout(counting);
+    counting = window.setTimeout(() => {
+      if (shown !== field() || shown.waiting || stage.renderer.getContext().isContextLost()) return;
+      statistics = stage.count(shown, true);
+      tell();
+    }, COUNT_MS);
   }
-  showFacts(opened?.name ?? "none", shown, stage.frameTime, statistics);
+  tell();
+}
+
+function tell(): void {
+  showFacts(opened?.name ?? "none", field(), stage.frameTime, statistics);
 }
 
 function listen(): void {

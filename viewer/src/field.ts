@@ -14,6 +14,7 @@ import {
   type Object3D,
   type Object3DEventMap,
   type PerspectiveCamera,
+  RawShaderMaterial,
   Scene,
   ShaderMaterial,
   Vector3,
@@ -202,7 +203,8 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const atlas = new Atlas(opened);
     const uniforms = fieldUniforms(opened, atlas);
     this.material.dispose();
-    this.material = new ShaderMaterial({
+    // Raw, so that every target is drawn by the same program.
+    this.material = new RawShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
       fragmentShader: fragmentShader(metadata, network),
@@ -212,7 +214,6 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
       side: BackSide,
       transparent: true,
       premultipliedAlpha: true,
-      toneMapped: false,
     });
     this.content = { opened, atlas, uniforms };
   }

@@ -200,7 +200,7 @@ for (const scheme of ["light", "dark"] as const) {
     await page.goto(server.page("tiny.mipvog", bytes));
     await ready(page);
     await page.locator("#panel summary").click();
-    assert.match(await page.locator("#facts").innerText(), /Samples a ray/);
+    await page.locator("#facts", { hasText: "Samples a ray" }).waitFor();
     const wide = await page.evaluate(() => document.documentElement.scrollWidth);
     assert.ok(wide <= 320, `${wide} pixels`);
     const light = await page.evaluate(() => getComputedStyle(document.body).color);

@@ -2,10 +2,16 @@
 
 import type { Layer } from "../format/network.js";
 import type { Metadata } from "../format/metadata.js";
+import field from "./field.glsl";
 import march from "./march.glsl";
 import { networkSource } from "./network.js";
 
 export const VERTEX = /* glsl */ `
+precision highp float;
+uniform mat4 projectionMatrix;
+uniform mat4 modelViewMatrix;
+in vec3 position;
+
 void main() {
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }
@@ -40,7 +46,7 @@ export function defines(metadata: Metadata, quads: number, network: Layer[]): Re
   };
 }
 
-/** The march with the field's network in its place. */
+/** The whole shader, with the field's network. */
 export function fragmentShader(metadata: Metadata, network: Layer[]): string {
-  return march.replace("#include_network", networkSource(metadata, network));
+  return [field, networkSource(metadata, network), march].join("\n");
 }

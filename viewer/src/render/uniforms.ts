@@ -1,6 +1,6 @@
 /** The shader's uniforms: what the field fixes, and what follows the camera. */
 
-import { Matrix3, Matrix4, type PerspectiveCamera, Quaternion, Vector2, Vector3, Vector4, type WebGLRenderer } from "three";
+import { Matrix3, Matrix4, type PerspectiveCamera, Quaternion, SRGBColorSpace, Vector2, Vector3, Vector4, type WebGLRenderer } from "three";
 import type { Encoding, Metadata } from "../format/metadata.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
@@ -53,6 +53,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
     u_toLocal: new Matrix3(),
     u_toView: new Matrix3(),
     u_depthOfT: new Vector2(),
+    u_linear: false,
   };
   if (mask) {
     const scale = mask.scale.map((scale, axis) => scale * (bounds.max[axis] - bounds.min[axis]));
@@ -87,6 +88,7 @@ export function viewUniforms(uniforms: Uniforms, metadata: Metadata, camera: Per
   world.decompose(unused, turned, origin);
   rotation.makeRotationFromQuaternion(turned.invert()).multiply(camera.matrixWorld);
   uniforms.u_toView.value.setFromMatrix4(rotation);
+  uniforms.u_linear.value = renderer.getRenderTarget() !== null || renderer.outputColorSpace !== SRGBColorSpace;
   const projection = camera.projectionMatrix.elements;
   uniforms.u_lens.value.set(1 / projection[0], 1 / projection[5], projection[8] / projection[0], projection[9] / projection[5]);
   renderer.getCurrentViewport(uniforms.u_viewport.value);
