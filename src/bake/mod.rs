@@ -25,7 +25,6 @@ use serde_json::json;
 pub use encode::{EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use origin::Origin;
-pub(crate) use origin::hex;
 pub use preset::Preset;
 pub use rebake::{Changes, rebake};
 use report::prune_reports;
