@@ -122,9 +122,12 @@ fn everything_else_stays_in_its_place() {
         let used = after["extensionsUsed"].as_array().expect("a list");
         assert_eq!(used.iter().filter(|name| **name == NAME).count(), 1);
         let (_, chunks) = parts(&longer);
-        for (old, new) in parts(&asset).1.iter().filter(|(kind, _)| *kind != *b"BIN\0").zip(
-            chunks.iter().filter(|(kind, _)| *kind != *b"BIN\0"),
-        ) {
+        for (old, new) in parts(&asset)
+            .1
+            .iter()
+            .filter(|(kind, _)| *kind != *b"BIN\0")
+            .zip(chunks.iter().filter(|(kind, _)| *kind != *b"BIN\0"))
+        {
             assert_eq!(old, new, "seed {seed}");
         }
     }

@@ -57,7 +57,10 @@ impl<'a> Fields<'a> {
 
 /// The extension's object in the `extensions` of another one.
 pub fn extension<'a>(of: &List<'a>) -> Result<Option<Node<'a>>> {
-    of.get("extensions").map(|extensions| extensions.get(EXTENSION)).transpose().map(Option::flatten)
+    of.get("extensions")
+        .map(|extensions| extensions.get(EXTENSION))
+        .transpose()
+        .map(Option::flatten)
 }
 
 /// A container inside or beside an asset.
@@ -121,9 +124,9 @@ fn buffer_bytes(
         buffers.get(number).ok_or_else(|| missing(place.clone(), number, buffers.len()))?;
     let members = buffer.members()?;
     let length = members.get("byteLength").map(Node::index).transpose()?;
-    let length = length.ok_or_else(|| {
-        Error::malformed(buffer.place(), "no byteLength", "a whole number from 1")
-    })? as u64;
+    let length = length
+        .ok_or_else(|| Error::malformed(buffer.place(), "no byteLength", "a whole number from 1"))?
+        as u64;
     let (file, start) = match (members.get("uri"), chunk_of(asset, number, &members)) {
         (Some(uri), _) => {
             let text: String = uri.parse("a URI")?;

@@ -285,7 +285,8 @@ fn short(text: &str, error: &serde_json::Error) -> String {
 mod tests {
     use super::*;
 
-    const TEXT: &str = " { \"a\" : [ 1.50 , { } ,\n 2e1 ] , \"b/c\" : \"x\" , \"d\" : { \"e\" : null } } ";
+    const TEXT: &str =
+        " { \"a\" : [ 1.50 , { } ,\n 2e1 ] , \"b/c\" : \"x\" , \"d\" : { \"e\" : null } } ";
 
     fn changed(edit: impl FnOnce(&Node, &mut Edits)) -> String {
         let root = Node::document(TEXT).expect("JSON");

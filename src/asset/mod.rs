@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-pub use fields::{Fields, Payload, payload, buffer_is_chunk};
+pub use fields::{Fields, Payload, buffer_is_chunk, payload};
 pub use glb::{Piece, padded, write_glb};
 
 use crate::bytes::SourceFile;
@@ -145,7 +145,12 @@ impl Asset {
     pub fn list<'a>(&self, root: &json::List<'a>, name: &str) -> Result<Vec<Node<'a>>> {
         let Some(list) = root.get(name) else { return Ok(Vec::new()) };
         let elements = list.elements()?;
-        limits::check("elements of a list", elements.len() as u64, self.limits.entries, &list.place())?;
+        limits::check(
+            "elements of a list",
+            elements.len() as u64,
+            self.limits.entries,
+            &list.place(),
+        )?;
         Ok(elements.values().to_vec())
     }
 }

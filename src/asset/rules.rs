@@ -93,8 +93,7 @@ pub fn within<T>(
     walk: impl FnOnce(&mut Report) -> Result<T>,
 ) -> Result<T> {
     let place = |error: Error| error.within(object.pointer(), offset);
-    let mut inner =
-        |finding: Finding| report(Finding { error: place(finding.error), ..finding });
+    let mut inner = |finding: Finding| report(Finding { error: place(finding.error), ..finding });
     walk(&mut inner)
 }
 
@@ -117,7 +116,8 @@ fn agreement(
     for name in names {
         let (found, expected) = (found.get(name), expected.get(name));
         if found != expected {
-            let shown = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+            let shown =
+                |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
             let place = Place::Pointer(format!("{}/{name}", object.pointer()));
             let expected = format!("{}, as the container says", shown(expected));
             let error = Error::malformed(place, shown(found), expected);

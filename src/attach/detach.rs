@@ -39,8 +39,10 @@ pub(super) struct Removal<'a> {
     pub(super) edits: Edits,
     /// By field; those of fields that stay change as others go.
     pub(super) records: Vec<Record>,
-    /// Of all fields that go.
+    /// Of all fields: what gets empty now may have been found by any of them.
     found: Record,
+    /// Of the fields that go: what the first that stays has to know from now on.
+    legacy: Record,
     /// What refers to nodes and buffer views by their numbers.
     pub(super) references: References,
 }
@@ -61,25 +63,26 @@ impl<'a> Removal<'a> {
             None => (0..count).collect(),
         };
         let records = fields.objects.iter().map(Record::of).collect::<Result<Vec<_>>>()?;
-        let mut found = Record::default();
-        for number in &gone {
-            records.get(*number).into_iter().for_each(|record| found.absorb(record));
+        let (mut found, mut legacy) = (Record::default(), Record::default());
+        for (number, record) in records.iter().enumerate() {
+            found.absorb(record);
+            if gone.contains(&number) {
+                legacy.absorb(record);
+            }
         }
         let references = References::of(asset)?;
         let edits = Edits::default();
-        Ok(Self { asset, root, fields, gone, edits, records, found, references })
+        Ok(Self { asset, root, fields, gone, edits, records, found, legacy, references })
     }
 
     fn write(mut self, output: &mut Output) -> Result<Detached> {
-        // What those that go knew of the document, the first that stays knows from now on.
-        let found = self.found.clone();
+        let bin = self.take_containers()?;
+        self.nodes()?;
         if let Some(first) = (0..self.records.len()).find(|field| !self.gone.contains(field))
             && let Some(record) = self.records.get_mut(first)
         {
-            record.absorb(&found);
+            record.absorb(&self.legacy);
         }
-        let bin = self.take_containers()?;
-        self.nodes()?;
         self.properties()?;
         let text = self.edits.apply(self.asset.text());
         match self.asset.chunks() {
@@ -227,11 +230,7 @@ impl<'a> Removal<'a> {
         Ok(())
     }
 
-    fn scenes(
-        &mut self,
-        removed: &BTreeSet<usize>,
-        moved: &BTreeMap<usize, usize>,
-    ) -> Result<()> {
+    fn scenes(&mut self, removed: &BTreeSet<usize>, moved: &BTreeMap<usize, usize>) -> Result<()> {
         let scenes = list_of(&self.root, "scenes")?;
         for scene in scenes.iter().flat_map(List::values) {
             let members = scene.members()?;
@@ -253,6 +252,8 @@ impl<'a> Removal<'a> {
                 self.edits.remove(&list, &going);
             } else if self.found.scene && alone && members.len() == 1 {
                 self.edits.remove_member(&self.root, "scene");
+                self.legacy.scene = false;
+                self.legacy.found.remove("scenes");
                 if let Some(scenes) = &scenes {
                     self.remove_items("scenes", scenes, &[0]);
                 }

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use gltf::json::Root;
 use gltf::json::validation::{Error as RuleError, Validate};
 
-use crate::asset::json::Node;
 use crate::asset::{Asset, Fields, rules};
 use crate::bytes::SourceFile;
 use crate::error::{Error, Place, Result};

@@ -47,8 +47,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut options = AttachOptions::default();
     options.node = arguments.node.clone();
     options.external = arguments.external;
-    let attached =
-        attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
+    let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
     let bytes = output.length();
     output.finish()?;
     warn_of_companions(&asset, path, common)?;

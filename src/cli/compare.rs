@@ -70,7 +70,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background }
     } else {
-        Reference::Field(Box::new(scene.open(&arguments.reference, arguments.which, None, common)?))
+        Reference::Field(Box::new(scene.open(
+            &arguments.reference,
+            arguments.which,
+            None,
+            common,
+        )?))
     };
     let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
     let scales = checked_scales(&arguments.scales, &cameras)?;

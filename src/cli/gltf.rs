@@ -73,8 +73,7 @@ impl GltfArguments {
         let container = Container::open(file, &Limits::default())?;
         let mesh = mesh(&container, self.fallback_triangles)?;
         let glb = is_glb(asset)?;
-        let attached =
-            write_fallback(&mesh, &container, path, asset, glb, self.external, output)?;
+        let attached = write_fallback(&mesh, &container, path, asset, glb, self.external, output)?;
         Ok(GltfReport {
             output: asset.to_string_lossy().into_owned(),
             output_bytes: output.length(),

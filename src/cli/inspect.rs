@@ -119,7 +119,8 @@ fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
     };
     for (field, object) in fields.objects.iter().enumerate() {
         let properties = object.members()?;
-        let own = |name: &str| properties.get(name).map(|value| value.parse::<Value>("JSON")).transpose();
+        let own =
+            |name: &str| properties.get(name).map(|value| value.parse::<Value>("JSON")).transpose();
         let users = fields.users.iter().filter(|user| user.field == field);
         report.fields.push(FieldReport {
             field,

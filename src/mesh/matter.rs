@@ -69,8 +69,7 @@ impl Matter {
                 }
                 for (number, &raw) in density.iter().enumerate() {
                     let (y, z) = (number / nodes[2], number % nodes[2]);
-                    let (sum, weight, count) =
-                        &mut slab[y / stride[1] * inner[2] + z / stride[2]];
+                    let (sum, weight, count) = &mut slab[y / stride[1] * inner[2] + z / stride[2]];
                     *count += 1;
                     let opacity = node.opacity(raw);
                     let inside = || {

@@ -85,8 +85,12 @@ impl Mesh {
             let [a, b, c] = corners.map(|corner| rounded[corner as usize].map(f64::from));
             length(cross(minus(b, a), minus(c, a))) > 0.0
         };
-        let mut mesh =
-            Self { positions: Vec::new(), colors: Vec::new(), triangles: Vec::new(), visible: true };
+        let mut mesh = Self {
+            positions: Vec::new(),
+            colors: Vec::new(),
+            triangles: Vec::new(),
+            visible: true,
+        };
         let mut numbers = vec![u32::MAX; rounded.len()];
         for corners in draft.triangles.iter().filter(|corners| area(corners)) {
             mesh.triangles.push(corners.map(|corner| {
@@ -112,8 +116,18 @@ impl Mesh {
         };
         // Two triangles a face; bit 0 of a corner's number is its side along x, bit 2 along z.
         let triangles = vec![
-            [0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
-            [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5],
+            [0, 2, 3],
+            [0, 3, 1],
+            [4, 5, 7],
+            [4, 7, 6],
+            [0, 1, 5],
+            [0, 5, 4],
+            [2, 6, 7],
+            [2, 7, 3],
+            [0, 4, 6],
+            [0, 6, 2],
+            [1, 3, 7],
+            [1, 7, 5],
         ];
         Self {
             positions: (0..8).map(corner).collect(),

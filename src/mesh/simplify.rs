@@ -243,8 +243,7 @@ impl Surface {
                         *position = candidate.to;
                     }
                 }
-                let [before, after] =
-                    [old, new].map(|[p, q, r]| cross(minus(q, p), minus(r, p)));
+                let [before, after] = [old, new].map(|[p, q, r]| cross(minus(q, p), minus(r, p)));
                 dot(before, after) > LEAST_TURN * length(before) * length(after)
             })
     }

@@ -26,7 +26,10 @@ pub fn surface(matter: &Matter) -> Draft {
             // around the grid is outside, so none of them is beyond it.
             let (u, v) = (strides[(axis + 1) % 3], strides[(axis + 2) % 3]);
             let quad = [node - u - v, node - v, node, node - u].map(|cell| vertices[cell]);
-            push_quad(&mut draft, if inside(node) { quad } else { [quad[3], quad[2], quad[1], quad[0]] });
+            push_quad(
+                &mut draft,
+                if inside(node) { quad } else { [quad[3], quad[2], quad[1], quad[0]] },
+            );
         }
     }
     draft
