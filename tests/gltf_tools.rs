@@ -26,14 +26,14 @@ fn other_programs_take_what_is_written() {
     let here = folder.path();
     let scene = fixture("trained/lego64/fine_last.tar").display().to_string();
     let bake = ["bake", &scene, "--stepsize", "0.5"];
-    for (asset, more) in [
-        ("a.glb", &["--fallback-triangles", "3000"][..]),
-        ("a.gltf", &[]),
-        ("outside.glb", &["--external"]),
-        ("small.glb", &["--fallback-triangles", "4", "--levels", "1"]),
-        ("code.gltf", &["--filter", "code"]),
+    for (container, asset, more) in [
+        ("a.mipvog", "a.glb", &["--fallback-triangles", "3000"][..]),
+        ("a.mipvog", "a.gltf", &[]),
+        ("a.mipvog", "outside.glb", &["--external"]),
+        ("b.mipvog", "small.glb", &["--fallback-triangles", "4", "--levels", "1"]),
+        ("c.mipvog", "code.gltf", &["--filter", "code"]),
     ] {
-        run(here, &[&bake[..], &["-o", "a.mipvog", "--force", "--gltf", asset], more].concat());
+        run(here, &[&bake[..], &["-o", container, "--force", "--gltf", asset], more].concat());
     }
     let empty = field([9; 3], &[-100.0; 729], &[0.0; 3 * 729]);
     let empty = baked_bytes(&empty, &BakeOptions::default()).expect("a container");

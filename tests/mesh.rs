@@ -96,8 +96,9 @@ fn a_ball_becomes_a_ball() {
     let scale = extent.map(|length| length / 32.0);
     let exact = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
     let exact = exact * scale.iter().product::<f64>();
-    let mut last = 0.0;
-    for triangles in [20, 200, 2000] {
+    // An icosahedron in the ball, of 20 triangles, has 0.61 of its volume; meshes of few triangles are made of
+    // coarse levels, whose cells round the ball off further.
+    for (triangles, least) in [(20, 0.5), (200, 0.75), (2000, 0.9)] {
         let mesh = mesh(&container, triangles).expect("a mesh");
         assert!(mesh.visible && mesh.triangles.len() <= triangles);
         let case = format!("{triangles} triangles");
@@ -105,9 +106,8 @@ fn a_ball_becomes_a_ball() {
         assert_sound(&mesh, bounds.min, bounds.max, &case);
         assert_closed(&mesh, &case);
         let share = volume(&mesh) / exact;
-        // The surface lies where half the light passes a cell, up to a node outside of raw 0.
-        assert!(share > 0.75 && share < 1.35, "{case}: {share}");
-        last = share;
+        // Half the light passes a cell a little outside of where raw density is 0.
+        assert!(share > least && share < 1.2, "{case}: {share}");
         let middle = f64::from(bounds.min[0] + bounds.max[0]) / 2.0;
         for (position, color) in mesh.positions.iter().zip(&mesh.colors) {
             let side = f64::from(position[0]) - middle;
@@ -118,7 +118,6 @@ fn a_ball_becomes_a_ball() {
             }
         }
     }
-    assert!(last > 0.9 && last < 1.2, "{last}");
 }
 
 #[test]

@@ -47,8 +47,8 @@ pub struct SceneArguments {
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FieldArguments {
     /// Of a glTF asset, the field of this number
-    #[arg(long, value_name = "I", default_value_t = 0)]
-    field: usize,
+    #[arg(long = "field", value_name = "I", default_value_t = 0)]
+    number: usize,
 }
 
 impl FieldArguments {
@@ -59,7 +59,7 @@ impl FieldArguments {
             return Container::open(file, limits).map(Some);
         }
         match is_asset(&file) {
-            true => Asset::open(file, limits)?.open_field(self.field).map(Some),
+            true => Asset::open(file, limits)?.open_field(self.number).map(Some),
             false => Ok(None),
         }
     }

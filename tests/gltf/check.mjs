@@ -11,6 +11,9 @@ import { NodeIO } from "@gltf-transform/core";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import validator from "gltf-validator";
 
+// Browsers have it, node does not; three.js tells of loaded data URIs by it.
+globalThis.ProgressEvent ??= class extends Event {};
+
 const EXTENSION = "MIPVOG_radiance_field";
 
 async function validate(name, bytes, folder) {
