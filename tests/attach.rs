@@ -216,6 +216,46 @@ fn what_others_refer_to_is_not_renumbered() {
 }
 
 #[test]
+fn fields_that_other_tools_attached_go_too() {
+    let folder = folder();
+    let here = folder.path();
+    let asset = attached(here, &plain_glb(), ONE, &AttachOptions::default()).expect("attached");
+    let field = |document: &mut serde_json::Value| {
+        document["extensions"][NAME]["radianceFields"][0].as_object_mut().expect("a field").clone()
+    };
+    let without = |key: &str| {
+        changed(&asset, |document| {
+            let mut field = field(document);
+            field.remove(key);
+            document["extensions"][NAME]["radianceFields"][0] = field.into();
+        })
+    };
+    let left = detached(here, &without("extras"), None).expect("detached");
+    let (document, (_, chunks)) = (document(&left), parts(&left));
+    // Nothing says where the buffer ended or who made the node, so both stay.
+    assert_eq!(document["buffers"], json!([{ "byteLength": 64 }]));
+    assert_eq!(document["nodes"].as_array().map(Vec::len), Some(2));
+    assert_eq!(document.get("extensions"), None);
+    assert_eq!(document.get("extensionsUsed"), None);
+    assert_eq!((chunks[0].1.len(), &chunks[0].1[..6]), (64, &[1, 2, 3, 4, 5, 6][..]));
+    // A record that cannot be true is no reason to panic.
+    for (key, value) in [
+        ("byteLength", json!(u64::MAX)),
+        ("chunkLength", json!(u64::MAX)),
+        ("chunkLength", json!(4)),
+        ("byteLength", json!(-1)),
+        ("node", json!(3)),
+    ] {
+        let wrong = changed(&asset, |document| {
+            document["extensions"][NAME]["radianceFields"][0]["extras"]["attached"][key] =
+                value.clone();
+        });
+        let error = detached(here, &wrong, None).expect_err(key);
+        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+    }
+}
+
+#[test]
 fn options_that_do_not_fit_are_refused() {
     let folder = folder();
     let here = folder.path();

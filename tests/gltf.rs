@@ -31,7 +31,7 @@ fn against(name: &str, value: &Value) -> Vec<String> {
     let names = std::fs::read_dir(folder).expect("the schemas").flatten();
     let mut registry = Registry::new();
     for other in names.map(|entry| entry.file_name().to_string_lossy().into_owned()) {
-        registry = registry.add(&format!("json-schema:///{other}"), schema(&other)).expect("a name");
+        registry = registry.add(format!("json-schema:///{other}"), schema(&other)).expect("a name");
     }
     let registry = registry.prepare().expect("schemas that fit");
     let root = json!({ "$ref": format!("json-schema:///{name}") });
@@ -99,7 +99,8 @@ fn schemas_refuse_what_the_page_forbids() {
     field(&mut extended)["extensions"] = json!({ "EXT_x": {} });
     field(&mut extended)["levels"][0]["extras"] = json!("x");
     assert!(own(&extended).is_empty());
-    let bad: [(&str, &dyn Fn(&mut Value)); 9] = [
+    type Change = &'static dyn Fn(&mut Value);
+    let bad: [(&str, Change); 9] = [
         ("no fields", &|d| d["extensions"][NAME]["radianceFields"] = json!([])),
         ("both places", &|d| field(d)["uri"] = "x".into()),
         ("no place", &|d| drop(field(d).as_object_mut().map(|f| f.remove("bufferView")))),
@@ -115,7 +116,9 @@ fn schemas_refuse_what_the_page_forbids() {
         change(&mut document);
         assert!(!own(&document).is_empty(), "{case} was taken");
     }
-    assert!(!against(&format!("node.{NAME}.schema.json"), &json!({ "radianceField": -1 })).is_empty());
+    assert!(
+        !against(&format!("node.{NAME}.schema.json"), &json!({ "radianceField": -1 })).is_empty()
+    );
 }
 
 fn checked(bytes: &[u8], path: &Path) -> Report {
@@ -261,10 +264,55 @@ fn verbs_take_assets_where_they_take_containers() {
     let first = report(here, &["unpack", &other, "-o", "one.safetensors"]);
     assert_eq!(first["levels"], second["levels"]);
     assert!(read("one.safetensors") == read("two.safetensors"));
+    // What an asset names does not move with it; what the output names is named from there.
+    std::fs::create_dir(here.join("deep er")).expect("writable");
+    let moved = ["attach", "b.gltf", &other, "-o", "deep er/b.gltf"];
+    let output = run(here, &moved);
+    let warning = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && warning.contains("too: a.mipvog\n"), "{warning}");
+    let fields = document(&read("deep er/b.gltf"))["extensions"][NAME]["radianceFields"].clone();
+    assert!(fields[1]["uri"].as_str().is_some_and(|uri| uri.starts_with("../")), "{fields}");
+    let second = ["unpack", "deep er/b.gltf", "--field", "1", "-o", "c.safetensors"];
+    report(here, &second);
+    assert!(read("c.safetensors") == read("one.safetensors"));
+    let output = run(here, &["detach", "deep er/b.gltf", "-o", "b.gltf", "--force"]);
+    assert!(output.status.success() && output.stderr.is_empty());
     std::fs::remove_file(here.join("a.mipvog")).expect("a file");
     let failed = run(here, &["validate", "c.glb"]);
     assert_eq!(failed.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&failed.stdout).contains("field-missing"));
+}
+
+#[test]
+fn an_independent_reader_finds_the_mesh() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = fixture("trained/tiny/fine_last.tar").display().to_string();
+    report(here, &["bake", &scene, "-o", "a.mipvog", "--gltf", "a.glb"]);
+    let container = common::open_bytes(&std::fs::read(here.join("a.mipvog")).expect("written"));
+    let mesh = mipvog_bake::mesh::mesh(&container.expect("a container"), 10_000).expect("a mesh");
+    let bytes = std::fs::read(here.join("a.glb")).expect("written");
+    // Validates what this crate knows of glTF, too.
+    let asset = gltf::Gltf::from_slice(&bytes).expect("a valid asset");
+    let node = asset.default_scene().and_then(|scene| scene.nodes().next()).expect("a node");
+    let primitive = node.mesh().and_then(|mesh| mesh.primitives().next()).expect("a primitive");
+    let reader = primitive.reader(|_| asset.blob.as_deref());
+    let positions: Vec<[f32; 3]> = reader.read_positions().expect("positions").collect();
+    assert_eq!(positions, mesh.positions);
+    let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
+    assert_eq!(indices, mesh.triangles.as_flattened());
+    let colors = reader.read_colors(0).expect("colours").into_rgb_f32();
+    for (found, wanted) in colors.zip(&mesh.colors) {
+        for (found, wanted) in found.iter().zip(wanted) {
+            assert!((f64::from(*found) - wanted).abs() < 1.0 / 65535.0);
+        }
+    }
+    let bounds = primitive.bounding_box();
+    assert_eq!([bounds.min, bounds.max], mesh.extent());
+    // Training's z, up there, is y here; x stays.
+    let rotation = node.transform().matrix();
+    let turned = |axis: usize| [0, 1, 2].map(|row| rotation[axis][row].round());
+    assert_eq!([turned(0), turned(2)], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
 }
 
 #[test]
@@ -278,13 +326,14 @@ fn what_cannot_be_has_its_exit_code() {
     std::fs::write(here.join("text.gltf"), "{ no").expect("writable");
     std::fs::write(here.join("taken.glb"), "mine").expect("writable");
     let bake = ["bake", &scene, "-o", "x.mipvog", "--gltf"];
-    let cases: [(Vec<&str>, i32, &str); 13] = [
+    let cases: [(Vec<&str>, i32, &str); 14] = [
         ([&bake[..], &["x.obj"]].concat(), 2, ".glb or .gltf"),
         ([&bake[..], &["taken.glb"]].concat(), 5, "--force"),
         ([&bake[..], &["x.mipvog"]].concat(), 2, "x.mipvog"),
         ([&bake[..], &["x.glb", "--fallback-triangles", "3"]].concat(), 2, "--fallback-triangles"),
         (vec!["bake", &scene, "-o", "x.mipvog", "--external"], 2, "--gltf"),
         (vec!["attach", "plain.gltf", &one, "-o", "x.gltf", "--node", "0"], 2, "--node"),
+        (vec!["attach", "plain.gltf", &one, "-o", "x.glb"], 2, "stays one"),
         (vec!["attach", "text.gltf", &one, "-o", "x.gltf"], 3, "text.gltf"),
         (vec!["attach", "next.gltf", &one, "-o", "x.gltf"], 4, "glTF 3.0"),
         (vec!["attach", "missing.gltf", &one, "-o", "x.gltf"], 5, "missing.gltf"),

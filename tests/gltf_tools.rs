@@ -59,8 +59,17 @@ fn other_programs_take_what_is_written() {
     let mut check = Command::new("node");
     check.current_dir(here).arg(root.join("tests/gltf/check.mjs"));
     let names = [
-        "a.glb", "a.gltf", "outside.glb", "small.glb", "code.gltf", "empty.glb", "bare.glb", "two.glb",
-        "second.glb", "node.gltf", "nothing.gltf",
+        "a.glb",
+        "a.gltf",
+        "outside.glb",
+        "small.glb",
+        "code.gltf",
+        "empty.glb",
+        "bare.glb",
+        "two.glb",
+        "second.glb",
+        "node.gltf",
+        "nothing.gltf",
     ];
     let output = check.args(names).output().expect("node is on the path");
     let says = [output.stdout, output.stderr].map(|o| String::from_utf8_lossy(&o).into_owned());

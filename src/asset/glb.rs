@@ -123,7 +123,8 @@ pub fn write_glb(
     output.append(&number(json_length)?)?;
     output.append(&JSON)?;
     output.append(document.as_bytes())?;
-    output.append(" ".repeat(3).as_bytes().get(..padding(document.len() as u64)).unwrap_or(&[]))?;
+    let padding = document.len().next_multiple_of(4) - document.len();
+    output.append(b"   ".get(..padding).unwrap_or_default())?;
     if !bin.is_empty() {
         output.append(&number(bin_length)?)?;
         output.append(&BIN)?;
@@ -136,11 +137,6 @@ pub fn write_glb(
         output.pad(4)?;
     }
     others.map_or(Ok(()), |others| others.for_each_piece(|bytes| output.append(bytes)))
-}
-
-/// Bytes up to the next multiple of 4.
-fn padding(length: u64) -> usize {
-    (padded(length) - length) as usize
 }
 
 fn number(length: u64) -> Result<[u8; 4]> {

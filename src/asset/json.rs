@@ -314,17 +314,21 @@ mod tests {
         }
     }
 
+    fn list<'a>(root: &Node<'a>, pointer: &str) -> Result<List<'a>> {
+        match pointer {
+            "" => root.members(),
+            "a" => root.get("a").and_then(|a| a.expect("there").elements()),
+            other => root.get(other).and_then(|o| o.expect("there").members()),
+        }
+    }
+
     #[test]
     fn what_is_appended_and_removed_leaves_no_trace() {
         for (pointer, item) in [("", "\"n\":[1,2]"), ("a", "7"), ("d", "\"f\":1")] {
-            let list = |root: &Node| match pointer {
-                "" => root.members(),
-                "a" => root.get("a").and_then(|a| a.expect("there").elements()),
-                other => root.get(other).and_then(|o| o.expect("there").members()),
-            };
-            let longer = changed(|root, edits| edits.append(&list(root).expect("a list"), item));
+            let longer =
+                changed(|root, edits| edits.append(&list(root, pointer).expect("a list"), item));
             let root = Node::document(&longer).expect("still JSON");
-            let items = list(&root).expect("a list");
+            let items = list(&root, pointer).expect("a list");
             let mut edits = Edits::default();
             edits.remove(&items, &[items.len() - 1]);
             assert_eq!(edits.apply(&longer), TEXT);

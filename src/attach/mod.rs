@@ -17,35 +17,36 @@
 //!
 //! [`fallback`] makes a new asset of a mesh, for a field that has none.
 
-mod detach;
 mod fallback;
 mod insert;
 mod payloads;
 mod record;
 mod references;
+mod remove;
 
-pub use detach::{Detached, detach};
 pub use fallback::write_fallback;
 pub use insert::{AttachOptions, Attached, NodeChoice, attach};
+pub use remove::{Detached, detach};
 
 use crate::asset::json::{List, Node};
-use crate::asset::{Asset, uri};
+use crate::asset::{Asset, Fields, uri};
 use crate::error::Result;
 
 /// Where the container starts in the chunk BIN: its own chunks lie at multiples of this.
 const ALIGNMENT: u64 = 64;
 
-/// Files that the document names by relative URIs, beside those of radiance fields: they do not go with
-/// the asset to another folder.
+/// Files that the document names by relative URIs: they do not go with the asset to another folder.
 pub fn companions(asset: &Asset) -> Result<Vec<String>> {
     let root = asset.document()?.members()?;
-    let mut names = Vec::new();
+    let mut objects = Fields::read(asset, &root)?.objects;
     for list in ["buffers", "images"] {
-        for object in asset.list(&root, list)? {
-            if let Some(found) = object.get("uri")? {
-                let name: String = found.parse("a URI")?;
-                names.extend((!uri::is_data(&name) && !name.contains("://")).then_some(name));
-            }
+        objects.extend(asset.list(&root, list)?);
+    }
+    let mut names = Vec::new();
+    for object in objects {
+        if let Some(found) = object.get("uri")? {
+            let name: String = found.parse("a URI")?;
+            names.extend((!uri::is_data(&name) && !name.contains("://")).then_some(name));
         }
     }
     Ok(names)

@@ -3,7 +3,7 @@
 //! Containers that were attached lie behind everything else, in the order of their buffer views. Taking
 //! one out moves those behind it to where attaching would have put them had it never been there.
 
-use super::detach::Removal;
+use super::remove::Removal;
 use super::{ALIGNMENT, list_of};
 use crate::asset::json::Node;
 use crate::asset::{Piece, buffer_is_chunk, padded};
@@ -136,7 +136,7 @@ impl<'a> Removal<'a> {
         }
         let record = self.records.get(lowest.field).cloned().unwrap_or_default();
         let mut length = record.byte_length.unwrap_or(lowest.offset);
-        let mut filled = record.chunk_length.unwrap_or(padded(length));
+        let mut filled = record.chunk_length.unwrap_or(padded(length.min(lowest.offset)));
         let kept = filled.min(lowest.offset);
         if length > kept || filled > padded(lowest.offset) {
             let found = format!("a buffer of {length} bytes in a chunk of {filled}");

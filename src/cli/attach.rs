@@ -1,17 +1,17 @@
 //! `attach`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Outcome, readable, warn};
+use super::{Common, Outcome, gltf, readable, warn};
 use crate::asset::Asset;
 use crate::attach::{AttachOptions, NodeChoice, attach, companions};
 use crate::bytes::{Output, SourceFile};
 use crate::container::Container;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::limits::Limits;
 
 /// Put a container into a glTF asset as a radiance field; all else stays as it is
@@ -43,14 +43,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let file = Arc::new(SourceFile::open(&arguments.container)?);
     let container = Container::open(file, &limits)?;
     let path = &arguments.output;
+    check_kind(&asset, path)?;
     let mut output = Output::create(path, arguments.force)?;
-    let mut options = AttachOptions::default();
-    options.node = arguments.node.clone();
-    options.external = arguments.external;
+    let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };
     let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
     let bytes = output.length();
     output.finish()?;
-    warn_of_companions(&asset, path, common)?;
+    warn_of_companions(&asset, &arguments.asset, path, common)?;
     let report = json!({
         "asset": arguments.asset.to_string_lossy(),
         "container": arguments.container.to_string_lossy(),
@@ -66,13 +65,31 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Outcome::new("attach", &report, text)
 }
 
-/// Files that an asset names do not go with it to another folder.
-pub fn warn_of_companions(asset: &Asset, output: &std::path::Path, common: &Common) -> Result<()> {
-    let folder = |path: &std::path::Path| {
+/// Refuses an output whose name says another kind than the asset is of.
+pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
+    let is_glb = asset.chunks().is_some();
+    match gltf::is_glb(output) {
+        Ok(named_glb) if named_glb != is_glb => {
+            let kind = if is_glb { "a .glb" } else { "a .gltf" };
+            let message = format!("{} is {kind}, and stays one", asset.path().display());
+            Err(Error::usage(message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Says which files `asset` needs that do not go with it from the folder of `input` to that of `output`.
+pub fn warn_of_companions(
+    asset: &Asset,
+    input: &Path,
+    output: &Path,
+    common: &Common,
+) -> Result<()> {
+    let folder = |path: &Path| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        folder.unwrap_or(std::path::Path::new(".")).canonicalize().ok()
+        folder.unwrap_or(Path::new(".")).canonicalize().ok()
     };
-    if folder(asset.path()) == folder(output) {
+    if folder(input) == folder(output) {
         return Ok(());
     }
     let names = companions(asset)?;

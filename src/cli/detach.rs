@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde_json::json;
 
-use super::attach::warn_of_companions;
+use super::attach::{check_kind, warn_of_companions};
 use super::{Common, Outcome, readable};
 use crate::asset::Asset;
 use crate::attach::detach;
@@ -35,11 +35,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let file = Arc::new(SourceFile::open(&arguments.asset)?);
     let asset = Asset::open(file, &Limits::default())?;
     let path = &arguments.output;
+    check_kind(&asset, path)?;
     let mut output = Output::create(path, arguments.force)?;
     let detached = detach(&asset, arguments.field, &mut output)?;
     let bytes = output.length();
     output.finish()?;
-    warn_of_companions(&asset, path, common)?;
+    let left = Asset::open(Arc::new(SourceFile::open(path)?), &Limits::default())?;
+    warn_of_companions(&left, &arguments.asset, path, common)?;
     let report = json!({
         "asset": arguments.asset.to_string_lossy(),
         "output": path.to_string_lossy(),

@@ -18,8 +18,10 @@ mod surface;
 use matter::Matter;
 
 use crate::container::Container;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::grid::Bounds;
+use crate::limits::{Budget, Limits};
+use crate::parallel;
 
 /// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
 const MOST_NODES: usize = 128;
@@ -65,6 +67,10 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
     let mut best = Draft::default();
     let mut cell = 0.0;
     for level in (0..metadata.levels.len()).rev().filter(own) {
+        // Each thread holds a plane of density and three of colour.
+        let [_, ny, nz] = metadata.levels[level].dimensions.map(|size| size as u64);
+        let planes = 16 * parallel::threads() as u64 * ny * nz;
+        Budget::new(&Limits::default()).spend(planes, "bytes of planes", &Place::File)?;
         let codes = container.read_level(level)?;
         let matter = Matter::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
         (best, cell) = (surface::surface(&matter), matter.cell);

@@ -15,8 +15,11 @@ use super::{Random, fixture};
 
 pub const NAME: &str = "MIPVOG_radiance_field";
 
+/// Type and bytes of a chunk.
+pub type Chunk = ([u8; 4], Vec<u8>);
+
 /// A GLB of a document and chunks: type and bytes, written as they are with padding of zeros.
-pub fn glb(document: &str, chunks: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
+pub fn glb(document: &str, chunks: &[Chunk]) -> Vec<u8> {
     let mut json = document.as_bytes().to_vec();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut bytes = Vec::new();
@@ -35,7 +38,7 @@ pub fn glb(document: &str, chunks: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
 }
 
 /// Text of the document, and the other chunks, of a GLB or a `.gltf`.
-pub fn parts(bytes: &[u8]) -> (String, Vec<([u8; 4], Vec<u8>)>) {
+pub fn parts(bytes: &[u8]) -> (String, Vec<Chunk>) {
     let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
     if !bytes.starts_with(b"glTF") {
         return (text(bytes), Vec::new());
