@@ -28,7 +28,6 @@ pub use encode::{Check, EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use options::BakeOptions;
 pub use origin::Origin;
-pub(crate) use origin::hex;
 pub use preset::Preset;
 use ranges::{LevelSpans, encodings_within};
 pub use rebake::{Changes, rebake};

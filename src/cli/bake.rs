@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::field::SceneArguments;
 use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
+use super::gltf::GltfArguments;
 use super::inspect::levels_text;
 use super::progress::Bar;
 use super::{Common, Outcome, readable, say, warn};
@@ -77,6 +78,8 @@ pub struct Arguments {
     scene: SceneArguments,
     #[command(flatten)]
     gate: GateArguments,
+    #[command(flatten)]
+    gltf: GltfArguments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -128,8 +131,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         say(&format!("preset {}: {}", preset.name(), options.to_json()));
     }
     let mut output = Output::create(&arguments.output, arguments.force)?;
+    let asset = arguments.gltf.create(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
-    let (report, resolved, gate) = match &unpacked {
+    let (mut report, resolved, gate) = match &unpacked {
         Some(unpacked) => arguments
             .bake_unpacked(unpacked, &file, &options, &mut output, &bar)
             .map(|(report, resolved)| (report, resolved, None)),
@@ -138,9 +142,20 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     .map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
     let passed = gate.as_ref().is_none_or(|gate| gate.passed);
+    let mut gltf = None;
     // What a pipeline must not ship does not get its name.
     if passed {
-        output.finish()?;
+        if let Some(mut asset) = asset {
+            let clock = Instant::now();
+            let written = arguments.gltf.write(&output, &arguments.output, &mut asset)?;
+            output.finish()?;
+            asset.finish()?;
+            let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
+            report.stages.push(StageReport { name: "gltf", seconds, bytes });
+            gltf = Some(written);
+        } else {
+            output.finish()?;
+        }
     }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;
@@ -163,8 +178,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(gate) = &gate {
         json["quality"] = json!(gate);
     }
+    if let Some(gltf) = &gltf {
+        json["gltf"] = json!(gltf);
+    }
     let mut text = arguments.text(&report, seconds, file.file.bytes_read(), common);
     text += &gate.map_or_else(String::new, |gate| gate.text());
+    text += &gltf.map_or_else(String::new, |gltf| gltf.text());
     Ok(Outcome { failed: !passed, ..Outcome::new("bake", &json, text)? })
 }
 

@@ -2,12 +2,15 @@
 //!
 //! One file a verb. Verbs return what they report; printing and exit codes are here.
 
+mod attach;
 mod bake;
 mod compare;
+mod detach;
 mod document;
 mod field;
 mod fit;
 mod gate;
+mod gltf;
 mod inspect;
 mod interrupt;
 mod progress;
@@ -44,6 +47,8 @@ enum Verb {
     Render(render::Arguments),
     Compare(compare::Arguments),
     Sweep(Box<sweep::Arguments>),
+    Attach(attach::Arguments),
+    Detach(detach::Arguments),
     Completions(document::CompletionArguments),
     Man,
 }
@@ -133,6 +138,8 @@ pub fn main() -> ExitCode {
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
+        Verb::Attach(arguments) => attach::run(arguments, common).map(Some),
+        Verb::Detach(arguments) => detach::run(arguments, common).map(Some),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),
     });

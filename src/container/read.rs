@@ -136,6 +136,13 @@ impl Container {
         Ok(())
     }
 
+    /// Reads and decodes one level, 0 being the finest.
+    pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
+        let mut budget = Budget::new(&self.limits);
+        self.in_file(self.level(number, &mut budget, &mut strict))?
+            .ok_or_else(|| Error::malformed(Place::File, "no such level", "one of the metadata"))
+    }
+
     /// The network and the free-space mask; verifies every other chunk that belongs to no level.
     pub fn read_head(&self) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         self.in_file(self.head(&mut Budget::new(&self.limits), &mut strict))
