@@ -49,7 +49,7 @@ use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{color_encoding, density_encoding};
+use crate::quantize::{Bits, color_encoding, density_encoding};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -74,7 +74,8 @@ pub fn bake(
     let density_filter = filter
         .filters_density()
         .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
-    let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    let mut pruned =
+        prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
 
     let fitted = match options.filter {
@@ -85,6 +86,12 @@ pub fn bake(
         }
         _ => None,
     };
+    if options.bits == Bits::F32 && options.max_error.is_none() {
+        // Nothing is lost of what is kept.
+        for level in &mut pruned.levels {
+            level.needed = level.needed.whole_blocks(options.block_size)?;
+        }
+    }
     let tables = tables(&pruned, options.block_size)?;
     let mut metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
     if let Some(fitted) = &fitted {
