@@ -10,6 +10,7 @@
 //!
 //! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
 
+mod current;
 mod encode;
 mod filter;
 mod options;
@@ -24,6 +25,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
+pub use current::is_current;
 pub use encode::{Check, EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use options::BakeOptions;
@@ -134,6 +136,7 @@ pub fn bake(
             levels: fitted.courses,
             cut_short: fitted.cut_short,
         }),
+        unchanged: false,
         free_space_stored: pruned.keeps_mask,
         nonfinite_values: nonfinite,
         stages,

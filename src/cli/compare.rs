@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::field::{FieldArguments, SceneArguments};
 use super::progress::Bar;
 use super::render::CameraArguments;
-use super::{Common, Outcome, bake::Background};
+use super::{Common, Outcome, values::Background};
 use crate::bake::Filter;
 use crate::bytes::Output;
 use crate::camera::Camera;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::bake::{Background, parse_background, parse_mlp};
+use super::values::{Background, parse_background, parse_mlp};
 use super::{Common, warn};
 use crate::asset::{Asset, is_asset};
 use crate::bake::Filter;

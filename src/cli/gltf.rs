@@ -61,15 +61,10 @@ impl GltfArguments {
         Output::create(path, overwrite).map(Some)
     }
 
-    /// Writes the asset of the container in `container`, whose name will be `path`.
-    pub fn write(
-        &self,
-        container: &Output,
-        path: &Path,
-        output: &mut Output,
-    ) -> Result<GltfReport> {
+    /// Writes the asset of the container in the file `written`, whose name will be `path`.
+    pub fn write(&self, written: &Path, path: &Path, output: &mut Output) -> Result<GltfReport> {
         let asset = self.gltf.as_deref().unwrap_or(Path::new(""));
-        let file = Arc::new(SourceFile::open(container.written())?);
+        let file = Arc::new(SourceFile::open(written)?);
         let container = Container::open(file, &Limits::default())?;
         let mesh = mesh(&container, self.fallback_triangles)?;
         let glb = is_glb(asset)?;

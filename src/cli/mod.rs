@@ -11,6 +11,7 @@ mod field;
 mod fit;
 mod gate;
 mod gltf;
+mod incremental;
 mod inspect;
 mod interrupt;
 mod progress;
@@ -18,6 +19,7 @@ mod render;
 mod sweep;
 mod unpack;
 mod validate;
+mod values;
 
 use std::io::{ErrorKind as IoErrorKind, Write};
 use std::process::ExitCode;

@@ -85,6 +85,11 @@ impl CameraArguments {
         self.cameras.is_some() || self.turntable.is_some()
     }
 
+    /// The camera file, if there is one.
+    pub fn file(&self) -> Option<PathBuf> {
+        self.cameras.clone()
+    }
+
     /// Reads or makes the cameras; the folder that their pictures are relative to. Refuses to without
     /// either.
     pub fn cameras(&self, bounds: &crate::grid::Bounds) -> Result<(Vec<Camera>, PathBuf)> {

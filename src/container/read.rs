@@ -148,6 +148,12 @@ impl Container {
         self.in_file(self.head(&mut Budget::new(&self.limits), &mut strict))
     }
 
+    /// Holds every chunk against its checksum.
+    pub fn verify(&self) -> Result<()> {
+        let verify = |entry| self.chunk(entry, &mut strict).map(|_| ());
+        self.in_file(self.entries.iter().try_for_each(verify))
+    }
+
     /// The provenance, if there is any.
     pub fn provenance(&self) -> Result<Option<serde_json::Value>> {
         let Some(entry) = self.entry(PROVENANCE, None) else { return Ok(None) };
