@@ -11,23 +11,23 @@
 //! folder of float64 renders, a file for each frame, to compare with instead. Without arguments the
 //! scene is `fixtures/trained/lego64`.
 
+mod arguments;
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::time::Instant;
 
+use arguments::Arguments;
 use common::plain_render::{PlainField, PlainLevel};
 use common::rendered::{Differences, baked_levels, finest_level};
-use common::{baked_bytes, fixture, open_bytes, tensor_values};
+use common::{baked_bytes, open_bytes, tensor_values};
 use mipvog_bake::bake::BakeOptions;
 use mipvog_bake::camera::{self, Camera};
 use mipvog_bake::field::RadianceField;
 use mipvog_bake::limits::Limits;
 use mipvog_bake::progress::Silent;
 use mipvog_bake::render::{Field, Frame, FrameOptions, LevelChoice, Statistics, render};
-use mipvog_bake::source::{self, SourceOptions};
 use mipvog_bake::tensor;
 
 /// Each frame is rendered this often; the fastest counts.
@@ -37,67 +37,19 @@ const SUBSET: usize = 97;
 /// What a renderer may differ by from the reference renders.
 const BOUND: f32 = 2e-4;
 
-/// What to render.
-struct Arguments {
-    scene: PathBuf,
-    cameras: PathBuf,
-    size: [usize; 2],
-    frames: Vec<String>,
-    references: Option<PathBuf>,
-    options: SourceOptions,
-}
-
-impl Arguments {
-    fn read() -> Self {
-        let mut options = SourceOptions { stepsize: Some(0.5), ..SourceOptions::default() };
-        let (mut scene, mut cameras, mut references, mut size) = (None, None, None, [400; 2]);
-        let mut frames = vec!["0".to_owned()];
-        let mut words = std::env::args().skip(1);
-        while let Some(word) = words.next() {
-            // `cargo bench` adds this itself.
-            if word == "--bench" {
-                continue;
-            }
-            if !word.starts_with("--") {
-                scene = Some(PathBuf::from(word));
-                continue;
-            }
-            let value = words.next().unwrap_or_else(|| panic!("{word} needs a value"));
-            match word.as_str() {
-                "--cameras" => cameras = Some(PathBuf::from(value)),
-                "--references" => references = Some(PathBuf::from(value)),
-                "--size" => {
-                    let (width, height) = value.split_once('x').expect("--size WxH");
-                    size = [number(width), number(height)];
-                }
-                "--frames" => frames = value.split(',').map(str::to_owned).collect(),
-                "--stepsize" => options.stepsize = Some(number(&value)),
-                "--near" => options.near = Some(number(&value)),
-                "--far" => options.far = Some(number(&value)),
-                _ => panic!("{word} is no option"),
-            }
-        }
-        let scene = scene.unwrap_or_else(|| fixture("trained/lego64/fine_last.tar"));
-        let beside = || scene.with_file_name("transforms_test.json");
-        let cameras = cameras.unwrap_or_else(beside);
-        Self { scene, cameras, size, frames, references, options }
-    }
-}
-
-fn number<T: FromStr>(text: &str) -> T {
-    text.parse().unwrap_or_else(|_| panic!("{text} is no number of the right kind"))
-}
-
 fn main() {
-    let arguments = Arguments::read();
-    let limits = Limits::default();
-    let source = source::open(&arguments.scene, &arguments.options, &limits).expect("a scene");
-    let cameras = camera::read(&arguments.cameras, Some(arguments.size), &limits);
-    let cameras = camera::pick(cameras.expect("cameras").cameras, &arguments.frames);
+    let arguments = Arguments::read(&["--cameras", "--size", "--frames", "--references"]);
+    let field = arguments.field();
+    let beside = arguments.scene.with_file_name("transforms_test.json");
+    let cameras = arguments.own("--cameras").map_or(beside, PathBuf::from);
+    let cameras = camera::read(&cameras, Some(arguments.size()), &Limits::default());
+    let frames: Vec<String> =
+        arguments.own("--frames").unwrap_or("0").split(',').map(str::to_owned).collect();
+    let cameras = camera::pick(cameras.expect("cameras").cameras, &frames);
     let cameras = cameras.expect("frames of the camera file");
-    match &arguments.references {
-        Some(folder) => compare_references(&source.field, &cameras, folder),
-        None => measure(&source.field, &cameras),
+    match arguments.own("--references") {
+        Some(folder) => compare_references(&field, &cameras, Path::new(folder)),
+        None => measure(&field, &cameras),
     }
 }
 

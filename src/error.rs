@@ -117,6 +117,17 @@ pub enum Place {
         /// Number of the block in the level, z fastest.
         block: u64,
     },
+    /// A value of a JSON document, by its pointer (RFC 6901); the whole document's is empty.
+    Pointer(String),
+    /// A place in a container that a value of a JSON document embeds or names.
+    Within {
+        /// Pointer to the value.
+        pointer: String,
+        /// Where in the container; byte offsets count from the container's own start.
+        place: Box<Place>,
+        /// Offset of the container's first byte in the file that holds it.
+        offset: u64,
+    },
 }
 
 impl Error {
@@ -158,6 +169,15 @@ impl Error {
     #[must_use]
     pub fn in_file(mut self, path: &Path) -> Self {
         self.0.file.get_or_insert_with(|| path.to_owned());
+        self
+    }
+
+    /// Says that the error's place is in the container that a value of a JSON document embeds, whose
+    /// first byte is the file's byte `offset`.
+    #[must_use]
+    pub fn within(mut self, pointer: &str, offset: u64) -> Self {
+        let place = Box::new(std::mem::replace(&mut self.0.place, Place::File));
+        self.0.place = Place::Within { pointer: pointer.to_owned(), place, offset };
         self
     }
 
@@ -264,6 +284,16 @@ impl fmt::Display for Place {
                 level.map_or(Ok(()), |level| write!(f, " of level {level}"))
             }
             Self::Block { level, block } => write!(f, "level {level}, block {block}"),
+            Self::Pointer(pointer) if pointer.is_empty() => write!(f, "JSON"),
+            Self::Pointer(pointer) => write!(f, "JSON {pointer}"),
+            Self::Within { pointer, place, offset } => {
+                write!(f, "JSON {pointer}, container at byte {offset}")?;
+                match **place {
+                    Self::File => Ok(()),
+                    Self::Offset(at) => write!(f, ", byte {}", offset.saturating_add(at)),
+                    ref place => write!(f, ", {place}"),
+                }
+            }
         }
     }
 }

@@ -85,6 +85,30 @@ codes! {
     Table = "table", Error;
     /// An atlas does not decode, or does not fit the metadata.
     Atlas = "atlas", Error;
+    /// The chunks of a GLB, the JSON of a glTF document, or its version cannot be read.
+    Asset = "asset", Error;
+    /// Something breaks a rule of glTF 2.0; Khronos' validator says more.
+    AssetRule = "asset-rule", Warning;
+    /// There are radiance fields, but extensionsUsed does not name their extension.
+    ExtensionUsed = "extension-used", Error;
+    /// The extension is in extensionsRequired, so that viewers refuse a file that they could show.
+    ExtensionRequired = "extension-required", Error;
+    /// A radiance field lacks a property, or one is of the wrong type or has an unknown value.
+    FieldProperty = "field-property", Error;
+    /// A radiance field names no container, two, or bytes that are not there.
+    FieldSource = "field-source", Error;
+    /// The file that a radiance field names cannot be read.
+    FieldMissing = "field-missing", Error;
+    /// A property of a radiance field is not what its container says.
+    FieldMetadata = "field-metadata", Error;
+    /// The digest of a radiance field is not that of its container.
+    FieldHash = "field-hash", Error;
+    /// A node names a radiance field that is not there.
+    FieldNode = "field-node", Error;
+    /// No node names a radiance field, so that nothing shows it.
+    FieldUnused = "field-unused", Warning;
+    /// A node with a radiance field has no mesh, so that other viewers show nothing.
+    FieldFallback = "field-fallback", Warning;
 }
 
 /// One thing that validation found.

@@ -1,6 +1,8 @@
 //! Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
 
 pub mod activate;
+pub mod asset;
+pub mod attach;
 pub mod bake;
 pub mod baked;
 pub mod bytes;
@@ -16,6 +18,7 @@ pub mod finding;
 pub mod fit;
 pub mod grid;
 pub mod limits;
+pub mod mesh;
 pub mod mips;
 pub mod parallel;
 pub mod picture;

@@ -27,7 +27,7 @@ pub enum Filter {
 }
 
 /// Intervals over which `rate-tent` counts opacity; the best of 1 to 8 on trained scenes.
-const REACH: f32 = 4.0;
+const REACH: f32 = 4.5;
 
 impl Filter {
     /// Every filter.
@@ -128,7 +128,8 @@ impl Filter {
         let (factor, bias, most) = match self {
             Self::Code => (0.5, 0.0, Some(4.0)),
             Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
-            Self::RateTent | Self::Coverage => (0.5, -0.1, None),
+            Self::RateTent => (0.55, -0.15, None),
+            Self::Coverage => (0.5, -0.1, None),
             Self::Fit => (0.5, 0.1, None),
         };
         LevelOfDetail { factor: factor * scale, bias, aside, most }

@@ -10,6 +10,7 @@
 //!
 //! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
 
+mod current;
 mod encode;
 mod filter;
 mod options;
@@ -24,11 +25,11 @@ use std::time::Instant;
 
 use serde_json::json;
 
+pub use current::is_current;
 pub use encode::{Check, EncodeOptions, LevelEncoder};
 pub use filter::Filter;
 pub use options::BakeOptions;
 pub use origin::Origin;
-pub(crate) use origin::hex;
 pub use preset::Preset;
 use ranges::{LevelSpans, encodings_within};
 pub use rebake::{Changes, rebake};
@@ -50,7 +51,7 @@ use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{color_encoding, density_encoding};
+use crate::quantize::{Bits, color_encoding, density_encoding};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -75,7 +76,8 @@ pub fn bake(
     let density_filter = filter
         .filters_density()
         .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
-    let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    let mut pruned =
+        prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
 
     let fitted = match options.filter {
@@ -86,6 +88,12 @@ pub fn bake(
         }
         _ => None,
     };
+    if options.bits == Bits::F32 && options.max_error.is_none() {
+        // Nothing is lost of what is kept.
+        for level in &mut pruned.levels {
+            level.needed = level.needed.whole_blocks(options.block_size)?;
+        }
+    }
     let tables = tables(&pruned, options.block_size)?;
     let mut metadata = metadata(field, options, &sizes, &tables, pruned.keeps_mask);
     if let Some(fitted) = &fitted {
@@ -128,6 +136,7 @@ pub fn bake(
             levels: fitted.courses,
             cut_short: fitted.cut_short,
         }),
+        unchanged: false,
         free_space_stored: pruned.keeps_mask,
         nonfinite_values: nonfinite,
         stages,

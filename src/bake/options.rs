@@ -2,9 +2,10 @@
 
 use serde_json::json;
 
+use super::Filter;
 use super::ranges::check_max_error;
-use super::{Filter, hex};
 use crate::baked::Metadata;
+use crate::bytes::hex;
 use crate::camera::{Camera, digest};
 use crate::container::LARGEST_BLOCK;
 use crate::error::{Error, Result};

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use crate::bytes::hex;
 use crate::source::Source;
 
 /// What is known about the input of a bake. No paths, no times: the same input gives the same
@@ -60,9 +61,4 @@ impl Origin {
             "assumptions": self.assumptions,
         })
     }
-}
-
-/// As people and reports write digests.
-pub(crate) fn hex(digest: &[u8; 32]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -167,6 +167,7 @@ pub fn rebake(
         levels: level_reports(&metadata, &entries),
         pruned: Vec::new(),
         fitted: None,
+        unchanged: false,
         free_space_stored: metadata.free_space,
         nonfinite_values: 0,
         stages: vec![StageReport { name: "encode", seconds, bytes: bytes_read }],

@@ -17,6 +17,8 @@ pub struct BakeReport {
     pub levels: Vec<LevelReport>,
     /// Fine to coarse, beside `levels`.
     pub pruned: Vec<PruneReport>,
+    /// Whether the container was there already, and is what this bake would have written.
+    pub unchanged: bool,
     /// What a fit did, where there was one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fitted: Option<FitReport>,
@@ -26,6 +28,22 @@ pub struct BakeReport {
     pub nonfinite_values: u64,
     /// In the order of the work.
     pub stages: Vec<StageReport>,
+}
+
+impl BakeReport {
+    /// Of a bake that had nothing to do.
+    pub fn unchanged(output_bytes: u64, levels: Vec<LevelReport>) -> Self {
+        Self {
+            output_bytes,
+            levels,
+            pruned: Vec::new(),
+            unchanged: true,
+            fitted: None,
+            free_space_stored: false,
+            nonfinite_values: 0,
+            stages: Vec::new(),
+        }
+    }
 }
 
 /// What a fit did.

@@ -1,11 +1,13 @@
 //! Bytes in and out: slices with absolute offsets, positioned reads from files, outputs that
 //! appear whole or not at all.
 
+mod digest;
 mod file;
 mod output;
 mod reader;
 mod storage;
 
+pub use digest::{hex, sha256};
 pub use file::SourceFile;
 pub use output::Output;
 pub use reader::ByteReader;

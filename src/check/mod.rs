@@ -1,10 +1,13 @@
 //! Validation: everything that is wrong with a file, not only the first thing.
 
+mod asset;
+
 use std::path::Path;
 use std::sync::Arc;
 
 use serde::Serialize;
 
+use crate::asset::is_asset;
 use crate::bytes::SourceFile;
 use crate::container::Container;
 use crate::error::Result;
@@ -38,7 +41,7 @@ pub struct ReportedFinding {
     pub message: String,
 }
 
-/// Validates a container.
+/// Validates a container, or a glTF asset with the containers of its radiance fields.
 ///
 /// # Errors
 /// Only where the file cannot be opened or read at all; what is wrong with its bytes is in the
@@ -50,6 +53,10 @@ pub fn check(path: &Path, limits: &Limits) -> Result<Report> {
         report.add(&finding);
         Ok(())
     };
+    if is_asset(&file) {
+        asset::check(file, limits, &mut add)?;
+        return Ok(report);
+    }
     let container = Container::walk(file, limits, &mut add);
     if let Some(Some(container)) = checked(container, Code::File, &mut add)? {
         checked(container.read_reporting(&mut add), Code::File, &mut add)?;

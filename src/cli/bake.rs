@@ -11,8 +11,11 @@ use serde_json::{Value, json};
 use super::field::SceneArguments;
 use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
+use super::gltf::GltfArguments;
+use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
 use super::progress::Bar;
+use super::values::{Background, parse_bits};
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
     BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, rebake,
@@ -77,6 +80,10 @@ pub struct Arguments {
     scene: SceneArguments,
     #[command(flatten)]
     gate: GateArguments,
+    #[command(flatten)]
+    gltf: GltfArguments,
+    #[command(flatten)]
+    incremental: IncrementalArguments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -87,10 +94,6 @@ enum NonfiniteChoice {
     Empty,
 }
 
-/// Colour behind the field.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Background(pub [f32; 3]);
-
 impl ValueEnum for Preset {
     fn value_variants<'a>() -> &'a [Self] {
         &Self::ALL
@@ -99,6 +102,16 @@ impl ValueEnum for Preset {
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(PossibleValue::new(self.name()).help(self.purpose()))
     }
+}
+
+/// What a bake did.
+struct Baked {
+    report: BakeReport,
+    /// Every option.
+    resolved: Value,
+    gate: Option<GateReport>,
+    /// The files that the container depends on.
+    inputs: Vec<PathBuf>,
 }
 
 /// Bakes the input.
@@ -127,20 +140,36 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     {
         say(&format!("preset {}: {}", preset.name(), options.to_json()));
     }
-    let mut output = Output::create(&arguments.output, arguments.force)?;
+    let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
+    let mut output = Output::create(&arguments.output, replace)?;
+    let mut asset = arguments.gltf.create(&arguments.output, replace)?;
+    let mut depfile = arguments.incremental.create_depfile()?;
     let bar = Bar::new(common);
-    let (report, resolved, gate) = match &unpacked {
-        Some(unpacked) => arguments
-            .bake_unpacked(unpacked, &file, &options, &mut output, &bar)
-            .map(|(report, resolved)| (report, resolved, None)),
+    let Baked { mut report, resolved, gate, inputs } = match &unpacked {
+        Some(unpacked) => arguments.bake_unpacked(unpacked, &file, &options, &mut output, &bar),
         None => arguments.bake_trained(&file, &options, &limits, &mut output, &bar, common),
     }
     .map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
     let passed = gate.as_ref().is_none_or(|gate| gate.passed);
+    let mut gltf = None;
     // What a pipeline must not ship does not get its name.
     if passed {
-        output.finish()?;
+        if let Some(asset) = &mut asset {
+            let clock = Instant::now();
+            let container = if report.unchanged { &*arguments.output } else { output.written() };
+            let written = arguments.gltf.write(container, &arguments.output, asset)?;
+            let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
+            report.stages.push(StageReport { name: "gltf", seconds, bytes });
+            gltf = Some(written);
+        }
+        if let Some(depfile) = &mut depfile {
+            depfile.append(depfile_rule(&arguments.output, &inputs).as_bytes())?;
+        }
+        let container = Some(output).filter(|_| !report.unchanged);
+        for file in container.into_iter().chain(asset).chain(depfile) {
+            file.finish()?;
+        }
     }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;
@@ -163,8 +192,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(gate) = &gate {
         json["quality"] = json!(gate);
     }
+    if let Some(gltf) = &gltf {
+        json["gltf"] = json!(gltf);
+    }
     let mut text = arguments.text(&report, seconds, file.file.bytes_read(), common);
     text += &gate.map_or_else(String::new, |gate| gate.text());
+    text += &gltf.map_or_else(String::new, |gltf| gltf.text());
     Ok(Outcome { failed: !passed, ..Outcome::new("bake", &json, text)? })
 }
 
@@ -196,7 +229,7 @@ impl Arguments {
         output: &mut Output,
         bar: &Bar,
         common: &Common,
-    ) -> Result<(BakeReport, Value, Option<GateReport>)> {
+    ) -> Result<Baked> {
         let source = source::open_tensors(file, &self.scene.source_options(), limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
@@ -209,11 +242,16 @@ impl Arguments {
         if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
             check_judges(&options.fit_cameras, cameras)?;
         }
-        let mut report = bake(&source.field, options, &origin, output, bar)?;
+        let current = self.incremental.current(&self.output, &source.field, options, &origin)?;
+        let mut report = match current {
+            Some(report) => report,
+            None => bake(&source.field, options, &origin, output, bar)?,
+        };
         let gate = match cameras {
             Some(cameras) => {
                 let clock = Instant::now();
-                let gate = self.gate.measure(&source.field, &cameras, output, bar)?;
+                let written = if report.unchanged { &*self.output } else { output.written() };
+                let gate = self.gate.measure(&source.field, &cameras, written, bar)?;
                 let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
                 report.stages.push(StageReport { name: "compare", seconds, bytes });
                 Some(gate)
@@ -228,7 +266,10 @@ impl Arguments {
             "background": scene.background,
             "mlp": source.field.view_mlp.as_ref().map(crate::view_mlp::ViewMlp::widths),
         });
-        Ok((report, resolved, gate))
+        let mut inputs = vec![self.input.clone()];
+        inputs.extend(source.companions.into_iter().map(|companion| companion.path));
+        inputs.extend([self.gate.camera_file(), self.fit.camera_file()].into_iter().flatten());
+        Ok(Baked { report, resolved, gate, inputs })
     }
 
     fn bake_unpacked(
@@ -238,7 +279,7 @@ impl Arguments {
         options: &BakeOptions,
         output: &mut Output,
         bar: &Bar,
-    ) -> Result<(BakeReport, Value)> {
+    ) -> Result<Baked> {
         if self.scene.stepsize.is_some()
             || self.scene.coarse.is_some()
             || self.scene.mlp != MlpChoice::Auto
@@ -251,8 +292,10 @@ impl Arguments {
         let metadata = &unpacked.metadata;
         let asked = |given: bool| given || self.preset.is_some();
         let changes = Changes {
-            bits: asked(self.bits.is_some()).then_some(options.bits),
-            max_error: self.max_error,
+            bits: asked(self.bits.is_some())
+                .then_some(options.bits)
+                .filter(|_| options.max_error.is_none()),
+            max_error: options.max_error.filter(|_| asked(self.max_error.is_some())),
             zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
             levels: self.levels,
             lod_scale: self.lod_scale,
@@ -276,16 +319,23 @@ impl Arguments {
                 companions: Vec::new(),
                 assumptions: Vec::new(),
             };
-            return Ok((bake(&field, options, &origin, output, bar)?, options.to_json()));
+            let report = bake(&field, options, &origin, output, bar)?;
+            let inputs = vec![self.input.clone()];
+            return Ok(Baked { report, resolved: options.to_json(), gate: None, inputs });
         }
-        Ok((rebake(unpacked, &changes, output, bar)?, changes.to_json()))
+        let report = rebake(unpacked, &changes, output, bar)?;
+        let inputs = vec![self.input.clone()];
+        Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }
 
     fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {
         let bytes = readable(report.output_bytes);
         let read = readable(bytes_read);
-        let mut text =
-            format!("{}: {bytes} in {seconds:.2} s, {read} read\n", self.output.display());
+        let output = self.output.display();
+        let mut text = match report.unchanged {
+            true => format!("{output}: {bytes}, nothing has changed\n"),
+            false => format!("{output}: {bytes} in {seconds:.2} s, {read} read\n"),
+        };
         text += &levels_text(&report.levels);
         if let Some(finest) = report.pruned.first() {
             writeln!(
@@ -310,37 +360,6 @@ impl Arguments {
         }
         text
     }
-}
-
-/// 4 to 16, or a type.
-pub fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
-    match text {
-        "f16" => Ok(Bits::F16),
-        "f32" => Ok(Bits::F32),
-        _ => match text.parse() {
-            Ok(bits @ 4..=16) => Ok(Bits::Integer(bits)),
-            _ => Err("expected 4 to 16, f16 or f32".to_owned()),
-        },
-    }
-}
-
-/// One number or three.
-pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match *numbers.unwrap_or_default() {
-        [grey] => Ok(Background([grey; 3])),
-        [red, green, blue] => Ok(Background([red, green, blue])),
-        _ => Err("expected one number or three with commas between, 0 to 1".to_owned()),
-    }
-}
-
-/// A word or a file.
-pub fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
-    Ok(match text {
-        "auto" => MlpChoice::Auto,
-        "none" => MlpChoice::None,
-        file => MlpChoice::File(file.into()),
-    })
 }
 
 /// Peak resident memory of this process as the operating system counts it, where it says.

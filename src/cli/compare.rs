@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::field::SceneArguments;
+use super::field::{FieldArguments, SceneArguments};
 use super::progress::Bar;
 use super::render::CameraArguments;
-use super::{Common, Outcome, bake::Background};
+use super::{Common, Outcome, values::Background};
 use crate::bake::Filter;
 use crate::bytes::Output;
 use crate::camera::Camera;
@@ -24,9 +24,9 @@ const FULL_HEAT: f32 = 0.25;
 /// Measure a field against another one, or against a folder of pictures, at every scale
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What is right: a container, a trained input, or a folder of pictures
+    /// What is right: a container, a glTF asset, a trained input, or a folder of pictures
     reference: PathBuf,
-    /// What is measured: a container or a trained input
+    /// What is measured: a container, a glTF asset or a trained input
     field: PathBuf,
     #[command(flatten)]
     cameras: CameraArguments,
@@ -45,6 +45,8 @@ pub struct Arguments {
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     #[command(flatten)]
+    which: FieldArguments,
+    #[command(flatten)]
     scene: SceneArguments,
     /// Overwrite existing files
     #[arg(long)]
@@ -62,13 +64,18 @@ struct Report {
 /// Compares.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let scene = &arguments.scene;
-    let field = scene.open(&arguments.field, arguments.filter, common)?;
+    let field = scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
     let reference = if arguments.reference.is_dir() {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background }
     } else {
-        Reference::Field(Box::new(scene.open(&arguments.reference, None, common)?))
+        Reference::Field(Box::new(scene.open(
+            &arguments.reference,
+            arguments.which,
+            None,
+            common,
+        )?))
     };
     let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
     let scales = checked_scales(&arguments.scales, &cameras)?;

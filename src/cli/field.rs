@@ -1,12 +1,14 @@
-//! Fields that verbs render: a container or a trained input, and what the user says about it.
+//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what the user
+//! says about it.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use clap::Args;
 
-use super::bake::{Background, parse_background, parse_mlp};
+use super::values::{Background, parse_background, parse_mlp};
 use super::{Common, warn};
+use crate::asset::{Asset, is_asset};
 use crate::bake::Filter;
 use crate::bytes::SourceFile;
 use crate::container::{Container, is_container};
@@ -41,6 +43,28 @@ pub struct SceneArguments {
     pub coarse: Option<std::path::PathBuf>,
 }
 
+/// Which of several fields.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct FieldArguments {
+    /// Of a glTF asset, the field of this number
+    #[arg(long = "field", value_name = "I", default_value_t = 0)]
+    number: usize,
+}
+
+impl FieldArguments {
+    /// Opens a container, or that of a field of a glTF asset; `None` if the file is neither.
+    pub fn container(self, path: &Path, limits: &Limits) -> Result<Option<Container>> {
+        let file = Arc::new(SourceFile::open(path)?);
+        if is_container(&file) {
+            return Container::open(file, limits).map(Some);
+        }
+        match is_asset(&file) {
+            true => Asset::open(file, limits)?.open_field(self.number).map(Some),
+            false => Ok(None),
+        }
+    }
+}
+
 impl SceneArguments {
     /// As the library takes them.
     pub fn source_options(&self) -> SourceOptions {
@@ -55,25 +79,28 @@ impl SceneArguments {
         }
     }
 
-    /// Opens a container or a trained input for rendering. `filter` makes coarser levels of a trained
+    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes coarser levels of a trained
     /// input; without it there is level 0 alone.
-    pub fn open(&self, path: &Path, filter: Option<Filter>, common: &Common) -> Result<Field> {
+    pub fn open(
+        &self,
+        path: &Path,
+        which: FieldArguments,
+        filter: Option<Filter>,
+        common: &Common,
+    ) -> Result<Field> {
         let limits = Limits::default();
         let options = self.source_options();
         options.check()?;
-        let file = Arc::new(SourceFile::open(path)?);
-        if is_container(&file) {
+        if let Some(container) = which.container(path, &limits)? {
             if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
                 let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
                                states these itself";
                 return Err(Error::usage(message));
             }
-            let container = Container::open(file, &limits)?;
             let mut field = Field::baked(&container.read()?, &limits)?;
             self.override_container(&mut field);
             return Ok(field);
         }
-        drop(file);
         let source = source::open(path, &options, &limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);

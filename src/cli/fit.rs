@@ -26,6 +26,11 @@ pub struct FitArguments {
 }
 
 impl FitArguments {
+    /// The camera file, if there is one.
+    pub fn camera_file(&self) -> Option<PathBuf> {
+        self.fit_cameras.clone()
+    }
+
     /// Explicit options override the preset's.
     pub fn apply(&self, options: &mut BakeOptions) -> Result<()> {
         options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);

@@ -1,5 +1,6 @@
 //! The quality gate of `bake`: what the container looks like, before it gets its name.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -8,7 +9,7 @@ use serde::Serialize;
 use super::compare::errors_text;
 use super::progress::Bar;
 use super::render::CameraArguments;
-use crate::bytes::{Output, SourceFile};
+use crate::bytes::SourceFile;
 use crate::camera::Camera;
 use crate::compare::{Reference, ScaleErrors, compare};
 use crate::container::Container;
@@ -58,21 +59,26 @@ impl GateArguments {
         }
     }
 
+    /// The camera file, if there is one.
+    pub fn camera_file(&self) -> Option<PathBuf> {
+        self.cameras.file()
+    }
+
     /// The cameras, read before a long bake could be wasted on a bad camera file.
     pub fn cameras(&self, field: &RadianceField) -> Result<Vec<Camera>> {
         Ok(self.cameras.cameras(&field.scene.bounds)?.0)
     }
 
-    /// Compares the container in `output` with the field it was baked from.
+    /// Compares the container in the file `written` with the field it was baked from.
     pub fn measure(
         &self,
         field: &RadianceField,
         cameras: &[Camera],
-        output: &Output,
+        written: &Path,
         bar: &Bar,
     ) -> Result<GateReport> {
         let limits = Limits::default();
-        let container = Container::open(Arc::new(SourceFile::open(output.written())?), &limits)?;
+        let container = Container::open(Arc::new(SourceFile::open(written)?), &limits)?;
         let baked = Field::baked(&container.read()?, &limits)?;
         let reference = Reference::Field(Box::new(Field::trained(field, None, &limits)?));
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);

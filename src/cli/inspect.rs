@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{Outcome, readable};
+use crate::asset::{Asset, Fields, is_asset};
 use crate::bake::{GroupReport, LevelReport, level_reports};
 use crate::baked::{Group, Metadata};
 use crate::bytes::SourceFile;
@@ -18,10 +19,10 @@ use crate::grid::Bounds;
 use crate::limits::Limits;
 use crate::source::{self, Inspection, SourceOptions};
 
-/// Show what is inside a container or a checkpoint, without decoding it
+/// Show what is inside a container, a glTF asset or a checkpoint, without decoding it
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A container, or anything that can be baked
+    /// A container, a glTF asset, or anything that can be baked
     file: PathBuf,
 }
 
@@ -41,6 +42,26 @@ struct ContainerReport {
 }
 
 #[derive(Debug, Serialize)]
+struct AssetReport {
+    kind: &'static str,
+    file_bytes: u64,
+    fields: Vec<FieldReport>,
+}
+
+/// A radiance field of an asset.
+#[derive(Debug, Serialize)]
+struct FieldReport {
+    field: usize,
+    /// Nodes that show it.
+    nodes: Vec<usize>,
+    uri: Option<Value>,
+    buffer_view: Option<Value>,
+    sha256: Value,
+    #[serde(flatten)]
+    container: ContainerReport,
+}
+
+#[derive(Debug, Serialize)]
 struct ChunkReport {
     kind: String,
     level: Option<u32>,
@@ -54,33 +75,69 @@ pub fn run(arguments: &Arguments) -> Result<Outcome> {
     let path = &arguments.file;
     let file = Arc::new(SourceFile::open(path)?);
     if is_container(&file) {
-        return container(path, &Container::open(file, &Limits::default())?);
+        let report = ContainerReport::of(&Container::open(file, &Limits::default())?)?;
+        return Outcome::new("inspect", &report, container_text(path, &report));
+    }
+    if is_asset(&file) {
+        return asset(path, &Asset::open(file, &Limits::default())?);
     }
     let inspection = source::inspect(path, &SourceOptions::default(), &Limits::default())?;
     Outcome::new("inspect", &inspection, checkpoint_text(path, &inspection))
 }
 
-fn container(path: &Path, container: &Container) -> Result<Outcome> {
-    let metadata = container.metadata();
-    let chunk = |entry: &crate::container::layout::Entry| ChunkReport {
-        kind: entry.kind.escape_ascii().to_string(),
-        level: entry.level,
-        offset: entry.offset,
-        bytes: entry.length,
-        critical: entry.is_critical(),
+impl ContainerReport {
+    fn of(container: &Container) -> Result<Self> {
+        let metadata = container.metadata();
+        let chunk = |entry: &crate::container::layout::Entry| ChunkReport {
+            kind: entry.kind.escape_ascii().to_string(),
+            level: entry.level,
+            offset: entry.offset,
+            bytes: entry.length,
+            critical: entry.is_critical(),
+        };
+        Ok(Self {
+            version: container.header().version,
+            file_bytes: container.header().file_length,
+            dimensions: metadata.levels[0].dimensions,
+            bounds: metadata.bounds,
+            levels: level_reports(metadata, container.entries()),
+            mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
+            chunks: container.entries().iter().map(chunk).collect(),
+            metadata: metadata.clone(),
+            provenance: container.provenance()?,
+        })
+    }
+}
+
+fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
+    let root = asset.document()?.members()?;
+    let fields = Fields::read(asset, &root)?;
+    let mut report = AssetReport {
+        kind: if asset.chunks().is_some() { "glb" } else { "gltf" },
+        file_bytes: asset.file().length(),
+        fields: Vec::new(),
     };
-    let report = ContainerReport {
-        version: container.header().version,
-        file_bytes: container.header().file_length,
-        dimensions: metadata.levels[0].dimensions,
-        bounds: metadata.bounds,
-        levels: level_reports(metadata, container.entries()),
-        mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
-        chunks: container.entries().iter().map(chunk).collect(),
-        metadata: metadata.clone(),
-        provenance: container.provenance()?,
-    };
-    Outcome::new("inspect", &report, container_text(path, &report))
+    for (field, object) in fields.objects.iter().enumerate() {
+        let properties = object.members()?;
+        let own =
+            |name: &str| properties.get(name).map(|value| value.parse::<Value>("JSON")).transpose();
+        let users = fields.users.iter().filter(|user| user.field == field);
+        report.fields.push(FieldReport {
+            field,
+            nodes: users.map(|user| user.node).collect(),
+            uri: own("uri")?,
+            buffer_view: own("bufferView")?,
+            sha256: own("sha256")?.unwrap_or_default(),
+            container: ContainerReport::of(&asset.open_field(field)?)?,
+        });
+    }
+    let (kind, bytes, count) = (report.kind, readable(report.file_bytes), report.fields.len());
+    let mut text = format!("{}: {kind}, {bytes}, radiance fields: {count}\n", path.display());
+    for field in &report.fields {
+        let name = format!("field {} on nodes {:?}", field.field, field.nodes);
+        text += &container_text(Path::new(&name), &field.container);
+    }
+    Outcome::new("inspect", &report, text)
 }
 
 fn container_text(path: &Path, report: &ContainerReport) -> String {

@@ -2,12 +2,16 @@
 //!
 //! One file a verb. Verbs return what they report; printing and exit codes are here.
 
+mod attach;
 mod bake;
 mod compare;
+mod detach;
 mod document;
 mod field;
 mod fit;
 mod gate;
+mod gltf;
+mod incremental;
 mod inspect;
 mod interrupt;
 mod progress;
@@ -15,6 +19,7 @@ mod render;
 mod sweep;
 mod unpack;
 mod validate;
+mod values;
 mod view;
 
 use std::io::{ErrorKind as IoErrorKind, Write};
@@ -45,6 +50,8 @@ enum Verb {
     Render(render::Arguments),
     Compare(compare::Arguments),
     Sweep(Box<sweep::Arguments>),
+    Attach(attach::Arguments),
+    Detach(detach::Arguments),
     View(view::Arguments),
     Completions(document::CompletionArguments),
     Man,
@@ -135,6 +142,8 @@ pub fn main() -> ExitCode {
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
+        Verb::Attach(arguments) => attach::run(arguments, common).map(Some),
+        Verb::Detach(arguments) => detach::run(arguments, common).map(Some),
         Verb::View(arguments) => view::run(arguments, common).map(|()| None),
         Verb::Completions(arguments) => document::completions(arguments).map(|()| None),
         Verb::Man => document::man().map(|()| None),

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::interrupt::Interrupts;
-use super::{Common, When};
+use super::{Common, When, say};
 use crate::progress::{Progress, Step};
 
 /// Draws one bar, for the current step.
@@ -14,14 +14,17 @@ pub struct Bar {
     bar: ProgressBar,
     step: Mutex<Option<Step>>,
     interrupts: Interrupts,
+    /// Where there is no terminal to draw on, and bars are wanted still: a line for each step.
+    lines: bool,
 }
 
 impl Bar {
     /// A bar that is drawn where the user wants one. From now on signals end the work that asks it.
     pub fn new(common: &Common) -> Self {
+        let terminal = std::io::stderr().is_terminal();
         let wanted = match common.progress {
             When::Always => true,
-            When::Auto => std::io::stderr().is_terminal() && !common.quiet,
+            When::Auto => terminal && !common.quiet,
             When::Never => false,
         };
         let target =
@@ -30,13 +33,21 @@ impl Bar {
         if let Ok(style) = ProgressStyle::with_template("{msg:12} {wide_bar} {percent:>3}% {eta}") {
             bar.set_style(style);
         }
-        Self { bar, step: Mutex::new(None), interrupts: Interrupts::watch() }
+        Self {
+            bar,
+            step: Mutex::new(None),
+            interrupts: Interrupts::watch(),
+            lines: wanted && !terminal,
+        }
     }
 }
 
 impl Progress for Bar {
     fn begin(&self, step: Step, total: u64) {
         *self.step.lock().unwrap_or_else(PoisonError::into_inner) = Some(step);
+        if self.lines {
+            say(step.name());
+        }
         self.bar.reset();
         self.bar.set_length(total);
         self.bar.set_message(step.name());

@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 
-use super::field::SceneArguments;
+use super::field::{FieldArguments, SceneArguments};
 use super::progress::Bar;
 use super::{Common, Outcome};
 use crate::bake::Filter;
@@ -22,7 +22,7 @@ use crate::render::{Frame, FrameOptions, LevelChoice, Statistics, render};
 /// Render a container or a trained scene with the reference renderer
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A container, or anything that can be baked
+    /// A container, a glTF asset with one, or anything that can be baked
     field: PathBuf,
     #[command(flatten)]
     cameras: CameraArguments,
@@ -48,6 +48,8 @@ pub struct Arguments {
     /// Write a contact sheet of all scales for each frame
     #[arg(long)]
     sheet: bool,
+    #[command(flatten)]
+    which: FieldArguments,
     #[command(flatten)]
     scene: SceneArguments,
     /// Overwrite existing files
@@ -81,6 +83,11 @@ impl CameraArguments {
     /// Whether there is a camera file or a turntable.
     pub fn given(&self) -> bool {
         self.cameras.is_some() || self.turntable.is_some()
+    }
+
+    /// The camera file, if there is one.
+    pub fn file(&self) -> Option<PathBuf> {
+        self.cameras.clone()
     }
 
     /// Reads or makes the cameras; the folder that their pictures are relative to. Refuses to without
@@ -131,7 +138,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if arguments.scales.iter().any(|&scale| !(1..=1024).contains(&scale)) {
         return Err(Error::usage("--scales must be whole numbers from 1 to 1024"));
     }
-    let field = arguments.scene.open(&arguments.field, arguments.filter, common)?;
+    let field =
+        arguments.scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
     let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::bake::parse_bits;
 use super::compare::checked_scales;
 use super::field::SceneArguments;
 use super::progress::Bar;
 use super::render::CameraArguments;
+use super::values::parse_bits;
 use super::{Common, Outcome, readable, warn};
 use crate::bake::{Filter, Preset};
 use crate::error::{Error, Result};

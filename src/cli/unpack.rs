@@ -1,23 +1,22 @@
 //! `unpack`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::field::FieldArguments;
 use super::progress::Bar;
 use super::{Common, Outcome, readable};
-use crate::bytes::{Output, SourceFile};
-use crate::container::Container;
-use crate::error::Result;
+use crate::bytes::Output;
+use crate::error::{Error, Place, Result};
 use crate::limits::Limits;
 use crate::unpack::{SliceFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The container
+    /// The container, or a glTF asset with one
     file: PathBuf,
     /// The .safetensors file to write, or a folder (existing, or ending in a slash) for slices
     #[arg(short, long, value_name = "OUT")]
@@ -28,6 +27,8 @@ pub struct Arguments {
     /// What slices in a folder hold
     #[arg(long, value_enum, default_value_t = Slices::Exr)]
     slices: Slices,
+    #[command(flatten)]
+    which: FieldArguments,
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
@@ -43,8 +44,12 @@ enum Slices {
 
 /// Unpacks a container.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let file = Arc::new(SourceFile::open(&arguments.file)?);
-    let container = Container::open(file, &Limits::default())?;
+    let container = arguments.which.container(&arguments.file, &Limits::default())?;
+    let container = container.ok_or_else(|| {
+        let found = "a file of another kind";
+        let error = Error::malformed(Place::File, found, "a container, or a glTF asset with one");
+        error.in_file(&arguments.file)
+    })?;
     let (output, levels) = (&arguments.output, &arguments.levels);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
     let input = arguments.file.to_string_lossy();

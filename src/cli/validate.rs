@@ -13,7 +13,7 @@ use crate::limits::Limits;
 /// Report everything that is wrong with a file
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// A container
+    /// A container, or a glTF asset with radiance fields
     file: PathBuf,
 }
 

@@ -136,9 +136,22 @@ impl Container {
         Ok(())
     }
 
+    /// Reads and decodes one level, 0 being the finest.
+    pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
+        let mut budget = Budget::new(&self.limits);
+        self.in_file(self.level(number, &mut budget, &mut strict))?
+            .ok_or_else(|| Error::malformed(Place::File, "no such level", "one of the metadata"))
+    }
+
     /// The network and the free-space mask; verifies every other chunk that belongs to no level.
     pub fn read_head(&self) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         self.in_file(self.head(&mut Budget::new(&self.limits), &mut strict))
+    }
+
+    /// Holds every chunk against its checksum.
+    pub fn verify(&self) -> Result<()> {
+        let verify = |entry| self.chunk(entry, &mut strict).map(|_| ());
+        self.in_file(self.entries.iter().try_for_each(verify))
     }
 
     /// The provenance, if there is any.

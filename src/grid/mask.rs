@@ -157,6 +157,20 @@ impl NodeMask {
         Ok(slabs.concat())
     }
 
+    /// Every node of the blocks that hold a node of the set.
+    pub fn whole_blocks(&self, edge: usize) -> Result<Self> {
+        let counts = BlockGrid { nodes: self.nodes, edge }.counts();
+        let blocks = self.blocks(edge)?;
+        let nz = self.nodes.0[2];
+        self.per_plane(|x, plane| {
+            for (y, row) in plane.chunks_exact_mut(self.words).enumerate() {
+                let first = (x / edge * counts[1] + y / edge) * counts[2];
+                let kept = (0..counts[2]).filter(|k| blocks[first + k]);
+                kept.for_each(|k| set_between(row, k * edge, nz.min((k + 1) * edge)));
+            }
+        })
+    }
+
     fn per_plane(&self, fill: impl Fn(usize, &mut [u64]) + Sync + Send) -> Result<Self> {
         let planes = parallel::map(self.nodes.0[0], |x| {
             let mut plane = vec![0; self.nodes.0[1] * self.words];

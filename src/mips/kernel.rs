@@ -18,7 +18,7 @@ pub enum Kernel {
     Gauss5,
     /// Gaussian over 7 nodes, standard deviation 1.5.
     Gauss7,
-    /// Weights 1, 2, 1: with the resize nearly a tent as wide as the next level's cells.
+    /// Weights 1, 4, 1: a tent from a node to the next, over what is interpolated between nodes.
     Tent,
 }
 
@@ -66,7 +66,7 @@ impl Kernel {
             Self::Gauss3 => gauss(1, 0.8),
             Self::Gauss5 => gauss(2, 1.0),
             Self::Gauss7 => gauss(3, 1.5),
-            Self::Tent => vec![0.25, 0.5, 0.25],
+            Self::Tent => vec![1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0],
         }
     }
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{Measured, Setting, SweepOptions};
-use crate::bake::hex;
+use crate::bytes::hex;
 use crate::bytes::{Output, SourceFile};
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Place, Result};

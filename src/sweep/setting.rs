@@ -1,6 +1,7 @@
 //! What a sweep tries.
 
-use crate::bake::{BakeOptions, Filter, Preset, hex};
+use crate::bake::{BakeOptions, Filter, Preset};
+use crate::bytes::hex;
 use crate::camera;
 use crate::field::Nonfinite;
 use crate::quantize::Bits;

@@ -1,6 +1,7 @@
 //! What several tests share: fixtures, random fields, plain reference code in float64.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+pub mod asset;
 pub mod plain;
 pub mod plain_matter;
 pub mod plain_render;

@@ -69,7 +69,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "softplus",
-        inputs: "the f32 function, raw values from -85; below, it ends at 1.6e-38",
+        inputs: "the f32 function, raw values from -78; below, it ends at 2e-35",
         bound: [1e-6, 4e-7, 4.0],
         reason: "the exponential's Taylor remainder, 1.2e-7, and a few roundings",
         portable: true,
@@ -85,7 +85,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "activation, of a node",
-        inputs: "raw values to opacity, shifts 0 and -4.6, intervals 1e-7 to 1e5; relative from 1e-37, or as many intervals where they are longer",
+        inputs: "raw values to opacity, shifts 0 and -4.6, intervals 1e-7 to 1e5; relative from 4e-35, or as many intervals where they are longer",
         bound: [5e-7, 5e-6, 80.0],
         reason: "raw + shift is rounded once: of a faint opacity half a spacing of the sum, 3.8e-6 from 64 on, is a relative error",
         portable: true,
@@ -93,7 +93,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "sigmoid",
-        inputs: "the f32 function; relative from -85",
+        inputs: "the f32 function; relative from -78",
         bound: [1.2e-7, 3e-7, 4.0],
         reason: "the exponential's remainder, a sum and a division",
         portable: true,
@@ -142,8 +142,8 @@ pub const ROWS: [Row; 19] = [
     Row {
         stage: "weighted averages, colour",
         inputs: "their colours, raw from -1e30 to 1e30, where there is an amount of 1e-30",
-        bound: [5e-7, ANY, ANY],
-        reason: "the quotient of two f32 means",
+        bound: [4e-5, ANY, ANY],
+        reason: "light behind many nodes is a product of as many exponentials, each 2e-7 off; then the quotient of two f32 means",
         portable: true,
         run: stress_field::matter_color,
     },

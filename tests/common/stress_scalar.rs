@@ -72,7 +72,7 @@ pub fn softplus() -> Worst {
     let mut worst = Worst::default();
     for x in lane_inputs() {
         let want = plain::softplus(x.into());
-        worst.take(lanes::softplus(x).into(), want, above(1e-37, want), &|| format!("{x}"));
+        worst.take(lanes::softplus(x).into(), want, above(4e-35, want), &|| format!("{x}"));
     }
     worst
 }
@@ -91,7 +91,7 @@ pub fn sigmoid() -> Worst {
     let mut worst = Worst::default();
     for x in lane_inputs() {
         let want = plain::sigmoid(x.into());
-        worst.take(lanes::sigmoid(x).into(), want, above(1e-37, want), &|| format!("{x}"));
+        worst.take(lanes::sigmoid(x).into(), want, above(4e-35, want), &|| format!("{x}"));
     }
     worst
 }
@@ -106,7 +106,7 @@ pub fn node_opacity() -> Worst {
         matter.lift_density(&raw, &mut amounts);
         for (&raw, amount) in raw.iter().zip(amounts) {
             let want = plain::opacity(raw.into(), shift.into(), interval.into());
-            let scale = above(1e-37 * f64::from(interval).max(1.0), want);
+            let scale = above(4e-35 * f64::from(interval).max(1.0), want);
             let at = || format!("raw {raw}, shift {shift}, interval {interval}");
             worst.take(amount.into(), want, scale, &at);
         }

@@ -1,0 +1,119 @@
+//! `bake --filter fit` as users see it: budgets, cameras, signals.
+
+#![cfg(feature = "cli")]
+
+mod common;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use common::{assert_schema, fixture, folder, open_bytes};
+use serde_json::Value;
+
+/// A fit that would take minutes if nobody stopped it.
+fn long_fit(here: &Path) -> Command {
+    let scene = fixture("trained/lego64/fine_last.tar").display().to_string();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.current_dir(here).args(["bake", &scene, "--stepsize", "0.5", "-o", "fit.mipvog"]);
+    command.args(["--filter", "fit", "--fit-steps", "100000", "--format", "json"]);
+    command
+}
+
+fn report(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report = serde_json::from_slice(&output.stdout).expect("a report");
+    assert_schema("bake", &report);
+    report
+}
+
+/// That the fit was cut short and says so in its provenance.
+fn assert_cut_short(here: &Path, report: &Value) {
+    assert_eq!(report["fitted"]["cut_short"], true);
+    let bytes = std::fs::read(here.join("fit.mipvog")).expect("a container");
+    let provenance = open_bytes(&bytes).expect("valid").provenance().expect("readable");
+    let taken = &provenance.expect("a provenance")["options"]["fit_steps_taken"];
+    let courses = report["fitted"]["levels"].as_array().expect("levels");
+    let steps: Vec<Value> = courses.iter().map(|course| course["steps"].clone()).collect();
+    assert_eq!(taken, &Value::from(steps));
+    for course in courses {
+        let psnr = |key: &str| course[key].as_f64().expect("a number");
+        assert!(psnr("psnr_after") >= psnr("psnr_before"), "{course}");
+    }
+}
+
+#[test]
+fn seconds_end_a_fit_with_what_there_is() {
+    let folder = folder();
+    let here = folder.path();
+    let output = long_fit(here).args(["--fit-seconds", "0.5"]).output().expect("starts");
+    assert_cut_short(here, &report(&output));
+}
+
+#[test]
+fn levels_are_not_judged_by_what_they_were_fitted_to() {
+    let folder = folder();
+    let cameras = fixture("trained/lego64/transforms_test.json").display().to_string();
+    let mut command = long_fit(folder.path());
+    command.args(["--fit-cameras", &cameras, "--cameras", &cameras, "--size", "40x40"]);
+    let output = command.output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(message.contains("is among --fit-cameras"), "{message}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+}
+
+#[test]
+fn given_cameras_are_fitted_to() {
+    let folder = folder();
+    let here = folder.path();
+    let cameras = fixture("trained/lego64/transforms_test.json").display().to_string();
+    let mut command = long_fit(here);
+    command.args(["--fit-cameras", &cameras, "--fit-seconds", "2"]);
+    let report = report(&command.output().expect("starts"));
+    assert!(report["options"]["fit_cameras"]["count"].as_u64() >= Some(1), "{report}");
+    assert_cut_short(here, &report);
+}
+
+#[cfg(unix)]
+mod signals {
+    use std::io::Read;
+    use std::process::Stdio;
+
+    use super::*;
+
+    /// Starts a long fit, sends a signal once its steps run, and waits.
+    fn signalled(here: &Path, signal: &str) -> Output {
+        let mut command = long_fit(here);
+        command.args(["--progress", "always"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("starts");
+        let mut stderr = child.stderr.take().expect("a pipe");
+        let (mut seen, mut buffer) = (Vec::new(), [0; 256]);
+        while !String::from_utf8_lossy(&seen).contains("fit") {
+            let count = stderr.read(&mut buffer).expect("readable");
+            assert!(count > 0, "it ended: {}", String::from_utf8_lossy(&seen));
+            seen.extend_from_slice(&buffer[..count]);
+        }
+        // Bars go on being drawn; nobody needs them, but the pipe must not fill up.
+        let rest = std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
+        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
+        assert!(sent.expect("kill is there").success());
+        let output = child.wait_with_output().expect("ends");
+        rest.join().expect("no panic").expect("readable");
+        output
+    }
+
+    #[test]
+    fn an_interrupt_ends_a_fit_with_what_there_is() {
+        let folder = folder();
+        let output = signalled(folder.path(), "-INT");
+        assert_cut_short(folder.path(), &report(&output));
+    }
+
+    #[test]
+    fn a_termination_leaves_nothing_behind() {
+        let folder = folder();
+        let output = signalled(folder.path(), "-TERM");
+        assert_eq!(output.status.code(), Some(130));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    }
+}
