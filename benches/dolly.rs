@@ -2,13 +2,14 @@
 //! fills the picture to 16 times that.
 //!
 //! ```text
-//! cargo bench --bench dolly -- [SCENE] [--size WxH] [--directions N] [--filters NAME,...]
-//!                              [--svg FILE] [--stepsize S] [--near T] [--far T]
+//! cargo bench --bench dolly -- [SCENE] [--side PIXELS] [--filters NAME,...] [--svg FILE]
+//!                              [--stepsize S] [--near T] [--far T]
 //! ```
 //!
 //! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel, over the pixels
-//! that show something. Far away those are few, and where they happen to fall is noise: errors are means
-//! over shots from `--directions` around the box, 12 unless told otherwise. Prints the curve of errors in dB, one column a filter, and the largest second
+//! that show something. Far away those are few, and where they happen to fall is noise of a decibel or
+//! two; so a frame at n times the distance is taken from n^2 directions around the box, which shows as many
+//! pixels as the first. Prints the curve of errors in dB, one column a filter, and the largest second
 //! difference of each: a level that pops is a kink. `--svg` draws the curves. Without arguments the scene
 //! is `fixtures/trained/lego64`.
 
@@ -18,11 +19,11 @@ mod common;
 
 use std::fmt::Write;
 
-use arguments::Arguments;
+use arguments::{Arguments, number};
 use common::{baked_bytes, open_bytes};
 use glam::DVec3;
 use mipvog_bake::bake::{BakeOptions, Filter};
-use mipvog_bake::camera::{Camera, turntable};
+use mipvog_bake::camera::{Camera, Lens, turntable};
 use mipvog_bake::field::RadianceField;
 use mipvog_bake::grid::Bounds;
 use mipvog_bake::limits::Limits;
@@ -36,15 +37,15 @@ const SUPERSAMPLE: usize = 4;
 const LEAST_OPACITY: f32 = 1e-3;
 
 fn main() {
-    let arguments = Arguments::read(&["--size", "--directions", "--filters", "--svg"]);
+    let arguments = Arguments::read(&["--side", "--filters", "--svg"]);
     let field = arguments.field();
     let names = arguments.own("--filters").unwrap_or("rate-tent,fit,coverage,paper,code");
     let filters: Vec<Filter> = names
         .split(',')
         .map(|name| name.parse().unwrap_or_else(|error| panic!("{name}: {error}")))
         .collect();
-    let directions = arguments.own("--directions").map_or(12, |n| n.parse().expect("a number"));
-    let cameras = dolly(&field.scene.bounds, directions, arguments.size());
+    let side = arguments.own("--side").map_or(400, number);
+    let cameras = dolly(&field.scene.bounds, side);
     let unbaked = unbounded(Field::trained(&field, None, &Limits::default()).expect("a field"));
     let options = FrameOptions { levels: LevelChoice::Fixed(0), supersample: SUPERSAMPLE };
     let frame = |camera: &Camera| render(&unbaked, camera, &options, &Silent).expect("a frame");
@@ -63,18 +64,24 @@ fn distance(i: usize) -> f64 {
     FARTHEST.powf(i as f64 / (FRAMES - 1) as f64)
 }
 
-/// The cameras, frame by frame: each direction's, as the first but farther from the box's middle.
-fn dolly(bounds: &Bounds, directions: usize, size: [usize; 2]) -> Vec<Vec<Camera>> {
+/// The cameras, frame by frame. Pictures are cut to what the box fills of them.
+fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let middle = 0.5 * (corner(bounds.min) + corner(bounds.max));
-    let first = turntable(bounds, directions, size);
-    let moved = |camera: &Camera, i: usize| {
+    let moved = |mut camera: Camera, distance: f64| {
         let place = camera.to_world.w_axis.truncate();
-        let mut moved = camera.clone();
-        moved.to_world.w_axis = (middle + (place - middle) * distance(i)).extend(1.0);
-        moved
+        camera.to_world.w_axis = (middle + (place - middle) * distance).extend(1.0);
+        let pixels = (side as f64 / distance * 1.1).ceil() as usize;
+        let center = [0.5 * pixels as f64; 2];
+        camera.lens = Lens { width: pixels, height: pixels, center, ..camera.lens };
+        camera
     };
-    (0..FRAMES).map(|i| first.iter().map(|camera| moved(camera, i)).collect()).collect()
+    let frame = |i: usize| {
+        let directions = distance(i).powi(2).round() as usize;
+        let cameras = turntable(bounds, directions, [side; 2]).into_iter();
+        cameras.map(|camera| moved(camera, distance(i))).collect()
+    };
+    (0..FRAMES).map(frame).collect()
 }
 
 /// Training's near and far would cut off what is far away.

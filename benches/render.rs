@@ -18,7 +18,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use arguments::Arguments;
+use arguments::{Arguments, number};
 use common::plain_render::{PlainField, PlainLevel};
 use common::rendered::{Differences, baked_levels, finest_level};
 use common::{baked_bytes, open_bytes, tensor_values};
@@ -42,7 +42,11 @@ fn main() {
     let field = arguments.field();
     let beside = arguments.scene.with_file_name("transforms_test.json");
     let cameras = arguments.own("--cameras").map_or(beside, PathBuf::from);
-    let cameras = camera::read(&cameras, Some(arguments.size()), &Limits::default());
+    let size = arguments.own("--size").map_or([400; 2], |size| {
+        let (width, height) = size.split_once('x').expect("--size WxH");
+        [number(width), number(height)]
+    });
+    let cameras = camera::read(&cameras, Some(size), &Limits::default());
     let frames: Vec<String> =
         arguments.own("--frames").unwrap_or("0").split(',').map(str::to_owned).collect();
     let cameras = camera::pick(cameras.expect("cameras").cameras, &frames);

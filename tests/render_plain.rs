@@ -24,6 +24,9 @@ use mipvog_bake::view_mlp::{Layer, ViewMlp};
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
 /// which raw values around 100 are 4e-6 off.
 const BOUND: f64 = 1.2e-5;
+/// The same where levels are made of matter while a field is opened: amounts are f32, and near 1 what they
+/// leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial found 4e-5.
+const MATTER_BOUND: f64 = 1e-4;
 
 fn random_network(random: &mut Random, features: usize) -> ViewMlp {
     let frequencies = random.below(5);
@@ -160,6 +163,7 @@ fn assert_same(
     plain: &PlainField,
     camera: &Camera,
     levels: LevelChoice,
+    bound: f64,
     case: &str,
 ) {
     let options = FrameOptions { levels, supersample: 1 };
@@ -168,11 +172,11 @@ fn assert_same(
     let d = Differences::of(plain, camera, levels, &frame, &pixels);
     // Both accumulated and view-dependent colour may be off; distances and levels are sums of numbers
     // around 10 and 4.
-    let ok = d.color <= 2.0 * BOUND
-        && d.transmittance <= BOUND
-        && d.accumulated <= BOUND
-        && d.distance <= 10.0 * BOUND
-        && d.level <= 4.0 * BOUND;
+    let ok = d.color <= 2.0 * bound
+        && d.transmittance <= bound
+        && d.accumulated <= bound
+        && d.distance <= 10.0 * bound
+        && d.level <= 4.0 * bound;
     assert!(ok, "{case}, {levels:?}: {d:?}");
     assert!(d.doubt < 0.1, "{case}: thresholds leave {} open", d.doubt);
 }
@@ -191,6 +195,7 @@ fn trained_scenes_look_as_their_twins() {
         // Raw levels as in training, or matter.
         let filter = [Filter::Code, Filter::RateTent, Filter::Coverage][random.below(3)];
         let matter = filter.matter(&field.scene.activation);
+        let bound = if matter.is_some() { MATTER_BOUND } else { BOUND };
         let (blend, step_rule) = filter.rules();
         let levels = Levels { matter, density: levels.density || matter.is_some(), ..levels };
         let level_of_detail = random_rule(&mut random);
@@ -202,10 +207,10 @@ fn trained_scenes_look_as_their_twins() {
         let plain = PlainField::new(fast.view(), trained_levels(&field, levels));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
-            assert_same(&alone, &finest, &camera, LevelChoice::Auto, &case);
-            assert_same(&fast, &plain, &camera, LevelChoice::Auto, &case);
+            assert_same(&alone, &finest, &camera, LevelChoice::Auto, BOUND, &case);
+            assert_same(&fast, &plain, &camera, LevelChoice::Auto, bound, &case);
             let fixed = LevelChoice::Fixed(random.below(6));
-            assert_same(&fast, &plain, &camera, fixed, &case);
+            assert_same(&fast, &plain, &camera, fixed, bound, &case);
         }
     }
 }
@@ -233,9 +238,9 @@ fn baked_scenes_look_as_their_twins() {
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
-            assert_same(&fast, &plain, &camera, LevelChoice::Auto, &case);
+            assert_same(&fast, &plain, &camera, LevelChoice::Auto, BOUND, &case);
             let fixed = LevelChoice::Fixed(random.below(6));
-            assert_same(&fast, &plain, &camera, fixed, &case);
+            assert_same(&fast, &plain, &camera, fixed, BOUND, &case);
         }
     }
 }
@@ -262,7 +267,7 @@ fn levels_of_any_kind_look_as_their_twins() {
         let fast = Field::baked(&baked, &Limits::default()).expect("a field");
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
-            assert_same(&fast, &plain, &camera, LevelChoice::Auto, &format!("seed {seed}"));
+            assert_same(&fast, &plain, &camera, LevelChoice::Auto, BOUND, &format!("seed {seed}"));
         }
     }
 }
@@ -281,8 +286,8 @@ fn empty_and_full_scenes_look_as_their_twins() {
             let plain_baked = PlainField::new(sparse.view(), baked_levels(&baked));
             for camera in cameras(&mut random, &field.scene.bounds) {
                 let case = format!("{nodes:?}, raw {raw}");
-                assert_same(&dense, &plain, &camera, LevelChoice::Auto, &case);
-                assert_same(&sparse, &plain_baked, &camera, LevelChoice::Auto, &case);
+                assert_same(&dense, &plain, &camera, LevelChoice::Auto, BOUND, &case);
+                assert_same(&sparse, &plain_baked, &camera, LevelChoice::Auto, BOUND, &case);
             }
         }
     }

@@ -49,20 +49,13 @@ impl Arguments {
         self.own.iter().rfind(|(word, _)| word == name).map(|(_, value)| value.as_str())
     }
 
-    /// `--size WxH`, or 400x400.
-    pub fn size(&self) -> [usize; 2] {
-        self.own("--size").map_or([400; 2], |size| {
-            let (width, height) = size.split_once('x').expect("--size WxH");
-            [number(width), number(height)]
-        })
-    }
-
     /// The scene, opened.
     pub fn field(&self) -> RadianceField {
         source::open(&self.scene, &self.options, &Limits::default()).expect("a scene").field
     }
 }
 
-fn number<T: FromStr>(text: &str) -> T {
+/// A number that somebody typed.
+pub fn number<T: FromStr>(text: &str) -> T {
     text.parse().unwrap_or_else(|_| panic!("{text} is no number of the right kind"))
 }
