@@ -5,10 +5,10 @@ use std::path::Path;
 use serde_json::json;
 
 use super::record::Record;
-use super::{ALIGNMENT, list_of};
+use super::{ALIGNMENT, list_of, write_edited};
 use crate::asset::json::{Edits, List, Node};
 use crate::asset::properties::RadianceField;
-use crate::asset::{Asset, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri, write_glb};
+use crate::asset::{Asset, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri};
 use crate::bytes::Output;
 use crate::container::Container;
 use crate::error::{Error, Place, Result};
@@ -111,14 +111,7 @@ impl<'a> Insertion<'a> {
         };
         self.list_extension()?;
         self.add_field(&field)?;
-        let text = self.edits.apply(self.asset.text());
-        match self.asset.chunks() {
-            Some(chunks) => {
-                let others = self.asset.file().part(chunks.others.clone())?;
-                write_glb(&text, &bin, Some(&others), output)?;
-            }
-            None => output.append(text.as_bytes())?,
-        }
+        write_edited(self.asset, self.edits, &bin, output)?;
         let embedded = field.uri.is_none();
         Ok(Attached { field: number, node, embedded, sha256: field.sha256 })
     }

@@ -28,8 +28,9 @@ pub use fallback::write_fallback;
 pub use insert::{AttachOptions, Attached, NodeChoice, attach};
 pub use remove::{Detached, detach};
 
-use crate::asset::json::{List, Node};
-use crate::asset::{Asset, Fields, uri};
+use crate::asset::json::{Edits, List, Node};
+use crate::asset::{Asset, Fields, Piece, uri, write_glb};
+use crate::bytes::Output;
 use crate::error::Result;
 
 /// Where the container starts in the chunk BIN: its own chunks lie at multiples of this.
@@ -50,6 +51,18 @@ pub fn companions(asset: &Asset) -> Result<Vec<String>> {
         }
     }
     Ok(names)
+}
+
+/// Writes an edited asset as the kind that it is: in a GLB `bin` is the new chunk BIN, other chunks stay.
+fn write_edited(asset: &Asset, edits: Edits, bin: &[Piece], output: &mut Output) -> Result<()> {
+    let text = edits.apply(asset.text());
+    match asset.chunks() {
+        Some(chunks) => {
+            let others = asset.file().part(chunks.others.clone())?;
+            write_glb(&text, bin, Some(&others), output)
+        }
+        None => output.append(text.as_bytes()),
+    }
 }
 
 /// A list of a document's root, if it is there.

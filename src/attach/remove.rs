@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::list_of;
 use super::record::Record;
 use super::references::References;
+use super::{list_of, write_edited};
 use crate::asset::json::{Edits, List, Node};
-use crate::asset::{Asset, EXTENSION, Fields, write_glb};
+use crate::asset::{Asset, EXTENSION, Fields};
 use crate::bytes::Output;
 use crate::error::{Error, Result};
 
@@ -84,14 +84,7 @@ impl<'a> Removal<'a> {
             record.absorb(&self.legacy);
         }
         self.properties()?;
-        let text = self.edits.apply(self.asset.text());
-        match self.asset.chunks() {
-            Some(chunks) => {
-                let others = self.asset.file().part(chunks.others.clone())?;
-                write_glb(&text, &bin, Some(&others), output)?;
-            }
-            None => output.append(text.as_bytes())?,
-        }
+        write_edited(self.asset, self.edits, &bin, output)?;
         let left = self.fields.objects.len() - self.gone.len();
         Ok(Detached { fields: self.gone.into_iter().collect(), left })
     }
