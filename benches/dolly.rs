@@ -8,8 +8,8 @@
 //!
 //! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel, over the pixels
 //! that show something. Far away those are few, and where they happen to fall is noise of a decibel or
-//! two; so a frame at n times the distance is taken from n^2 directions around the box, which shows as many
-//! pixels as the first. Prints the curve of errors in dB, one column a filter, and the largest second
+//! two; so a frame at n times the distance is taken from n^2 directions around the box, and from at least
+//! 16, lest one more direction be a kink. Prints the curve of errors in dB, one column a filter, and the largest second
 //! difference of each: a level that pops is a kink. `--svg` draws the curves. Without arguments the scene
 //! is `fixtures/trained/lego64`.
 
@@ -33,6 +33,8 @@ use mipvog_bake::render::{Field, Frame, FrameOptions, LevelChoice, render};
 const FRAMES: usize = 60;
 const FARTHEST: f64 = 16.0;
 const SUPERSAMPLE: usize = 4;
+/// From how many directions near frames are taken.
+const LEAST_DIRECTIONS: usize = 16;
 /// A pixel shows something from this opacity on.
 const LEAST_OPACITY: f32 = 1e-3;
 
@@ -77,7 +79,7 @@ fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
         camera
     };
     let frame = |i: usize| {
-        let directions = distance(i).powi(2).round() as usize;
+        let directions = (distance(i).powi(2).round() as usize).max(LEAST_DIRECTIONS);
         let cameras = turntable(bounds, directions, [side; 2]).into_iter();
         cameras.map(|camera| moved(camera, distance(i))).collect()
     };
