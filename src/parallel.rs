@@ -42,6 +42,17 @@ pub fn map_mut<I: Send, T: Send>(
     items.iter_mut().enumerate().map(|(i, item)| change(i, item)).collect()
 }
 
+/// Runs both, at the same time where there are threads for it.
+pub fn join<A: Send, B: Send>(
+    first: impl FnOnce() -> A + Send,
+    second: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    return rayon::join(first, second);
+    #[cfg(not(feature = "parallel"))]
+    (first(), second())
+}
+
 /// Threads that loops called from here use.
 pub fn threads() -> usize {
     #[cfg(feature = "parallel")]

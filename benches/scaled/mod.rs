@@ -104,7 +104,7 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
 /// All values of one channel.
 fn values(volume: &Volume, channel: usize) -> Vec<f32> {
     let mut values = vec![EMPTY_DENSITY; volume.nodes.count()];
-    volume.read_run(channel, [0; 3], &mut values, &mut Vec::new()).expect("readable");
+    volume.read_run(channel, [0; 3], &mut values, &mut Vec::new(), |_| {}).expect("readable");
     values
 }
 

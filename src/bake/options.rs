@@ -48,6 +48,11 @@ pub struct BakeOptions {
     pub fit_seconds: Option<f64>,
     /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
     pub fit_cameras: Vec<Camera>,
+    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
+    /// Default: none, all matter is kept
+    pub min_weight: Option<f32>,
+    /// The cameras that `min_weight` is about
+    pub seen_from: Vec<Camera>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
 }
@@ -66,6 +71,8 @@ impl Default for BakeOptions {
             fit_steps: 150,
             fit_seconds: None,
             fit_cameras: Vec::new(),
+            min_weight: None,
+            seen_from: Vec::new(),
             nonfinite: Nonfinite::Refuse,
         }
     }
@@ -107,6 +114,10 @@ impl BakeOptions {
             ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
             (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
             (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
+            (
+                self.min_weight.is_none_or(|weight| weight > 0.0 && weight <= 1.0),
+                "--min-weight must be above 0 and at most 1",
+            ),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules
@@ -138,6 +149,10 @@ impl BakeOptions {
             options["fit_steps"] = self.fit_steps.into();
             options["fit_seconds"] = self.fit_seconds.into();
             options["fit_cameras"] = cameras_json(&self.fit_cameras);
+        }
+        if let Some(min_weight) = self.min_weight {
+            options["min_weight"] = min_weight.into();
+            options["seen_from"] = cameras_json(&self.seen_from);
         }
         options
     }

@@ -233,9 +233,9 @@ fn for_each_slab(
             let (group, volume, channel) = channels[i % channels.len()];
             let x = first + i / channels.len();
             let mut plane = vec![0.0; ny * nz];
-            let mut bytes = Vec::new();
+            let mut scratch = Vec::new();
             for (y, row) in plane.chunks_exact_mut(nz).enumerate() {
-                volume.read_run(channel, [x, y, 0], row, &mut bytes)?;
+                volume.read_run(channel, [x, y, 0], row, &mut scratch, |_| {})?;
                 if let Some(z) = row.iter().position(|value| !value.is_finite()) {
                     let kind = ErrorKind::NonFinite { count: 1, first: [channel, x, y, z] };
                     let name = format!("level{number}.{}", group.name());

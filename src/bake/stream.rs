@@ -41,7 +41,7 @@ impl Stream<'_> {
         &self,
         step: Step,
         progress: &dyn Progress,
-        mut take: impl FnMut(usize, &Slab) -> Result<()>,
+        mut take: impl FnMut(usize, &Slab) -> Result<()> + Send,
     ) -> Result<Streamed> {
         let Self { planes, options, pruned, fitted } = *self;
         let scene = &planes.field().scene;
@@ -88,7 +88,7 @@ impl Stream<'_> {
                     return Err(Error::cancelled());
                 }
                 match &mut settlers[level] {
-                    Some(settler) => settler.take(slab)?.iter_mut().try_for_each(|slab| {
+                    Some(settler) => settler.take(slab, |slab| {
                         if let Some(fitted) = fitted {
                             fitted.replace(level, slab);
                         }

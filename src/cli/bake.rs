@@ -71,6 +71,10 @@ pub struct Arguments {
     /// Multiplies the filter's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     lod_scale: Option<f32>,
+    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere, parts may be
+    /// missing [default: keep all]
+    #[arg(long, value_name = "WEIGHT")]
+    min_weight: Option<f32>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
@@ -134,7 +138,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.apply(&mut options)?;
     options.check()?;
     arguments.scene.source_options().check()?;
-    arguments.gate.measures()?;
+    if !arguments.gate.measures()? && options.min_weight.is_some() {
+        return Err(Error::usage("--min-weight needs --cameras or --turntable to be seen from"));
+    }
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
@@ -214,6 +220,7 @@ impl Arguments {
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
+        options.min_weight = self.min_weight;
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,
@@ -242,6 +249,11 @@ impl Arguments {
         if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
             check_judges(&options.fit_cameras, cameras)?;
         }
+        let mut options = options.clone();
+        if let (Some(_), Some(cameras)) = (options.min_weight, &cameras) {
+            options.seen_from.clone_from(cameras);
+        }
+        let options = &options;
         let current = self.incremental.current(&self.output, &source.field, options, &origin)?;
         let mut report = match current {
             Some(report) => report,

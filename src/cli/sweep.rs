@@ -56,6 +56,9 @@ pub struct Arguments {
     /// Compression levels of zstd to try, 1 to 22
     #[arg(long, value_name = "LEVEL,...", value_delimiter = ',')]
     zstd_level: Vec<i32>,
+    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all matter
+    #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
+    min_weight: Vec<f32>,
     /// Presets to try beside the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
@@ -76,7 +79,7 @@ pub struct Arguments {
 
 /// Sweeps.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let settings = arguments.grid().settings();
+    let mut settings = arguments.grid().settings();
     settings.iter().try_for_each(|setting| setting.options.check())?;
     let limits = Limits::default();
     let source_options = arguments.scene.source_options();
@@ -92,6 +95,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         warn(&assumption.message, common);
     }
     let (cameras, _) = arguments.cameras.cameras(&source.field.scene.bounds)?;
+    for setting in settings.iter_mut().filter(|setting| setting.options.min_weight.is_some()) {
+        setting.options.seen_from.clone_from(&cameras);
+    }
     let options = SweepOptions {
         settings,
         scales: checked_scales(&arguments.scales, &cameras)?,
@@ -116,6 +122,7 @@ impl Arguments {
             levels: self.levels.clone(),
             block_sizes: self.block_size.clone(),
             zstd_levels: self.zstd_level.clone(),
+            min_weights: self.min_weight.clone(),
             presets: self.preset.clone(),
         }
     }

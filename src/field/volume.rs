@@ -46,20 +46,29 @@ impl Volume {
 
     /// Reads `out.len()` consecutive values that start at node `(x, y, z)` of `channel`. They may
     /// run on over rows where rows follow each other ([`Volume::rows_are_contiguous`]).
-    /// Returns the bytes as stored, which `bytes` holds until the next call.
-    pub fn read_run<'a>(
+    /// `see` is shown the bytes as stored; `scratch` holds them where they are no float32.
+    pub fn read_run(
         &self,
         channel: usize,
         [x, y, z]: [usize; 3],
         out: &mut [f32],
-        bytes: &'a mut Vec<u8>,
-    ) -> Result<&'a [u8]> {
+        scratch: &mut Vec<u8>,
+        see: impl FnOnce(&[u8]),
+    ) -> Result<()> {
         let size = self.element.size();
-        bytes.resize(out.len() * size, 0);
-        let first = self.row(channel, x, y) + z as u64;
-        self.storage.read_into(first * size as u64, bytes)?;
-        self.element.decode(bytes, out);
-        Ok(bytes)
+        let first = (self.row(channel, x, y) + z as u64) * size as u64;
+        // What is stored as it is needed is read where it is needed.
+        if self.element == Element::F32 && cfg!(target_endian = "little") {
+            let bytes = bytemuck::cast_slice_mut(out);
+            self.storage.read_into(first, bytes)?;
+            see(bytes);
+            return Ok(());
+        }
+        scratch.resize(out.len() * size, 0);
+        self.storage.read_into(first, scratch)?;
+        see(scratch);
+        self.element.decode(scratch, out);
+        Ok(())
     }
 
     /// Whether the rows of one x plane follow each other without gaps.

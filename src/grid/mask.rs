@@ -42,6 +42,12 @@ impl NodeMask {
         rest
     }
 
+    /// Adds a node.
+    pub fn insert(&mut self, [x, y, z]: [usize; 3]) {
+        let start = (x * self.nodes.0[1] + y) * self.words;
+        set(&mut self.bits[start..start + self.words], z);
+    }
+
     /// Joins planes made one by one, each of `ny` rows.
     pub fn from_planes(nodes: Nodes, planes: Vec<Vec<u64>>) -> Self {
         let words = row_words(nodes);
@@ -234,6 +240,24 @@ pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
     }
     if let Some((start, end)) = run {
         visit(start, end);
+    }
+}
+
+/// Calls `visit(start, end)` for each run of set bits, lowest first; runs fewer than `gap` bits apart are one.
+pub fn for_each_span(row: &[u64], gap: usize, mut visit: impl FnMut(usize, usize)) {
+    let mut span: Option<(usize, usize)> = None;
+    for_each_run(row, |start, end| {
+        span = match span {
+            Some((first, last)) if start - last < gap => Some((first, end)),
+            Some((first, last)) => {
+                visit(first, last);
+                Some((start, end))
+            }
+            None => Some((start, end)),
+        };
+    });
+    if let Some((first, last)) = span {
+        visit(first, last);
     }
 }
 

@@ -1,15 +1,16 @@
 //! A field streamed through all its levels, plane by plane.
 //!
-//! Level 0 arrives in slabs of x planes. Each plane is filtered along y and z as soon as it is
-//! there and waits in the ring of the next level's [`Stage`]; once the planes under an output
-//! plane's window have come, their weighted sum along x is the output plane, which in turn is
-//! filtered for the level after. Memory is a few planes a level, whatever the grid's size, and no
+//! Level 0 arrives in slabs of x planes. Each plane is filtered along y as soon as it is there and
+//! waits in the ring of the next level's [`Stage`]; once the planes under an output plane's window
+//! have come, their weighted sum along x, filtered along z, is the output plane, which in turn is
+//! filtered for the level after. Sums along y and x run over whole rows, so vectors do most of the
+//! work before z, where they cannot, has a quarter of it left. Memory is a few planes a level, whatever the grid's size, and no
 //! level is ever whole in memory.
 //!
 //! Only some nodes matter. [`Regions`] says which nodes of each level must come out right; what
 //! lies outside is skipped row by row and span by span, and the slabs hold stale numbers there.
 //!
-//! Sums run in f64 and are rounded to f32 twice a level (after y and z, after x). A constant
+//! Sums run in f64 and are rounded to f32 twice a level (after y, after x and z). A constant
 //! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
 
 use std::collections::VecDeque;
@@ -21,6 +22,9 @@ use super::regions::{Regions, Step};
 use crate::error::Result;
 use crate::grid::{NodeMask, mask};
 use crate::parallel;
+
+/// Output nodes that nobody needs, but fewer than these in a row are made too: stopping costs more.
+const GAP: usize = 16;
 
 /// Consecutive x planes of a level, all channels.
 #[derive(Debug)]
@@ -51,7 +55,7 @@ struct Stage<'a> {
     outputs: &'a NodeMask,
     /// Number of the first plane in `ring`.
     ring_first: usize,
-    /// Planes filtered along y and z, `[plane][channel]`.
+    /// Planes filtered along y, `[plane][channel]`.
     ring: VecDeque<Vec<Vec<f32>>>,
     /// Output planes already made.
     made: usize,
@@ -63,45 +67,44 @@ impl Stage<'_> {
         self.ring_first + self.ring.len()
     }
 
-    /// Sums the ring along x into output plane `x` of one channel.
+    /// Sums the ring along x, and then along z, into output plane `x` of one channel.
     fn sum_planes(&self, x: usize, channel: usize, out: &mut [f32]) {
-        let (start, weights) = self.step.axes[0].window(x);
-        let [_, ny, nz] = self.outputs.nodes().0;
+        let [x_taps, _, z_taps] = &self.step.axes;
+        let (first, weights) = x_taps.window(x);
+        let nz = z_taps.inputs();
         let mut sums = vec![0.0; nz];
-        for y in 0..ny {
-            let Some((low, high)) = mask::span(self.outputs.row(x, y)) else { continue };
-            let range = y * nz + low..y * nz + high;
-            let sums = &mut sums[..high - low];
-            sums.fill(0.0);
-            for (plane, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                let ring = &self.ring[start + plane - self.ring_first][channel];
-                add_scaled(sums, &ring[range.clone()], weight);
-            }
-            round_to_f32(sums, &mut out[range]);
+        for (y, out) in out.chunks_exact_mut(z_taps.outputs()).enumerate() {
+            mask::for_each_span(self.outputs.row(x, y), GAP, |start, end| {
+                let (low, high) = z_taps.reach(start, end);
+                let sums = &mut sums[low..high];
+                sums.fill(0.0);
+                for (plane, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                    let ring = &self.ring[first + plane - self.ring_first][channel];
+                    add_scaled(sums, &ring[y * nz + low..y * nz + high], weight);
+                }
+                z_taps.apply(sums, low, start, &mut out[start..end]);
+            });
         }
     }
 
-    /// Filters one channel of plane `x` of the finer level along y and z.
+    /// Filters one channel of a plane of the finer level along y, where output planes read it.
     fn filter_plane(&self, wanted: &[u64], plane: &[f32], out: &mut [f32]) {
         let [_, y_taps, z_taps] = &self.step.axes;
-        let (nz, coarse_nz) = (z_taps.inputs(), z_taps.outputs());
+        let nz = z_taps.inputs();
         let words = self.outputs.row_words();
         let mut sums = vec![0.0; nz];
         for (y, wanted) in wanted.chunks_exact(words).enumerate() {
-            let Some((start, end)) = mask::span(wanted) else { continue };
-            let (low, high) = z_taps.reach(start, end);
             let (first, weights) = y_taps.window(y);
-            let sums = &mut sums[low..high];
-            sums.fill(0.0);
-            for (row, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                let at = (first + row) * nz;
-                add_scaled(sums, &plane[at + low..at + high], weight);
-            }
-            let out = &mut out[y * coarse_nz + start..y * coarse_nz + end];
-            for (z, out) in out.iter_mut().enumerate() {
-                let (first, weights) = z_taps.window(start + z);
-                *out = weighted_sum(&sums[first - low..], weights) as f32;
-            }
+            mask::for_each_span(wanted, GAP, |start, end| {
+                let (low, high) = z_taps.reach(start, end);
+                let sums = &mut sums[low..high];
+                sums.fill(0.0);
+                for (row, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                    let at = (first + row) * nz;
+                    add_scaled(sums, &plane[at + low..at + high], weight);
+                }
+                round_to_f32(sums, &mut out[y * nz + low..y * nz + high]);
+            });
         }
     }
 }
@@ -141,35 +144,51 @@ impl<'a> Cascade<'a> {
 
     /// Streams the whole field. `read(x, channel, region, plane)` fills the nodes in `region` (rows
     /// of bits along z) of a level-0 plane; `take(level, slab)` gets every slab of every level,
-    /// each level's in order.
+    /// each level's in order, while the next ones are made.
     pub fn run(
         mut self,
         read: impl Fn(usize, usize, &[u64], &mut [f32]) -> Result<()> + Sync + Send,
-        mut take: impl FnMut(usize, &Slab) -> Result<()>,
+        mut take: impl FnMut(usize, &Slab) -> Result<()> + Send,
     ) -> Result<()> {
         let planes = self.regions.levels[0].nodes().0[0];
+        let mut full: Vec<(usize, Slab)> = Vec::new();
         for start in (0..planes).step_by(self.thickness) {
             let end = planes.min(start + self.thickness);
-            self.make(0, start, end, |_, x, channel, plane| {
-                read(x, channel, self.regions.levels[0].plane(x), plane)
-            })?;
-            self.rise(0, &mut take)?;
+            let (taken, made) = parallel::join(
+                || full.iter().try_for_each(|(level, slab)| take(*level, slab)),
+                || self.advance(start, end, &read),
+            );
+            // What was made first is wrong first.
+            taken?;
+            let used = std::mem::replace(&mut full, made?);
+            used.into_iter().for_each(|(_, slab)| self.spare.extend(slab.planes));
         }
-        Ok(())
+        full.iter().try_for_each(|(level, slab)| take(*level, slab))
+    }
+
+    /// Reads planes `start..end` of level 0 and makes what follows from them. Returns the slabs that are
+    /// now full.
+    fn advance(
+        &mut self,
+        start: usize,
+        end: usize,
+        read: &(impl Fn(usize, usize, &[u64], &mut [f32]) -> Result<()> + Sync + Send),
+    ) -> Result<Vec<(usize, Slab)>> {
+        let mut full = Vec::new();
+        self.make(0, start, end, |_, x, channel, plane| {
+            read(x, channel, self.regions.levels[0].plane(x), plane)
+        })?;
+        self.rise(0, &mut full)?;
+        Ok(full)
     }
 
     /// Hands out the slab of `level` if it is full, then makes all coarser planes that can be.
-    fn rise(
-        &mut self,
-        level: usize,
-        take: &mut impl FnMut(usize, &Slab) -> Result<()>,
-    ) -> Result<()> {
+    fn rise(&mut self, level: usize, full: &mut Vec<(usize, Slab)>) -> Result<()> {
         let slab = &mut self.slabs[level];
         let next = slab.first + slab.count();
         if slab.count() == self.thickness || next == self.regions.levels[level].nodes().0[0] {
-            take(level, slab)?;
-            slab.first = next;
-            self.spare.append(&mut slab.planes);
+            let empty = Slab { first: next, channels: slab.channels, planes: Vec::new() };
+            full.push((level, std::mem::replace(slab, empty)));
         }
         let Some(stage) = self.stages.get(level) else { return Ok(()) };
         let ready = stage.step.axes[0].ready(stage.fed());
@@ -182,7 +201,7 @@ impl<'a> Cascade<'a> {
             })?;
             made = end;
             self.retire(level, made);
-            self.rise(level + 1, take)?;
+            self.rise(level + 1, full)?;
         }
         Ok(())
     }
@@ -224,7 +243,7 @@ impl<'a> Cascade<'a> {
         Ok(())
     }
 
-    /// Filters planes of a level, from plane `start` on, along y and z into the next level's ring.
+    /// Filters planes of a level, from plane `start` on, along y into the next level's ring.
     fn feed(&mut self, level: usize, start: usize, planes: &[Vec<f32>]) -> Result<()> {
         let Some(stage) = self.stages.get(level) else { return Ok(()) };
         let [_, ny, nz] = self.regions.levels[level].nodes().0;
@@ -234,24 +253,28 @@ impl<'a> Cascade<'a> {
             parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
         let lifted = match level {
             0 => {
-                let nodes = self.regions.levels[0].nodes();
-                Lifted::new(&self.lift, nodes, start, planes, channels, &mut self.spare)?
+                let region = &self.regions.levels[0];
+                Lifted::new(&self.lift, region, start, planes, channels, &mut self.spare)?
             }
             _ => Lifted::AsTheyAre(0..channels),
         };
         let stage = &self.stages[level];
-        let [_, coarse_y, coarse_z] = stage.outputs.nodes().0;
+        let coarse_y = stage.outputs.nodes().0[1];
         let up = lifted.channels();
         let mut tasks: Vec<_> = (0..count * up)
             .map(|_| {
                 let scratch = lifted.scratch(&mut self.spare, ny * nz);
-                (scratch, spare_plane(&mut self.spare, coarse_y * coarse_z))
+                (scratch, spare_plane(&mut self.spare, coarse_y * nz))
             })
             .collect();
         parallel::map_mut(&mut tasks, |task, (scratch, filtered)| {
             let (i, channel) = (task / up, task % up);
             let planes = &planes[i * channels..(i + 1) * channels];
-            stage.filter_plane(&wanted[i], lifted.plane(i, channel, planes, scratch), filtered);
+            stage.filter_plane(
+                &wanted[i],
+                lifted.plane(start + i, i, channel, planes, scratch),
+                filtered,
+            );
             Ok(())
         })?;
         let mut rows = Vec::with_capacity(up);
@@ -281,8 +304,4 @@ fn round_to_f32(sums: &[f64], out: &mut [f32]) {
     for (out, &sum) in out.iter_mut().zip(sums) {
         *out = sum as f32;
     }
-}
-
-fn weighted_sum(values: &[f64], weights: &[f64]) -> f64 {
-    values.iter().zip(weights).fold(0.0, |sum, (value, weight)| sum + weight * value)
 }

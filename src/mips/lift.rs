@@ -1,15 +1,17 @@
 //! What goes up from level 0 to coarser levels.
 
+use std::ops::Range;
+
 use super::{Matter, Visibility};
 use crate::error::Result;
-use crate::grid::Nodes;
+use crate::grid::{NodeMask, mask};
 use crate::parallel;
 
 /// What goes up from level 0 to coarser levels.
 #[derive(Debug, Clone)]
 pub enum Lift<'a> {
     /// These channels, as they are.
-    Raw(std::ops::Range<usize>),
+    Raw(Range<usize>),
     /// The matter of density, the only channel.
     Amounts(Matter),
     /// The matter of density, the first channel; how much of it is seen; all colours, weighted by that.
@@ -39,22 +41,26 @@ impl<'a> Lift<'a> {
     }
 }
 
-/// Planes on their way up, by channel.
-pub(super) enum Lifted {
-    AsTheyAre(std::ops::Range<usize>),
+/// Nodes that do not go up, but fewer than these in a row are lifted too: stopping costs more.
+const GAP: usize = 32;
+
+/// Planes on their way up, by channel. Only what lies in a region is lifted.
+pub(super) enum Lifted<'a> {
+    AsTheyAre(Range<usize>),
     Weighted {
         /// By plane: amounts, and where there are colours how much of them is seen.
         weights: Vec<(Vec<f32>, Option<Vec<f32>>)>,
         colors: usize,
         matter: Matter,
+        region: &'a NodeMask,
     },
 }
 
-impl Lifted {
-    /// What goes up of the level-0 `planes` of `nodes`, with `channels` a plane, from plane `start` on.
+impl<'a> Lifted<'a> {
+    /// What goes up of the level-0 `planes`, with `channels` a plane, from plane `start` on.
     pub(super) fn new(
         lift: &Lift,
-        nodes: Nodes,
+        region: &'a NodeMask,
         start: usize,
         planes: &[Vec<f32>],
         channels: usize,
@@ -65,22 +71,27 @@ impl Lifted {
             Lift::Amounts(matter) => (*matter, None),
             Lift::Seen(matter, visibility) => (*matter, Some(*visibility)),
         };
-        let length = nodes.0[1] * nodes.0[2];
+        let [_, ny, nz] = region.nodes().0;
         let mut weights: Vec<_> = (0..planes.len() / channels)
             .map(|_| {
-                let seen = visibility.map(|_| spare_plane(spare, length));
-                (spare_plane(spare, length), seen)
+                let seen = visibility.map(|_| spare_plane(spare, ny * nz));
+                (spare_plane(spare, ny * nz), seen)
             })
             .collect();
         parallel::map_mut(&mut weights, |i, (amounts, seen)| {
-            matter.lift_density(&planes[i * channels], amounts);
+            let density = &planes[i * channels];
+            for_each_span(region, start + i, |span| {
+                matter.lift_density(&density[span.clone()], &mut amounts[span]);
+            });
             if let (Some(seen), Some(visibility)) = (seen, visibility) {
-                seen.copy_from_slice(amounts);
-                visibility.weigh(nodes, start + i, seen);
+                let weigher = visibility.weigher(region.nodes(), start + i);
+                for_each_span(region, start + i, |span| {
+                    weigher.weigh(span.start, &amounts[span.clone()], &mut seen[span]);
+                });
             }
             Ok(())
         })?;
-        Ok(Self::Weighted { weights, colors: channels - 1, matter })
+        Ok(Self::Weighted { weights, colors: channels - 1, matter, region })
     }
 
     pub(super) fn channels(&self) -> usize {
@@ -101,9 +112,10 @@ impl Lifted {
         }
     }
 
-    /// One channel of plane `i`, whose own channels are `planes`.
+    /// One channel of plane `x`, the `i`th, whose own channels are `planes`.
     pub(super) fn plane<'p>(
         &'p self,
+        x: usize,
         i: usize,
         channel: usize,
         planes: &'p [Vec<f32>],
@@ -111,11 +123,15 @@ impl Lifted {
     ) -> &'p [f32] {
         match self {
             Self::AsTheyAre(range) => &planes[range.start + channel],
-            Self::Weighted { weights, matter, .. } => match (channel, &weights[i]) {
+            Self::Weighted { weights, matter, region, .. } => match (channel, &weights[i]) {
                 (0, (amounts, _)) | (_, (amounts, None)) => amounts,
                 (1, (_, Some(seen))) => seen,
                 (_, (_, Some(seen))) => {
-                    matter.lift_color(&planes[channel - 1], seen, scratch);
+                    let raw = &planes[channel - 1];
+                    for_each_span(region, x, |span| {
+                        let weighted = &mut scratch[span.clone()];
+                        matter.lift_color(&raw[span.clone()], &seen[span], weighted);
+                    });
                     scratch
                 }
             },
@@ -133,10 +149,20 @@ impl Lifted {
     }
 }
 
+/// Calls `visit` with ranges of nodes of plane `x`, each in one row, that cover the region.
+fn for_each_span(region: &NodeMask, x: usize, mut visit: impl FnMut(Range<usize>)) {
+    let [_, ny, nz] = region.nodes().0;
+    for y in 0..ny {
+        mask::for_each_span(region.row(x, y), GAP, |start, end| {
+            visit(y * nz + start..y * nz + end);
+        });
+    }
+}
+
 /// A plane to be written, used before where there is one.
 pub(super) fn spare_plane(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
-    let fits = spare.iter().rposition(|plane| plane.capacity() >= length);
-    let mut plane = fits.map(|i| spare.swap_remove(i)).unwrap_or_default();
-    plane.resize(length, 0.0);
-    plane
+    match spare.iter().rposition(|plane| plane.len() == length) {
+        Some(i) => spare.swap_remove(i),
+        None => vec![0.0; length],
+    }
 }

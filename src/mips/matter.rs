@@ -13,14 +13,19 @@
 //! of every coarser level. The settled optical depth is `-ln(1 - amount) / reach`.
 
 use super::Slab;
+use super::lift::spare_plane;
 use crate::activate::lanes;
 use crate::error::Result;
 use crate::field::Activation;
-use crate::grid::{NodeMask, Nodes};
+use crate::grid::{NodeMask, Nodes, mask};
 use crate::parallel;
 
 use multiversion::multiversion;
 
+/// Where the exponential ends ([`lanes::exp`]): lower shifted raw densities are as much matter, next to none.
+const EMPTY_BELOW: f32 = -80.0;
+/// Values that are looked at together for being empty.
+const EMPTY_RUN: usize = 32;
 /// Amounts settle no closer to 1 than this: an optical depth that lets through one part in 10^7.
 const MOST_AMOUNT: f64 = 1.0 - 1e-7;
 /// Colours settle this far from 0 and 1: logits of -16 and 16.
@@ -28,6 +33,9 @@ const LEAST_COLOR: f64 = 1e-7;
 /// How much the matter around a node counts in its colour. A node with little matter still colours
 /// the cells around it by interpolation, and must not do so with the grey of empty space.
 const NEIGHBOURS_SHARE: f64 = 1e-4;
+
+/// Nodes that nobody needs, but fewer than these in a row settle too: stopping costs more.
+const GAP: usize = 16;
 
 /// What amounts of matter settle into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +60,8 @@ pub struct Matter {
 impl Matter {
     /// Amounts of raw densities.
     pub fn lift_density(&self, raw: &[f32], amounts: &mut [f32]) {
-        lift_density(raw, amounts, self.activation.shift, self.activation.interval * self.reach);
+        let Activation { shift, interval, .. } = self.activation;
+        lift_density(raw, amounts, shift, interval * self.reach);
     }
 
     /// Colours of raw colours, multiplied by weights.
@@ -67,26 +76,58 @@ impl Matter {
         (-libm::expm1(-depth * f64::from(self.reach)) * (1.0 - 1e-6)) as f32
     }
 
-    /// The optical depth over one interval of an amount.
-    pub(super) fn depth(&self, amount: f32) -> f64 {
-        let left = 1.0 - f64::from(amount).clamp(0.0, MOST_AMOUNT);
-        -libm::log(left) / f64::from(self.reach)
+    /// The optical depths over one interval of amounts.
+    pub(super) fn depths(&self, amounts: &[f32], depths: &mut [f32]) {
+        optical_depths(amounts, f64::from(self.reach), depths);
     }
 
-    /// What is stored of an amount.
-    fn settle_amount(&self, amount: f32) -> f32 {
-        let depth = self.depth(amount);
+    /// What is stored of amounts.
+    fn settle_amounts(&self, amounts: &[f32], settled: &mut [f32]) {
+        let reach = f64::from(self.reach);
         match self.settled {
-            Settled::SqrtOpticalDepth => depth.sqrt() as f32,
-            Settled::Opacity => -libm::expm1(-depth) as f32,
+            Settled::SqrtOpticalDepth => sqrt_optical_depths(amounts, reach, settled),
+            Settled::Opacity => {
+                for (settled, &amount) in settled.iter_mut().zip(amounts) {
+                    *settled = -libm::expm1(-optical_depth(amount, reach)) as f32;
+                }
+            }
         }
+    }
+}
+
+/// The optical depth over one interval of an amount.
+#[inline(always)]
+fn optical_depth(amount: f32, reach: f64) -> f64 {
+    -lanes::ln(1.0 - f64::from(amount).clamp(0.0, MOST_AMOUNT)) / reach
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn optical_depths(amounts: &[f32], reach: f64, depths: &mut [f32]) {
+    for (depth, &amount) in depths.iter_mut().zip(amounts) {
+        *depth = optical_depth(amount, reach) as f32;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn sqrt_optical_depths(amounts: &[f32], reach: f64, settled: &mut [f32]) {
+    for (settled, &amount) in settled.iter_mut().zip(amounts) {
+        *settled = optical_depth(amount, reach).sqrt() as f32;
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn lift_density(raw: &[f32], amounts: &mut [f32], shift: f32, interval: f32) {
-    for (amount, raw) in amounts.iter_mut().zip(raw) {
-        *amount = lanes::opacity(lanes::softplus(raw + shift) * interval);
+    let lift = |shifted: f32| lanes::opacity(lanes::softplus(shifted) * interval);
+    let nothing = lift(EMPTY_BELOW);
+    // Most of a scene is empty, and found so faster than lifted.
+    for (raw, amounts) in raw.chunks(EMPTY_RUN).zip(amounts.chunks_mut(EMPTY_RUN)) {
+        if raw.iter().fold(0, |any, raw| any | u32::from(raw + shift > EMPTY_BELOW)) == 0 {
+            amounts.fill(nothing);
+            continue;
+        }
+        for (amount, raw) in amounts.iter_mut().zip(raw) {
+            *amount = lift(raw + shift);
+        }
     }
 }
 
@@ -106,6 +147,8 @@ pub struct Settler<'a> {
     /// The last plane of the slab before `waiting`.
     below: Option<Vec<Vec<f32>>>,
     waiting: Option<Slab>,
+    /// Planes to be used again.
+    spare: Vec<Vec<f32>>,
 }
 
 impl<'a> Settler<'a> {
@@ -124,74 +167,133 @@ impl<'a> Settler<'a> {
 
     /// For the nodes that are `needed` of a level.
     fn new(matter: Matter, needed: &'a NodeMask) -> Self {
-        Self { matter, needed, below: None, waiting: None }
+        Self { matter, needed, below: None, waiting: None, spare: Vec::new() }
     }
 
-    /// Takes the next slab of lifted values, and returns the settled slabs that are now complete.
-    pub fn take(&mut self, slab: &Slab) -> Result<Vec<Slab>> {
-        let mut settled = Vec::new();
+    /// Takes the next slab of lifted values, and hands out the settled slabs that are now complete.
+    pub fn take(
+        &mut self,
+        slab: &Slab,
+        mut hand_out: impl FnMut(&mut Slab) -> Result<()>,
+    ) -> Result<()> {
         let channels = slab.channels;
-        if let Some(waiting) = self.waiting.take() {
-            settled.push(self.settle(&waiting, Some(&slab.planes[..channels]))?);
-            self.below = Some(waiting.planes[(waiting.count() - 1) * channels..].to_vec());
+        if let Some(mut waiting) = self.waiting.take() {
+            self.settle(&waiting, Some(&slab.planes[..channels]), &mut hand_out)?;
+            let last = waiting.planes.split_off((waiting.count() - 1) * channels);
+            self.spare.extend(self.below.replace(last).into_iter().flatten());
+            self.spare.append(&mut waiting.planes);
         }
-        let waiting = Slab { first: slab.first, channels, planes: slab.planes.clone() };
-        if waiting.first + waiting.count() == self.needed.nodes().0[0] {
-            settled.push(self.settle(&waiting, None)?);
-        } else {
-            self.waiting = Some(waiting);
-        }
-        Ok(settled)
-    }
-
-    fn settle(&self, slab: &Slab, above: Option<&[Vec<f32>]>) -> Result<Slab> {
-        let channels = slab.channels;
-        let planes_of = |i: usize| -> Vec<&[Vec<f32>]> {
-            let own = |i: usize| &slab.planes[i * channels..(i + 1) * channels];
-            let below = if i > 0 { Some(own(i - 1)) } else { self.below.as_deref() };
-            let above = if i + 1 < slab.count() { Some(own(i + 1)) } else { above };
-            below.into_iter().chain([own(i)]).chain(above).collect()
+        let copy = |plane: &Vec<f32>| {
+            let mut copy = self.spare.pop().unwrap_or_default();
+            copy.clear();
+            copy.extend_from_slice(plane);
+            copy
         };
-        let settled = parallel::map(slab.count(), |i| {
-            Ok(self.settle_plane(slab.first + i, &slab.planes[i * channels..], &planes_of(i)))
+        let planes = slab.planes.iter().map(copy).collect();
+        let waiting = Slab { first: slab.first, channels, planes };
+        if waiting.first + waiting.count() == self.needed.nodes().0[0] {
+            return self.settle(&waiting, None, &mut hand_out);
+        }
+        self.waiting = Some(waiting);
+        Ok(())
+    }
+
+    /// Settles a slab, given the plane after it if there is one.
+    fn settle(
+        &mut self,
+        slab: &Slab,
+        above: Option<&[Vec<f32>]>,
+        hand_out: &mut impl FnMut(&mut Slab) -> Result<()>,
+    ) -> Result<()> {
+        let channels = slab.channels;
+        // All but the weight of colours.
+        let left = channels - 1;
+        let spare = &mut self.spare;
+        let plane = |_| spare_plane(spare, self.needed.nodes().0[1] * self.needed.nodes().0[2]);
+        let mut planes: Vec<Vec<f32>> = (0..slab.count() * left).map(plane).collect();
+        let this = &*self;
+        let own = |i: usize| &slab.planes[i * channels..(i + 1) * channels];
+        let mut settled: Vec<&mut [Vec<f32>]> = planes.chunks_exact_mut(left).collect();
+        parallel::map_mut(&mut settled, |i, settled| {
+            let below = if i > 0 { Some(own(i - 1)) } else { this.below.as_deref() };
+            let above = if i + 1 < slab.count() { Some(own(i + 1)) } else { above };
+            let around: Vec<_> = below.into_iter().chain([own(i)]).chain(above).collect();
+            this.settle_plane(slab.first + i, own(i), &around, settled);
+            Ok(())
         })?;
-        let planes = settled.into_iter().flatten().collect();
-        Ok(Slab { first: slab.first, channels: channels - 1, planes })
+        let mut settled = Slab { first: slab.first, channels: left, planes };
+        hand_out(&mut settled)?;
+        self.spare.append(&mut settled.planes);
+        Ok(())
     }
 
     /// Settles plane `x` of all channels: `own`, among `around`.
-    fn settle_plane(&self, x: usize, own: &[Vec<f32>], around: &[&[Vec<f32>]]) -> Vec<Vec<f32>> {
+    fn settle_plane(
+        &self,
+        x: usize,
+        own: &[Vec<f32>],
+        around: &[&[Vec<f32>]],
+        settled: &mut [Vec<f32>],
+    ) {
         let Nodes([_, ny, nz]) = self.needed.nodes();
-        // All but the weight of colours.
-        let mut settled = vec![vec![0.0; ny * nz]; around[0].len() - 1];
+        let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
-            crate::grid::mask::for_each_run(self.needed.row(x, y), |start, end| {
-                for z in start..end {
-                    let at = y * nz + z;
-                    let near = |channel: usize| -> f64 {
-                        let planes = around.iter().map(|planes| &planes[channel]);
-                        let rows = planes.flat_map(|plane| {
-                            let row = |y: usize| {
-                                &plane[y * nz + z.saturating_sub(1)..y * nz + (z + 2).min(nz)]
-                            };
-                            rows.clone().map(row)
-                        });
-                        rows.flatten().fold(0.0, |sum, &value| sum + f64::from(value))
-                    };
-                    let total = |channel: usize| {
-                        f64::from(own[channel][at]) + NEIGHBOURS_SHARE * near(channel)
-                    };
-                    settled[0][at] = self.matter.settle_amount(own[0][at]);
-                    let weight = total(1).max(f64::MIN_POSITIVE);
-                    for (channel, settled) in settled.iter_mut().enumerate().skip(1) {
-                        let color = total(channel + 1) / weight;
-                        let color = color.clamp(LEAST_COLOR, 1.0 - LEAST_COLOR);
-                        settled[at] = libm::log(color / (1.0 - color)) as f32;
+            mask::for_each_span(self.needed.row(x, y), GAP, |start, end| {
+                let span = y * nz + start..y * nz + end;
+                // Of a channel, each node's own value and a little of those around it.
+                let mut total = |channel: usize, totals: &mut [f64]| {
+                    let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
+                    let column = &mut column[..high - low];
+                    column.fill(0.0);
+                    for planes in around {
+                        for y in rows.clone() {
+                            add(column, &planes[channel][y * nz + low..y * nz + high]);
+                        }
                     }
+                    let own = &own[channel][span.clone()];
+                    add_neighbours(own, column, start - low, &mut totals[..end - start]);
+                };
+                self.matter.settle_amounts(&own[0][span.clone()], &mut settled[0][span.clone()]);
+                total(1, &mut weights);
+                for (channel, settled) in settled.iter_mut().enumerate().skip(1) {
+                    total(channel + 1, &mut totals);
+                    settle_color(&totals, &weights, &mut settled[span.clone()]);
                 }
             });
         }
-        settled
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add(sums: &mut [f64], row: &[f32]) {
+    for (sum, &value) in sums.iter_mut().zip(row) {
+        *sum += f64::from(value);
+    }
+}
+
+/// `own` and a share of the `column` sums around each value, of which `column[first]` is the first one's.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64]) {
+    for ((total, &own), &column) in totals.iter_mut().zip(own).zip(&column[first..]) {
+        *total = f64::from(own) + NEIGHBOURS_SHARE * column;
+    }
+    let after = column.get(first + 1..).unwrap_or_default();
+    for (total, &column) in totals.iter_mut().zip(after) {
+        *total += NEIGHBOURS_SHARE * column;
+    }
+    let before = totals.get_mut(1 - first..).unwrap_or_default();
+    for (total, &column) in before.iter_mut().zip(column) {
+        *total += NEIGHBOURS_SHARE * column;
+    }
+}
+
+/// Logits of weighted colours divided by their weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn settle_color(totals: &[f64], weights: &[f64], settled: &mut [f32]) {
+    for ((settled, total), weight) in settled.iter_mut().zip(totals).zip(weights) {
+        let color = total / weight.max(f64::MIN_POSITIVE);
+        let color = color.clamp(LEAST_COLOR, 1.0 - LEAST_COLOR);
+        *settled = lanes::ln(color / (1.0 - color)) as f32;
     }
 }

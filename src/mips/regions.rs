@@ -40,8 +40,7 @@ impl Step {
         rows
     }
 
-    /// Nodes of the y-z-filtered plane `x` that output planes read: rows of bits at the coarser
-    /// level's size.
+    /// Nodes that output planes reading plane `x` need: rows of bits at the coarser level's size.
     pub(super) fn wanted_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
         let mut wanted = vec![0; outputs.plane(0).len()];
         let (start, end) = self.axes[0].readers(x);

@@ -55,6 +55,36 @@ impl AxisTaps {
         (self.first[output], &self.weights[output * self.width..][..self.width])
     }
 
+    /// Weighted sums for the output nodes from `start` on; `inputs` are those of the input nodes from
+    /// `first` on, as far as [`AxisTaps::reach`] goes.
+    pub fn apply(&self, inputs: &[f64], first: usize, start: usize, outputs: &mut [f32]) {
+        match self.width {
+            2 => self.apply_windows::<2>(inputs, first, start, outputs),
+            4 => self.apply_windows::<4>(inputs, first, start, outputs),
+            6 => self.apply_windows::<6>(inputs, first, start, outputs),
+            _ => {
+                for (output, out) in (start..).zip(outputs) {
+                    let (at, weights) = self.window(output);
+                    *out = weighted_sum(&inputs[at - first..], weights) as f32;
+                }
+            }
+        }
+    }
+
+    /// The same where the width is known: loops over it unroll.
+    fn apply_windows<const WIDTH: usize>(
+        &self,
+        inputs: &[f64],
+        first: usize,
+        start: usize,
+        outputs: &mut [f32],
+    ) {
+        let weights = &self.weights.as_chunks::<WIDTH>().0[start..];
+        for ((&at, weights), out) in self.first[start..].iter().zip(weights).zip(outputs) {
+            *out = weighted_sum(&inputs[at - first..at - first + WIDTH], weights) as f32;
+        }
+    }
+
     /// Input nodes `start..end` that the output nodes `start..end` read.
     pub fn reach(&self, start: usize, end: usize) -> (usize, usize) {
         (self.first[start], self.first[end - 1] + self.width)
@@ -78,6 +108,11 @@ impl AxisTaps {
             mask::set_between(inputs, start, end);
         });
     }
+}
+
+#[inline(always)]
+fn weighted_sum(values: &[f64], weights: &[f64]) -> f64 {
+    values.iter().zip(weights).fold(0.0, |sum, (value, weight)| sum + weight * value)
 }
 
 /// Reflects a node number at the ends `0` and `count - 1`, without repeating them.

@@ -34,8 +34,10 @@ const LEAST_SEEN: f32 = 1e-4;
 const LEAST: f32 = 1e-9;
 /// See [`LEAST`].
 const MOST_DEPTH: f32 = 30.0;
-/// Directions are summed in this many parts at once; fixed, so that sums are too.
-const PARTS: usize = 4;
+/// Steps along each axis of directions that are summed together, in parts that are summed at once: fixed, so
+/// that sums are too.
+const PARTS: [&[[usize; 3]]; 4] =
+    [&[[1, 0, 0], [0, 1, 0], [0, 0, 1]], &[[1, 1, 0], [0, 1, 1]], &[[1, 0, 1]], &[[1, 1, 1]]];
 
 /// Matter that is in the way of light.
 #[derive(Debug)]
@@ -73,7 +75,7 @@ impl Occluders {
             let mut depths = slab.plane(i, 0).to_vec();
             match level {
                 0 => optical_depths(&mut depths, &self.matter),
-                _ => depths.iter_mut().for_each(|depth| *depth = self.matter.depth(*depth) as f32),
+                _ => self.matter.depths(slab.plane(i, 0), &mut depths),
             }
             Ok(depths)
         })?;
@@ -83,33 +85,37 @@ impl Occluders {
 
     /// What can be seen past them.
     pub fn visibility(&self) -> Result<Visibility> {
-        let directions = directions();
-        let share = directions.len().div_ceil(PARTS);
-        let parts = parallel::map(PARTS, |part| {
+        let parts = parallel::map(PARTS.len(), |part| {
             let mut sums = vec![0.0; self.nodes.count()];
-            for &direction in directions.iter().skip(part * share).take(share) {
-                self.follow(direction, &mut sums);
+            let mut passing = vec![0.0; self.nodes.count()];
+            for &steps in PARTS[part] {
+                let squares =
+                    [0, 1, 2].map(|axis| (steps[axis] as f32 * self.spacing[axis]).powi(2));
+                let length = (squares[0] + squares[1] + squares[2]).sqrt();
+                transmittances(&self.depths, length, &mut passing);
+                for direction in directions(steps) {
+                    self.follow(direction, &passing, &mut sums);
+                }
             }
             Ok(sums)
         })?;
         let mut parts = parts.into_iter();
         let mut seen = parts.next().unwrap_or_default();
         for part in parts {
-            seen.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+            add(&mut seen, &part);
         }
         for seen in &mut seen {
-            let mean = *seen / directions.len() as f32;
+            let mean = *seen / 26.0;
             *seen = mean * mean + LEAST_SEEN;
         }
         Ok(Visibility { nodes: self.nodes, seen })
     }
 
-    /// Adds to each node the light that gets there along `direction`.
-    fn follow(&self, direction: [isize; 3], sums: &mut [f32]) {
+    /// Adds to each node the light that gets there along `direction`, of which a node lets through what
+    /// `passing` says.
+    fn follow(&self, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) {
         let [nx, ny, nz] = self.nodes.0;
         let [dx, dy, dz] = direction;
-        let squares = [0, 1, 2].map(|axis| (direction[axis] as f32 * self.spacing[axis]).powi(2));
-        let length = (squares[0] + squares[1] + squares[2]).sqrt();
         // Light behind each node of the plane before and of this one.
         let mut before = vec![1.0; ny * nz];
         let mut behind = vec![1.0; ny * nz];
@@ -121,9 +127,9 @@ impl Occluders {
             for y in 0..ny {
                 let y = if dy < 0 { ny - 1 - y } else { y };
                 let row = (x * ny + y) * nz..(x * ny + y + 1) * nz;
-                let (depths, sums) = (&self.depths[row.clone()], &mut sums[row]);
+                let (passing, sums) = (&passing[row.clone()], &mut sums[row]);
                 if [dx, dy] == [0, 0] {
-                    along_row(depths, length, dz < 0, &mut light);
+                    along_row(passing, dz < 0, &mut light);
                     add(sums, &light);
                     continue;
                 }
@@ -142,16 +148,16 @@ impl Occluders {
                     }
                 }
                 add(sums, &light);
-                weaken(&light, depths, length, &mut behind[y * nz..][..nz]);
+                weaken(&light, passing, &mut behind[y * nz..][..nz]);
             }
         }
     }
 }
 
-/// To a node's 26 neighbours.
-fn directions() -> Vec<[isize; 3]> {
+/// The directions to a node's 26 neighbours that are `steps` long along each axis.
+fn directions(steps: [usize; 3]) -> impl Iterator<Item = [isize; 3]> {
     let all = (0..27).map(|i| [i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1]);
-    all.filter(|&direction| direction != [0; 3]).collect()
+    all.filter(move |direction: &[isize; 3]| direction.map(isize::unsigned_abs) == steps)
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
@@ -163,13 +169,21 @@ fn optical_depths(values: &mut [f32], matter: &Matter) {
     }
 }
 
+/// What nodes let through to the next, `length` intervals away.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn transmittances(depths: &[f32], length: f32, passing: &mut [f32]) {
+    for (passing, depth) in passing.iter_mut().zip(depths) {
+        *passing = lanes::exp(-(depth * length).min(MOST_DEPTH));
+    }
+}
+
 /// Light at each node of a row along z.
-fn along_row(depths: &[f32], length: f32, backwards: bool, light: &mut [f32]) {
+fn along_row(passing: &[f32], backwards: bool, light: &mut [f32]) {
     let mut left = 1.0;
-    for z in 0..depths.len() {
-        let z = if backwards { depths.len() - 1 - z } else { z };
+    for z in 0..passing.len() {
+        let z = if backwards { passing.len() - 1 - z } else { z };
         light[z] = left;
-        left = behind(left, depths[z] * length);
+        left = behind(left, passing[z]);
     }
 }
 
@@ -181,16 +195,16 @@ fn add(sums: &mut [f32], light: &[f32]) {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn weaken(light: &[f32], depths: &[f32], length: f32, behind: &mut [f32]) {
-    for ((behind, light), depth) in behind.iter_mut().zip(light).zip(depths) {
-        *behind = self::behind(*light, depth * length);
+fn weaken(light: &[f32], passing: &[f32], behind: &mut [f32]) {
+    for ((behind, light), passing) in behind.iter_mut().zip(light).zip(passing) {
+        *behind = self::behind(*light, *passing);
     }
 }
 
-/// What is left of `light` behind an optical depth.
+/// What is left of `light` behind what lets `passing` through.
 #[inline(always)]
-fn behind(light: f32, depth: f32) -> f32 {
-    let left = light * lanes::exp(-depth.min(MOST_DEPTH));
+fn behind(light: f32, passing: f32) -> f32 {
+    let left = light * passing;
     if left > LEAST { left } else { 0.0 }
 }
 
@@ -222,23 +236,46 @@ fn mix<'a>(low: &'a [f32], high: &'a [f32], fraction: f32) -> impl Iterator<Item
 }
 
 impl Visibility {
-    /// Multiplies `values` of plane `x` of a grid of `nodes` over the same box by what is seen there.
-    pub fn weigh(&self, nodes: Nodes, x: usize, values: &mut [f32]) {
-        let [_, ny, nz] = nodes.0;
+    /// For plane `x` of a grid of `nodes` over the same box.
+    pub fn weigher(&self, nodes: Nodes, x: usize) -> Weigher {
+        let [nx, _, nz] = nodes.0;
         let [coarse_x, coarse_y, coarse_z] = self.nodes.0;
         let plane = |x: usize| &self.seen[x * coarse_y * coarse_z..][..coarse_y * coarse_z];
-        let at = between(x, nodes.0[0], coarse_x);
-        let across: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
-        let columns: Vec<Between> = (0..nz).map(|z| between(z, nz, coarse_z)).collect();
-        let mut row = vec![0.0; coarse_z];
-        for (y, values) in values.chunks_exact_mut(nz).enumerate() {
-            let at = between(y, ny, coarse_y);
-            let line = |y: usize| &across[y * coarse_z..][..coarse_z];
-            let mixed = mix(line(at.low), line(at.high), at.fraction);
-            row.iter_mut().zip(mixed).for_each(|(row, mixed)| *row = mixed);
-            for (value, at) in values.iter_mut().zip(&columns) {
-                *value *= row[at.low] + (row[at.high] - row[at.low]) * at.fraction;
-            }
+        let at = between(x, nx, coarse_x);
+        Weigher {
+            nodes,
+            coarse: self.nodes,
+            seen: mix(plane(at.low), plane(at.high), at.fraction).collect(),
+            columns: (0..nz).map(|z| between(z, nz, coarse_z)).collect(),
+        }
+    }
+}
+
+/// Weighs values of one plane by how much of their nodes is seen.
+#[derive(Debug)]
+pub struct Weigher {
+    nodes: Nodes,
+    coarse: Nodes,
+    /// On the plane, at the coarser nodes along y and z.
+    seen: Vec<f32>,
+    columns: Vec<Between>,
+}
+
+impl Weigher {
+    /// Multiplies `values`, all of one row, of which node number `first` of the plane is the first.
+    pub fn weigh(&self, first: usize, values: &[f32], weighted: &mut [f32]) {
+        let [_, ny, nz] = self.nodes.0;
+        let [_, coarse_y, coarse_z] = self.coarse.0;
+        let (y, z) = (first / nz, first % nz);
+        let columns = &self.columns[z..z + values.len()];
+        let Some(low) = columns.first().map(|at| at.low) else { return };
+        let high = columns.last().map_or(coarse_z, |at| at.high + 1);
+        let at = between(y, ny, coarse_y);
+        let line = |y: usize| &self.seen[y * coarse_z + low..y * coarse_z + high];
+        let row: Vec<f32> = mix(line(at.low), line(at.high), at.fraction).collect();
+        for ((weighted, value), at) in weighted.iter_mut().zip(values).zip(columns) {
+            let [below, above] = [row[at.low - low], row[at.high - low]];
+            *weighted = value * (below + (above - below) * at.fraction);
         }
     }
 }

@@ -131,6 +131,24 @@ pub fn prune(
     Ok(Pruned { levels, raw_threshold, keeps_mask, visibility, nonfinite, density_checksums })
 }
 
+impl Pruned {
+    /// Drops what lies outside `cells` of level 0, the only ones that are ever looked at. In coarser levels
+    /// a cell around them stays: filters spread matter.
+    pub fn keep_cells(&mut self, cells: &NodeMask) -> Result<()> {
+        for (number, level) in self.levels.iter_mut().enumerate() {
+            let kept = match number {
+                0 => cells.corners()?,
+                _ => {
+                    let overlapping = overlapping_cells(cells, level.needed.nodes())?.corners()?;
+                    overlapping.cells_with_a_corner()?.corners()?
+                }
+            };
+            level.needed.intersect(&kept);
+        }
+        Ok(())
+    }
+}
+
 /// How much of each node is seen, in a pass over density of its own.
 pub fn visibility(
     planes: &Planes,

@@ -8,7 +8,7 @@ use crate::camera::Ray;
 use crate::sample::Sample;
 
 /// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over white.
-const OPAQUE_DEPTH: f64 = 11.6;
+pub(super) const OPAQUE_DEPTH: f64 = 11.6;
 
 /// What a ray gathers.
 #[derive(Debug, Clone, Copy)]

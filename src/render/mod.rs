@@ -7,6 +7,7 @@
 //! picture in parallel and adds the view-dependent colour, many rays at a time. The picture does not
 //! depend on the number of threads.
 
+mod exposure;
 mod footprint;
 mod frame;
 mod march;
@@ -15,6 +16,7 @@ mod path;
 mod route;
 mod view;
 
+pub use exposure::exposed_cells;
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
 pub use route::Route;
 pub use view::{Field, TrainedLevels, View};

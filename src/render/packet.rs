@@ -234,20 +234,35 @@ struct Composited {
 /// Optical depths over one interval of interpolated densities.
 fn optical_depths(density: &[f32; PACKET], decode: Decode, view: &View) -> [f32; PACKET] {
     let Activation { shift, interval, order } = view.activation;
-    // Finite even of the largest numbers, so that mixing two of them gives no NaN.
     match (decode, order) {
         (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
             raw_depths(density, shift, interval)
         }
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Density) => {
-            density.map(|sigma| (sigma.max(0.0) * interval).min(f32::MAX))
-        }
-        (Decode::SqrtOpticalDepth, _) => {
-            density.map(|root| (root * root * view.depth_scale).min(f32::MAX))
-        }
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Opacity) => density.map(opaque_depth),
-        (Decode::Opacity, _) => density.map(|alpha| opaque_depth(alpha) * view.depth_scale),
+        _ => density.map(|density| optical_depth(density, decode, view)),
     }
+}
+
+/// The optical depth over one interval of an interpolated density. Finite even of the largest numbers, so
+/// that mixing two of them gives no NaN.
+#[inline(always)]
+pub fn optical_depth(density: f32, decode: Decode, view: &View) -> f32 {
+    let Activation { shift, interval, order } = view.activation;
+    match (decode, order) {
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
+            raw_depth(density, shift, interval)
+        }
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Density) => {
+            (density.max(0.0) * interval).min(f32::MAX)
+        }
+        (Decode::SqrtOpticalDepth, _) => (density * density * view.depth_scale).min(f32::MAX),
+        (Decode::RawDensity | Decode::Logit, ActivationOrder::Opacity) => opaque_depth(density),
+        (Decode::Opacity, _) => opaque_depth(density) * view.depth_scale,
+    }
+}
+
+#[inline(always)]
+fn raw_depth(raw: f32, shift: f32, interval: f32) -> f32 {
+    (lanes::softplus(raw + shift) * interval).min(f32::MAX)
 }
 
 fn opaque_depth(alpha: f32) -> f32 {
@@ -257,8 +272,8 @@ fn opaque_depth(alpha: f32) -> f32 {
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn raw_depths(raw: &[f32; PACKET], shift: f32, interval: f32) -> [f32; PACKET] {
     let mut depths = [0.0f32; PACKET];
-    for (depth, raw) in depths.iter_mut().zip(raw) {
-        *depth = (lanes::softplus(raw + shift) * interval).min(f32::MAX);
+    for (depth, &raw) in depths.iter_mut().zip(raw) {
+        *depth = raw_depth(raw, shift, interval);
     }
     depths
 }

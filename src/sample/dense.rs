@@ -185,13 +185,14 @@ fn fill<const C: usize>(
     Cascade::new(&regions, channels, lift, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| {
+            let mut place = |slab: &Slab| {
+                place(slab, &mut values[level]);
+                Ok(())
+            };
             match &mut settlers[level] {
-                Some(settler) => {
-                    settler.take(slab)?.iter().for_each(|slab| place(slab, &mut values[level]));
-                }
-                None => place(slab, &mut values[level]),
+                Some(settler) => settler.take(slab, |slab| place(slab)),
+                None => place(slab),
             }
-            Ok(())
         },
     )?;
     planes.take_nonfinite().map(|_| ()).map_err(|error| match error.kind() {

@@ -35,6 +35,8 @@ pub struct Grid {
     pub block_sizes: Vec<usize>,
     /// Compression levels of zstd.
     pub zstd_levels: Vec<i32>,
+    /// Least weights in a pixel of the sweep's cameras; 0 keeps all matter.
+    pub min_weights: Vec<f32>,
     /// Settings of their own beside the combinations.
     pub presets: Vec<Preset>,
 }
@@ -77,6 +79,9 @@ impl Grid {
         vary(&mut combined, &self.levels, |options, &levels| options.levels = Some(levels));
         vary(&mut combined, &self.block_sizes, |options, &size| options.block_size = size);
         vary(&mut combined, &self.zstd_levels, |options, &level| options.zstd_level = level);
+        vary(&mut combined, &self.min_weights, |options, &weight| {
+            options.min_weight = Some(weight).filter(|&weight| weight != 0.0);
+        });
         let mut settings: Vec<Setting> = Vec::new();
         for options in combined {
             if settings.iter().all(|setting| setting.options != options) {
@@ -129,6 +134,9 @@ fn name(options: &BakeOptions) -> String {
         fit_steps,
         fit_seconds,
         fit_cameras,
+        min_weight,
+        // A sweep's own cameras.
+        seen_from: _,
         nonfinite,
     } = options;
     let depth = match (max_error, bits) {
@@ -152,6 +160,9 @@ fn name(options: &BakeOptions) -> String {
         if !fit_cameras.is_empty() {
             name += &format!("-c{}", &hex(&camera::digest(fit_cameras))[..8]);
         }
+    }
+    if let Some(weight) = min_weight {
+        name += &format!("-w{weight:e}");
     }
     if *nonfinite == Nonfinite::Empty {
         name += "-empty";
@@ -214,6 +225,7 @@ mod tests {
             levels: vec![1, 2],
             block_sizes: vec![4, 8],
             zstd_levels: vec![1, 12],
+            min_weights: vec![0.0, 1e-3],
             presets: Vec::new(),
         };
         let all = names(&grid);

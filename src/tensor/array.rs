@@ -364,7 +364,7 @@ mod tests {
         let t = Tensor::fortran("t".into(), Element::F32, shape, stored(bytes)).expect("24 values");
         let volume = t.volume(&Limits::default()).expect("a grid");
         let (mut out, mut scratch) = ([0.0; 4], Vec::new());
-        volume.read_run(0, [1, 2, 0], &mut out, &mut scratch).expect("inside");
+        volume.read_run(0, [1, 2, 0], &mut out, &mut scratch, |_| {}).expect("inside");
         assert_eq!(out, [5., 11., 17., 23.]);
     }
 }

@@ -216,10 +216,10 @@ pub fn tensor_values(file: &TensorFile, name: &str) -> Option<Vec<f32>> {
 /// All values of a volume, `[channel][x][y][z]`.
 pub fn volume_values(volume: &Volume) -> Vec<f32> {
     let [nx, ny, nz] = volume.nodes.0;
-    let (mut all, mut row, mut bytes) = (Vec::new(), vec![0.0; nz], Vec::new());
+    let (mut all, mut row, mut scratch) = (Vec::new(), vec![0.0; nz], Vec::new());
     for channel in 0..volume.channels {
         for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
-            volume.read_run(channel, [x, y, 0], &mut row, &mut bytes).expect("a row");
+            volume.read_run(channel, [x, y, 0], &mut row, &mut scratch, |_| {}).expect("a row");
             all.extend_from_slice(&row);
         }
     }

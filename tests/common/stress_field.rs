@@ -37,6 +37,7 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
             let start = (slab.first + i) * length;
             levels[level][channel][start..start + length].copy_from_slice(slab.plane(i, channel));
         }
+        Ok(())
     };
     let length = plane(sizes[0]);
     Cascade::new(&regions, channels.len(), lift.clone(), 8)
@@ -45,12 +46,9 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
                 plane.copy_from_slice(&channels[channel][x * length..(x + 1) * length]);
                 Ok(())
             },
-            |level, slab| {
-                match &mut settlers[level] {
-                    Some(settler) => settler.take(slab)?.iter().for_each(|s| place(level, s)),
-                    None => place(level, slab),
-                }
-                Ok(())
+            |level, slab| match &mut settlers[level] {
+                Some(settler) => settler.take(slab, |slab| place(level, slab)),
+                None => place(level, slab),
             },
         )
         .expect("levels");
