@@ -115,6 +115,17 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
     assert_eq!(beyond.field("Content-Range"), format!("bytes */{length}"));
     let head = served.ask("HEAD /field.mipvog HTTP/1.1", "");
     assert_eq!((head.status, head.field("Content-Length")), (200, &*length.to_string()));
+    // Ranges are GET's alone, and nothing was promised that a condition could hold by.
+    let head = served.ask("HEAD /field.mipvog HTTP/1.1", "Range: bytes=0-0\r\n");
+    assert_eq!((head.status, head.field("Content-Length")), (200, &*length.to_string()));
+    let changed = "Range: bytes=0-0\r\nIf-Range: \"other\"\r\n";
+    let answer = served.ask("GET /field.mipvog HTTP/1.1", changed);
+    assert!(answer.status == 200 && answer.body == bytes);
+    for (first, more) in
+        [("GET / HTTP/1.0", ""), ("GET /none HTTP/1.1", "Connection: te, close\r\n")]
+    {
+        assert_eq!(served.ask(first, more).field("Connection"), "close", "{first}");
+    }
 }
 
 #[test]
