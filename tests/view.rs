@@ -179,6 +179,20 @@ fn a_binary_asset_is_served_as_it_is_and_other_files_are_refused() {
     let answer = served.ask("GET /asset.glb HTTP/1.1", "");
     assert_eq!((answer.field("Content-Type"), answer.body.len()), ("model/gltf-binary", 12));
 
+    // What it names is not served with it, which is said.
+    let outside = folder.path().join("outside.glb");
+    let field =
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"beside.bin\",\"byteLength\":4}]}";
+    std::fs::write(&outside, common::asset::glb(field, &[])).expect("a file");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.args(["view", "--no-open"]).arg(&outside);
+    let piped = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let mut child = piped.expect("the program starts");
+    let first = BufReader::new(child.stderr.take().expect("piped")).lines().next();
+    child.kill().and_then(|()| child.wait()).expect("it ends");
+    let warning = first.expect("a line").expect("text");
+    assert!(warning.contains("not served: beside.bin"), "{warning}");
+
     let view = |file: &std::path::Path, more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
         let output = command.args(["view", "--no-open"]).args(more).arg(file).output();
