@@ -95,7 +95,7 @@ codes! {
     ExtensionRequired = "extension-required", Error;
     /// A radiance field lacks a property, or one is of the wrong type or has an unknown value.
     FieldProperty = "field-property", Error;
-    /// A radiance field names no container, two, or bytes that are not there.
+    /// A radiance field names no container, two, bytes that are not there, or those of vertices or indices.
     FieldSource = "field-source", Error;
     /// The file that a radiance field names cannot be read.
     FieldMissing = "field-missing", Error;

@@ -4,18 +4,23 @@ mod common;
 
 use std::path::Path;
 
-use common::{Random, fixture};
+use common::asset::{NAME, attached, changed, glb, open};
+use common::{Random, fixture, mend_checksums, open_bytes};
+use mipvog_bake::attach::AttachOptions;
 use mipvog_bake::check::check;
+use mipvog_bake::error::Error;
 use mipvog_bake::limits::Limits;
+
+const CONTAINER: &str = "dvgo.mask.mipvog";
 
 /// A small container with a mask, several levels and every kind of chunk.
 fn container() -> Vec<u8> {
-    std::fs::read(fixture("baked/dvgo.mask.mipvog")).expect("a golden container")
+    std::fs::read(fixture("baked").join(CONTAINER)).expect("a golden container")
 }
 
 /// Whether the strict reader takes the bytes, having read everything.
 fn reads(bytes: &[u8]) -> bool {
-    common::open_bytes(bytes).and_then(|container| container.read()).is_ok()
+    open_bytes(bytes).and_then(|container| container.read()).is_ok()
 }
 
 fn findings(bytes: &[u8], path: &Path) -> usize {
@@ -77,28 +82,6 @@ fn hostile_numbers_behind_good_checksums_are_errors_or_readings() {
     assert!(taken < 3000);
 }
 
-/// Writes the checksums that a forger would: of each chunk where the directory says it is, then of
-/// header and directory.
-fn mend_checksums(bytes: &mut [u8]) {
-    let number = |bytes: &[u8], at: usize| -> Option<usize> {
-        Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?) as usize)
-    };
-    let count = u32::from_le_bytes(bytes[40..44].try_into().expect("four bytes")) as usize;
-    for entry in (0..count.min(100)).map(|i| 64 + 64 * i) {
-        let (Some(offset), Some(length)) = (number(bytes, entry + 8), number(bytes, entry + 16))
-        else {
-            return;
-        };
-        let Some(chunk) = bytes.get(offset..offset.saturating_add(length)) else { return };
-        let sum = crc32fast::hash(chunk).to_le_bytes();
-        bytes[entry + 32..entry + 36].copy_from_slice(&sum);
-    }
-    bytes[48..52].fill(0);
-    let Some(head) = bytes.get(..64 + 64 * count) else { return };
-    let sum = crc32fast::hash(head).to_le_bytes();
-    bytes[48..52].copy_from_slice(&sum);
-}
-
 #[test]
 fn changed_values_of_a_checkpoint_are_noticed() {
     let folder = common::folder();
@@ -120,4 +103,61 @@ fn changed_values_of_a_checkpoint_are_noticed() {
             assert!(bytes == expected.expect("a bake"), "a change of byte {at} went unnoticed");
         }
     }
+}
+
+/// What strict readers say of a damaged container in an asset: at the place that `validate` finds.
+fn strict(asset: &[u8], path: &Path) -> Error {
+    let opened = open(asset, path).and_then(|asset| asset.open_field(0));
+    let error = opened.and_then(|container| container.read()).expect_err("damaged");
+    // The digest does not fit either, which strict readers leave to the validator.
+    let findings = check(path, &Limits::default()).expect("checked").findings;
+    let found: Vec<String> = findings.into_iter().map(|finding| finding.place).collect();
+    assert!(found.contains(&error.place().to_string()), "{error}: {found:?}");
+    error
+}
+
+#[test]
+fn damage_in_a_container_in_an_asset_is_told_at_its_place_in_the_file() {
+    let folder = common::folder();
+    let container = container();
+    let plain = glb("{\"asset\":{\"version\":\"2.0\"}}", &[]);
+    let embedded =
+        attached(folder.path(), &plain, CONTAINER, &AttachOptions::default()).expect("fits");
+    let start = embedded.windows(8).position(|bytes| bytes == &container[..8]).expect("inside");
+    let holder = folder.path().join("beside.mipvog");
+    let outside = changed(&embedded, |document| {
+        let field = &mut document["extensions"][NAME]["radianceFields"][0];
+        field.as_object_mut().expect("a field").remove("bufferView");
+        field["uri"] = "beside.mipvog".into();
+    });
+    let path = folder.path().join("x.glb");
+    let entries = open_bytes(&container).expect("a container").entries().to_vec();
+    let chunks = entries.iter().map(|entry| (entry.offset + entry.length / 2) as usize);
+    // The signature, the checksum of header and directory, and each chunk.
+    let mut damaged: Vec<Vec<u8>> = Vec::new();
+    for at in [0, 48].into_iter().chain(chunks) {
+        let mut bytes = container.clone();
+        bytes[at] ^= 1;
+        damaged.push(bytes);
+    }
+    // A byte after the last run of an atlas, under checksums that fit.
+    let atlas = entries.iter().find(|entry| entry.kind == *b"DENS").expect("density");
+    let mut bytes = container.clone();
+    bytes[atlas.offset as usize + 8] -= 1;
+    mend_checksums(&mut bytes);
+    damaged.push(bytes);
+    let mut last = None;
+    for bytes in damaged {
+        let mut inside = embedded.clone();
+        inside[start..start + bytes.len()].copy_from_slice(&bytes);
+        let error = strict(&inside, &path);
+        assert_eq!(error.file(), Some(&*path), "{error}");
+        let text = error.place().to_string();
+        assert!(text.contains(&format!("container at byte {start}")), "{text}");
+        last = text.split_once(", byte ").and_then(|(_, at)| at.parse::<u64>().ok());
+        std::fs::write(&holder, bytes).expect("writable");
+        let error = strict(&outside, &path);
+        assert_eq!(error.file(), Some(&*holder), "{error}");
+    }
+    assert_eq!(last, Some(start as u64 + atlas.offset + atlas.length - 1));
 }

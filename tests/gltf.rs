@@ -121,6 +121,37 @@ fn schemas_refuse_what_the_page_forbids() {
     );
 }
 
+#[test]
+fn the_page_has_a_row_for_every_property() {
+    let page = include_str!("../formats/MIPVOG_radiance_field/README.md");
+    for (heading, name) in [
+        ("### Document\n", format!("glTF.{NAME}")),
+        ("### Radiance field\n", "radianceField".to_owned()),
+        ("### Level\n", "radianceField.level".to_owned()),
+        ("### Opacity\n", "radianceField.opacity".to_owned()),
+        ("### MLP\n", "radianceField.mlp".to_owned()),
+        ("## Adding a field to a node\n", format!("node.{NAME}")),
+    ] {
+        let (_, section) = page.split_once(heading).expect("the heading is there");
+        let section = section.split("\n#").next().unwrap_or_default();
+        let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| **")).collect();
+        let schema = schema(&format!("{name}.schema.json"));
+        let properties = schema["properties"].as_object().expect("properties");
+        let own: Vec<&String> = properties
+            .keys()
+            .filter(|name| !["extensions", "extras"].contains(&&***name))
+            .collect();
+        assert_eq!(rows.len(), own.len(), "{name}: {own:?}");
+        for property in own {
+            let row = rows.iter().find(|row| row.starts_with(&format!("| **{property}** |")));
+            let row = row.unwrap_or_else(|| panic!("{name} has no row for {property}"));
+            let required =
+                schema["required"].as_array().expect("a list").contains(&json!(property));
+            assert_eq!(row.ends_with("Yes |"), required, "{row}");
+        }
+    }
+}
+
 fn checked(bytes: &[u8], path: &Path) -> Report {
     std::fs::write(path, bytes).expect("writable");
     check(path, &Limits::default()).expect("a file that can be read")
@@ -157,6 +188,10 @@ fn every_finding_of_an_asset_can_be_reached() {
     expect(&edit(&|d| field(d)["bufferView"] = json!(2)), "field-source", &at("/bufferView"));
     let long = edit(&|d| d["bufferViews"][1]["byteLength"] = json!(1u64 << 40));
     expect(&long, "field-source", "/bufferViews/1");
+    for name in ["target", "byteStride"] {
+        let vertices = edit(&|d| d["bufferViews"][1][name] = json!(34962));
+        expect(&vertices, "field-source", &format!("/bufferViews/1/{name}"));
+    }
     let missing = edit(&|d| {
         field(d).as_object_mut().expect("a field").remove("bufferView");
         field(d)["uri"] = json!("missing.mipvog");

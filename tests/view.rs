@@ -115,6 +115,17 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
     assert_eq!(beyond.field("Content-Range"), format!("bytes */{length}"));
     let head = served.ask("HEAD /field.mipvog HTTP/1.1", "");
     assert_eq!((head.status, head.field("Content-Length")), (200, &*length.to_string()));
+    // Ranges are GET's alone, and nothing was promised that a condition could hold by.
+    let head = served.ask("HEAD /field.mipvog HTTP/1.1", "Range: bytes=0-0\r\n");
+    assert_eq!((head.status, head.field("Content-Length")), (200, &*length.to_string()));
+    let changed = "Range: bytes=0-0\r\nIf-Range: \"other\"\r\n";
+    let answer = served.ask("GET /field.mipvog HTTP/1.1", changed);
+    assert!(answer.status == 200 && answer.body == bytes);
+    for (first, more) in
+        [("GET / HTTP/1.0", ""), ("GET /none HTTP/1.1", "Connection: te, close\r\n")]
+    {
+        assert_eq!(served.ask(first, more).field("Connection"), "close", "{first}");
+    }
 }
 
 #[test]
@@ -167,6 +178,20 @@ fn a_binary_asset_is_served_as_it_is_and_other_files_are_refused() {
     assert_eq!(served.report["kind"], "asset");
     let answer = served.ask("GET /asset.glb HTTP/1.1", "");
     assert_eq!((answer.field("Content-Type"), answer.body.len()), ("model/gltf-binary", 12));
+
+    // What it names is not served with it, which is said.
+    let outside = folder.path().join("outside.glb");
+    let field =
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"beside.bin\",\"byteLength\":4}]}";
+    std::fs::write(&outside, common::asset::glb(field, &[])).expect("a file");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.args(["view", "--no-open"]).arg(&outside);
+    let piped = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let mut child = piped.expect("the program starts");
+    let first = BufReader::new(child.stderr.take().expect("piped")).lines().next();
+    child.kill().and_then(|()| child.wait()).expect("it ends");
+    let warning = first.expect("a line").expect("text");
+    assert!(warning.contains("not served: beside.bin"), "{warning}");
 
     let view = |file: &std::path::Path, more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));

@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::Chunks;
 use crate::bytes::{ByteReader, Output, SourceFile};
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::limits;
 
 /// First bytes of every GLB.
 pub const MAGIC: [u8; 4] = *b"glTF";
@@ -116,7 +115,13 @@ pub fn write_glb(
     let bin_bytes = if bin.is_empty() { 0 } else { CHUNK_HEADER_BYTES + bin_length };
     let others_length = others.map_or(0, SourceFile::length);
     let total = HEADER_BYTES + CHUNK_HEADER_BYTES + json_length + bin_bytes + others_length;
-    limits::check("bytes of a GLB", total, u32::MAX.into(), &Place::File)?;
+    if total > u32::MAX.into() {
+        let message = format!(
+            "a GLB holds at most 4 GiB, and this one would have {total} bytes; --external names the \
+             container by a URI"
+        );
+        return Err(Error::usage(message));
+    }
     output.append(&MAGIC)?;
     output.append(&VERSION.to_le_bytes())?;
     output.append(&number(total)?)?;
@@ -143,4 +148,24 @@ fn number(length: u64) -> Result<[u8; 4]> {
     let short = u32::try_from(length);
     let overflow = |_| Error::new(ErrorKind::Overflow { what: "GLB" }, Place::File);
     short.map(u32::to_le_bytes).map_err(overflow)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_glb_can_hold_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("large");
+        // All hole: takes no room.
+        let large = std::fs::File::create(&path).and_then(|file| file.set_len(1 << 32));
+        large.expect("a sparse file");
+        let bin = [Piece::File(SourceFile::open(&path).expect("a file"))];
+        let mut output = Output::create(&folder.path().join("x.glb"), false).expect("writable");
+        let error = write_glb("{}", &bin, None, &mut output).expect_err("too large");
+        assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+        assert!(error.to_string().contains("--external"), "{error}");
+        assert_eq!(output.length(), 0);
+    }
 }

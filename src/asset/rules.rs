@@ -53,7 +53,7 @@ pub fn document(asset: &Asset, root: &List, fields: &Fields, report: &mut Report
 
 /// One field: its properties, where its container lies, the container's structure and metadata, and
 /// how they agree. The container and where it starts in the file that holds it; `None` where it cannot
-/// be read on.
+/// be read on. Strict errors of the container name that file.
 pub fn field(
     asset: &Asset,
     root: &List,
@@ -76,13 +76,36 @@ pub fn field(
             return Ok(None);
         }
     };
+    plain_view(asset, root, &field, report)?;
     let offset = payload.offset;
+    let path = payload.file.path().to_owned();
     let container = within(object, offset, report, |report| {
         Container::walk(payload.file, asset.limits(), report)
     });
-    let Some(container) = container? else { return Ok(None) };
+    let container = container.map_err(|error| error.in_file(&path))?;
+    let container = container.map(|container| container.inside(object.pointer(), offset));
+    let Some(container) = container else { return Ok(None) };
     agreement(&field, object, &container, report)?;
     Ok(Some((container, offset)))
+}
+
+/// A buffer view that holds a container is bytes, neither vertices nor indices.
+fn plain_view(
+    asset: &Asset,
+    root: &List,
+    field: &RadianceField,
+    report: &mut Report,
+) -> Result<()> {
+    let Some(number) = field.buffer_view else { return Ok(()) };
+    let views = asset.list(root, "bufferViews")?;
+    for name in ["target", "byteStride"] {
+        if let Some(value) = views.get(number).map(|view| view.get(name)).transpose()?.flatten() {
+            let found = format!("a {name} of a container's buffer view");
+            let error = Error::malformed(value.place(), found, "none");
+            report(Finding { code: Code::FieldSource, error })?;
+        }
+    }
+    Ok(())
 }
 
 /// Runs a walk over the container of a field, whose findings get the field's place.

@@ -1,13 +1,17 @@
 //! `view`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::{Common, Outcome, print, say, warn};
+use crate::asset::Asset;
+use crate::attach::companions;
 use crate::bytes::SourceFile;
 use crate::error::Result;
+use crate::limits::Limits;
 use crate::serve::{Kind, Server, Site};
 
 /// Show a container or an asset in the browser: serves the viewer and the file on the loopback address
@@ -47,6 +51,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         url: url.clone(),
         port: server.address().port(),
     };
+    if matches!(kind, Kind::Asset) {
+        warn_of_companions(&arguments.file, common);
+    }
     // Told before the work, which has no end.
     print(&Outcome::new("view", &report, format!("{url}\n"))?, common)?;
     if !arguments.no_open
@@ -59,4 +66,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     server.run();
     Ok(())
+}
+
+/// Says which files the asset needs that the viewer will not get. What is wrong with it is the viewer's to tell.
+fn warn_of_companions(file: &Path, common: &Common) {
+    let asset = SourceFile::open(file).map(Arc::new);
+    let asset = asset.and_then(|file| Asset::open(file, &Limits::default()));
+    let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
+    if !names.is_empty() {
+        let (file, names) = (file.display(), names.join(", "));
+        warn(&format!("{file} needs files beside it, which are not served: {names}"), common);
+    }
 }

@@ -31,6 +31,8 @@ pub struct Container {
     entries: Vec<Entry>,
     metadata: Metadata,
     limits: Limits,
+    /// Pointer to the value of a document that holds the container, and where it starts in its file.
+    inside: Option<(String, u64)>,
 }
 
 /// Whether a file starts like a container.
@@ -79,7 +81,16 @@ impl Container {
             return Ok(None);
         }
         rules::contents(&entries, &metadata, header.file_length, report)?;
-        Ok(Some(Self { file, header, entries, metadata, limits: limits.clone() }))
+        let limits = limits.clone();
+        Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
+    }
+
+    /// Says that a value of a document holds this container, `offset` bytes from its file's start: errors of
+    /// strict reads tell places in that file.
+    #[must_use]
+    pub fn inside(mut self, pointer: &str, offset: u64) -> Self {
+        self.inside = Some((pointer.to_owned(), offset));
+        self
     }
 
     /// The header.
@@ -157,12 +168,18 @@ impl Container {
     /// The provenance, if there is any.
     pub fn provenance(&self) -> Result<Option<serde_json::Value>> {
         let Some(entry) = self.entry(PROVENANCE, None) else { return Ok(None) };
-        let bytes = self.chunk(entry, &mut strict)?;
-        bytes.map(|bytes| from_canonical(&bytes, &entry.place())).transpose()
+        let bytes = self.in_file(self.chunk(entry, &mut strict))?;
+        self.in_file(bytes.map(|bytes| from_canonical(&bytes, &entry.place())).transpose())
     }
 
     fn in_file<T>(&self, result: Result<T>) -> Result<T> {
-        result.map_err(|error| error.in_file(self.file.path()))
+        result.map_err(|error| {
+            let error = error.in_file(self.file.path());
+            match &self.inside {
+                Some((pointer, offset)) => error.within(pointer, *offset),
+                None => error,
+            }
+        })
     }
 
     fn head(

@@ -26,6 +26,8 @@ use site::{Body, Resource};
 const MOST_CONNECTIONS: usize = 64;
 /// A connection that is silent for so long is closed.
 const SILENCE: Duration = Duration::from_secs(60);
+/// After a connection that could not be accepted.
+const PAUSE: Duration = Duration::from_millis(20);
 /// Bytes of a file that are read at once.
 const PIECE: u64 = 256 << 10;
 
@@ -64,7 +66,11 @@ impl Server {
     pub fn run(&self) {
         let open = Arc::new(AtomicUsize::new(0));
         for connection in self.listener.incoming() {
-            let Ok(connection) = connection else { continue };
+            let Ok(connection) = connection else {
+                // Where the system has no file left for one more, asking again at once would only burn time.
+                std::thread::sleep(PAUSE);
+                continue;
+            };
             // Dropped where there are too many: the browser asks again.
             if open.fetch_add(1, Ordering::AcqRel) >= MOST_CONNECTIONS {
                 open.fetch_sub(1, Ordering::AcqRel);
@@ -113,8 +119,9 @@ fn answer_all(stream: &TcpStream, site: &Site, address: SocketAddr) -> std::io::
 }
 
 fn answer(stream: &TcpStream, site: &Site, request: &Request) -> std::io::Result<()> {
+    let connection = if request.keeps_alive { "" } else { "Connection: close\r\n" };
     let Some(resource) = site.get(&request.path) else {
-        let head = "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n";
+        let head = format!("HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n{connection}\r\n");
         return send(stream, head.as_bytes());
     };
     let length = resource.length();
@@ -132,7 +139,7 @@ fn answer(stream: &TcpStream, site: &Site, request: &Request) -> std::io::Result
     };
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {}\r\nContent-Length: {}\r\nAccept-Ranges: bytes\r\n\
-         {extra}{}\r\n",
+         {extra}{connection}{}\r\n",
         resource.media_type,
         bytes.end - bytes.start,
         site::SAFETY_HEADERS,

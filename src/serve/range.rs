@@ -17,8 +17,9 @@ pub enum Asked {
 /// ranges at once: both are a server's right.
 pub fn asked(header: Option<&str>, length: u64) -> Asked {
     let Some((first, last)) = header
-        .and_then(|header| header.strip_prefix("bytes="))
-        .and_then(|ranges| ranges.trim().split_once('-'))
+        .and_then(|header| header.split_once('='))
+        .filter(|(unit, _)| unit.eq_ignore_ascii_case("bytes"))
+        .and_then(|(_, ranges)| ranges.trim().split_once('-'))
     else {
         return Asked::Whole;
     };
@@ -57,6 +58,7 @@ mod tests {
             (Some("bytes=2-5"), Asked::Part(2..6)),
             (Some("bytes=2-"), Asked::Part(2..10)),
             (Some("bytes=-3"), Asked::Part(7..10)),
+            (Some("Bytes=-3"), Asked::Part(7..10)),
             (Some("bytes=-30"), Asked::Part(0..10)),
             (Some("bytes=5-99999999999999999999999"), Asked::Part(5..10)),
             (Some("bytes=10-"), Asked::Nothing),

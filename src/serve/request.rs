@@ -15,7 +15,7 @@ pub struct Request {
     pub is_head: bool,
     /// The target without its query.
     pub path: String,
-    /// The field `Range`.
+    /// The field `Range`, as far as it counts.
     pub range: Option<String>,
     /// Whether another request may follow on the connection.
     pub keeps_alive: bool,
@@ -114,7 +114,7 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
         return Err(Refusal::Malformed);
     }
     let path = target.split('?').next().unwrap_or_default().to_owned();
-    let (mut host, mut range) = (None, None);
+    let (mut host, mut range, mut is_conditional) = (None, None, false);
     for (count, line) in lines.enumerate() {
         if count == MOST_FIELDS {
             return Err(Refusal::TooLarge);
@@ -128,23 +128,35 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
         let value = value.trim_matches([' ', '\t']);
         match name.to_ascii_lowercase().as_str() {
             "host" if host.replace(value).is_some() => return Err(Refusal::Malformed),
-            "range" => range = Some(value.to_owned()),
-            "connection" if value.eq_ignore_ascii_case("close") => keeps_alive = false,
+            "range" if range.replace(value.to_owned()).is_some() => {
+                return Err(Refusal::Malformed);
+            }
+            "if-range" => is_conditional = true,
+            "connection" if closes(value) => keeps_alive = false,
             // There is nothing here that takes a body.
             "content-length" if value != "0" => return Err(Refusal::Malformed),
             "transfer-encoding" => return Err(Refusal::Malformed),
             _ => {}
         }
     }
+    // Ranges are defined for GET alone, and no answer here carries a validator that a condition could hold by.
+    let range = range.filter(|_| !is_head && !is_conditional);
     match host {
         Some(host) if is_here(host, address) => Ok(Request { is_head, path, range, keeps_alive }),
         _ => Err(Refusal::Host),
     }
 }
 
+/// Whether the field `Connection`, a list, asks for the connection's end.
+fn closes(value: &str) -> bool {
+    value.split(',').any(|option| option.trim().eq_ignore_ascii_case("close"))
+}
+
 fn is_here(host: &str, address: SocketAddr) -> bool {
-    let port = address.port();
-    [format!("127.0.0.1:{port}"), format!("localhost:{port}")].iter().any(|here| here == host)
+    let port = format!(":{}", address.port());
+    // Browsers leave out the port of the scheme.
+    let name = host.strip_suffix(&port).or_else(|| (address.port() == 80).then_some(host));
+    name.is_some_and(|name| name == "127.0.0.1" || name.eq_ignore_ascii_case("localhost"))
 }
 
 #[cfg(test)]
@@ -182,8 +194,49 @@ mod tests {
     }
 
     #[test]
+    fn ranges_count_where_they_are_defined() {
+        let range = |method: &str, more: &str| {
+            let text = format!(
+                "{method} / HTTP/1.1\r\nHost: localhost:8080\r\nRange: bytes=1-2\r\n{more}\r\n"
+            );
+            first(&text).expect("a request").expect("understood").range
+        };
+        assert_eq!(range("GET", ""), Some("bytes=1-2".to_owned()));
+        assert_eq!(range("HEAD", ""), None);
+        assert_eq!(range("GET", "If-Range: \"etag\"\r\n"), None);
+    }
+
+    #[test]
+    fn hosts_are_compared_as_browsers_write_them() {
+        let at = |port: u16, host: &str| is_here(host, (HERE.0, port).into());
+        for (port, host, here) in [
+            (8080, "LocalHost:8080", true),
+            (8080, "127.0.0.1", false),
+            (8080, "127.0.0.1:80", false),
+            (80, "127.0.0.1", true),
+            (80, "localhost:80", true),
+            (80, "localhost.evil.example", false),
+            (80, "evil.example", false),
+            (80, "", false),
+        ] {
+            assert_eq!(at(port, host), here, "{host} at {port}");
+        }
+    }
+
+    #[test]
+    fn a_connection_ends_where_a_list_says_so() {
+        for (value, stays) in [("close", false), ("TE, Close", false), ("keep-alive", true)] {
+            let text =
+                format!("GET / HTTP/1.1\r\nHost: localhost:8080\r\nConnection: {value}\r\n\r\n");
+            let request = first(&text).expect("a request").expect("understood");
+            assert_eq!(request.keeps_alive, stays, "{value}");
+        }
+    }
+
+    #[test]
     fn everything_else_is_refused() {
         let host = "Host: localhost:8080\r\n";
+        let twice = "Range: bytes=0-1\r\nRange: bytes=3-4\r\n";
         let many = "X: y\r\n".repeat(MOST_FIELDS + 1);
         let cases = [
             (format!("POST / HTTP/1.1\r\n{host}\r\n"), Refusal::Method),
@@ -194,6 +247,7 @@ mod tests {
             (format!("GET / HTTP/1.1\r\n{host}Content-Length: 5\r\n\r\n"), Refusal::Malformed),
             (format!("GET / HTTP/1.1\r\n{host}Transfer-Encoding: x\r\n\r\n"), Refusal::Malformed),
             (format!("GET / HTTP/1.1\r\n{host}{host}\r\n"), Refusal::Malformed),
+            (format!("GET / HTTP/1.1\r\n{host}{twice}\r\n"), Refusal::Malformed),
             (format!("GET / HTTP/1.1\r\n{host} folded: x\r\n\r\n"), Refusal::Malformed),
             (format!("GET / HTTP/1.1\r\n{host}Range : x\r\n\r\n"), Refusal::Malformed),
             (format!("GET / HTTP/1.1\r\n{host}X: y\nZ: w\r\n\r\n"), Refusal::Malformed),

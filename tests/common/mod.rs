@@ -251,3 +251,25 @@ pub fn assert_golden(path: &Path, got: &[u8]) {
     let (wanted, found) = (want.len(), got.len());
     assert!(want == got, "{}: differs at {first:?}, {found} for {wanted} bytes", path.display());
 }
+
+/// Writes the checksums that a forger would: of each chunk where the directory says it is, then of
+/// header and directory.
+pub fn mend_checksums(bytes: &mut [u8]) {
+    let number = |bytes: &[u8], at: usize| -> Option<usize> {
+        Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?) as usize)
+    };
+    let count = u32::from_le_bytes(bytes[40..44].try_into().expect("four bytes")) as usize;
+    for entry in (0..count.min(100)).map(|i| 64 + 64 * i) {
+        let (Some(offset), Some(length)) = (number(bytes, entry + 8), number(bytes, entry + 16))
+        else {
+            return;
+        };
+        let Some(chunk) = bytes.get(offset..offset.saturating_add(length)) else { return };
+        let sum = crc32fast::hash(chunk).to_le_bytes();
+        bytes[entry + 32..entry + 36].copy_from_slice(&sum);
+    }
+    bytes[48..52].fill(0);
+    let Some(head) = bytes.get(..64 + 64 * count) else { return };
+    let sum = crc32fast::hash(head).to_le_bytes();
+    bytes[48..52].copy_from_slice(&sum);
+}

@@ -1,6 +1,6 @@
 /** From a file or an address to objects of a scene. */
 
-import { Group, type Object3D } from "three";
+import { Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { FieldError, RadianceField, RadianceFieldExtension } from "../src/index.js";
 import { REMEDY } from "../src/errors.js";
@@ -25,8 +25,40 @@ export async function openFile(file: File): Promise<Opened> {
 
 /** Opens an address; told apart by its ending, so that a container can come in parts. */
 export async function openAddress(address: string): Promise<Opened> {
-  const name = decodeURIComponent(new URL(address, location.href).pathname.split("/").pop() ?? address);
+  const name = fileName(address);
   return /\.(glb|gltf)$/i.test(name) ? openAsset(name, (loader) => loader.loadAsync(address)) : openField(address, name);
+}
+
+/** Frees what the device holds of a file that is shown no more. */
+export function release({ object }: Opened): void {
+  object.traverse((part) => {
+    if (part instanceof RadianceField) {
+      part.dispose();
+      return;
+    }
+    const { geometry, material, skeleton } = part as Partial<SkinnedMesh> & Partial<Mesh>;
+    geometry?.dispose();
+    skeleton?.dispose();
+    for (const one of [material ?? []].flat() as Material[]) {
+      for (const texture of Object.values(one)) if (texture instanceof Texture) texture.dispose();
+      one.dispose();
+    }
+  });
+}
+
+function fileName(address: string): string {
+  let path: string;
+  try {
+    path = new URL(address, location.href).pathname;
+  } catch {
+    throw new FieldError(`${address} is no address of a file.`, REMEDY.network);
+  }
+  const name = path.split("/").pop() ?? path;
+  try {
+    return decodeURIComponent(name);
+  } catch {
+    return name;
+  }
 }
 
 /** A container on its own: training's z becomes the world's y. */
@@ -48,13 +80,21 @@ async function openAsset(name: string, load: (loader: GLTFLoader) => Promise<{ s
     if (error instanceof FieldError) throw error;
     throw new FieldError(`${name} is no glTF asset that can be read: ${error instanceof Error ? error.message : String(error)}`, REMEDY.foreign);
   }
-  const fields: RadianceField[] = [];
+  const opened: Opened = { object: scene, fields: [], name };
+  let failure: unknown = null;
+  let isLit = false;
   scene.traverse((object) => {
-    const { radianceFieldError } = object.userData;
-    if (radianceFieldError) throw radianceFieldError;
+    failure ??= object.userData.radianceFieldError;
+    isLit ||= object instanceof Light;
     if (!(object instanceof RadianceField)) return;
     object.keepsRange = false;
-    fields.push(object);
+    opened.fields.push(object);
   });
-  return { object: scene, fields, name };
+  if (failure) {
+    release(opened);
+    throw failure;
+  }
+  // Fields need no light, but meshes beside them may; viewers bring it where an asset does not.
+  if (!isLit) scene.add(new HemisphereLight(0xffffff, 0x777777, 3));
+  return opened;
 }

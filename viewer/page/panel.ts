@@ -35,18 +35,21 @@ export function readable(bytes: number): string {
 }
 
 /** Shows an error in plain words, or takes it away. */
-export function showError(error: { message: string; remedy?: string } | null): void {
+export function showError(error: { message: string; remedy?: string } | null, heading = "This file cannot be shown."): void {
   page.error.hidden = !error;
   page.error.replaceChildren();
   if (!error) return;
   const title = document.createElement("b");
-  title.textContent = "This file cannot be shown.";
+  title.textContent = heading;
   const lines = [error.message, error.remedy ?? ""].filter(Boolean).map((text) => {
     const line = document.createElement("p");
     line.textContent = text;
     return line;
   });
-  page.error.append(title, ...lines);
+  const close = document.createElement("button");
+  [close.type, close.textContent] = ["button", "Close"];
+  close.addEventListener("click", () => (page.error.hidden = true));
+  page.error.append(title, ...lines, close);
 }
 
 /** The choice of levels of a field. */
@@ -62,7 +65,7 @@ export function offerLevels(field: RadianceField | null): void {
   );
 }
 
-/** Rewrites the facts. */
+/** Brings the facts up to date. With every picture, so that only what has changed is written. */
 export function showFacts(name: string, field: RadianceField | null, frameTime: number | null, statistics: Statistics | null): void {
   const rows: [string, string][] = [["File", name]];
   const { metadata, file } = field ?? {};
@@ -85,11 +88,12 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
     rows.push(["Samples a ray", statistics.samplesPerRay.toFixed(1)]);
     rows.push(["Fetches a sample", (statistics.fetchesPerRay / Math.max(statistics.samplesPerRay, 1e-9)).toFixed(1)]);
   }
-  page.facts.replaceChildren(
-    ...rows.flatMap(([term, text]) => {
-      const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
-      [dt.textContent, dd.textContent] = [term, text];
-      return [dt, dd];
-    }),
-  );
+  const cells = rows.flat();
+  if (page.facts.childElementCount !== cells.length) {
+    page.facts.replaceChildren(...cells.map((_, i) => document.createElement(i % 2 === 0 ? "dt" : "dd")));
+  }
+  cells.forEach((text, i) => {
+    const cell = page.facts.children[i];
+    if (cell.textContent !== text) cell.textContent = text;
+  });
 }

@@ -2,7 +2,7 @@
 
 import { Matrix4 } from "three";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, openFile } from "./open.js";
+import { type Opened, openAddress, openFile, release } from "./open.js";
 import { offerLevels, page, showError, showFacts } from "./panel.js";
 import { Stage } from "./stage.js";
 
@@ -59,7 +59,7 @@ async function show(open: () => Opened | Promise<Opened>): Promise<void> {
   try {
     const made = await open();
     if (own !== number) {
-      made.fields.forEach((field) => field.dispose());
+      release(made);
       return;
     }
     opened = made;
@@ -84,10 +84,10 @@ async function show(open: () => Opened | Promise<Opened>): Promise<void> {
 function close(): void {
   if (opened) {
     stage.scene.remove(opened.object);
-    opened.fields.forEach((field) => field.dispose());
+    release(opened);
   }
   [opened, error, firstPicture, statistics] = [null, null, null, null];
-  page.level.value = "";
+  offerLevels(null);
   page.colors.checked = false;
   showError(null);
   stage.redraw();
@@ -152,7 +152,7 @@ function listen(): void {
     const file = event.dataTransfer?.files[0];
     if (file) void show(() => openFile(file));
   });
-  page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The graphics device was taken away. The picture comes back when the browser returns it." }));
+  page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, "The graphics device was taken away."));
   page.canvas.addEventListener("webglcontextrestored", () => showError(error));
 }
 

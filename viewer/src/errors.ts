@@ -19,5 +19,7 @@ export const REMEDY = {
   foreign: "Open a .mipvog container or a .glb asset that holds one.",
   newer: "Use a newer version of this viewer, or bake the file again.",
   network: "Check the address and the connection, then open it again.",
+  decoder: "Load the page again; worker.js has to lie beside the viewer's script.",
+  again: "Open it again.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",
 } as const;

@@ -22,7 +22,7 @@ import {
   WebGLRenderTarget,
 } from "three";
 import { deviceLimits } from "./device.js";
-import { FieldError } from "./errors.js";
+import { FieldError, REMEDY } from "./errors.js";
 import type { Metadata } from "./format/metadata.js";
 import type { Opened } from "./load/loader.js";
 import type { Reply, Request } from "./load/messages.js";
@@ -76,26 +76,31 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   arrived = 0;
   private content: { opened: Opened; atlas: Atlas; uniforms: Uniforms } | null = null;
   private readonly worker: Worker;
+  /** Breaks the promises that are not kept yet. */
+  private readonly reject: (error: FieldError) => void;
 
   /** Loads `source`, the address of a container or its bytes. Draws as soon as the coarsest levels are there. */
   constructor(source: Source) {
     super(new BoxGeometry(), new ShaderMaterial());
     this.geometry.setDrawRange(0, 0);
     this.name = "MIPVOG_radiance_field";
+    const device = deviceLimits();
     this.worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
     const opened = promise<Metadata>();
     const finished = promise<void>();
     [this.opened, this.finished] = [opened.promise, finished.promise];
-    const fail = (error: FieldError) => {
+    this.reject = (error) => {
       opened.reject(error);
       finished.reject(error);
-      this.dispatchEvent({ type: "failed", error });
     };
-    this.worker.onerror = () => fail(new FieldError("The decoder could not be started."));
+    this.worker.onerror = () => this.fail(new FieldError("The decoder could not be started.", REMEDY.decoder));
     this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
       try {
-        if (data.kind === "failed") throw new FieldError(data.message, data.remedy);
-        if (data.kind === "opened") {
+        if (data.kind === "failed") {
+          // Levels that came before are shown, and may have to come again.
+          if (!this.content) this.worker.terminate();
+          this.fail(new FieldError(data.message, data.remedy));
+        } else if (data.kind === "opened") {
           this.begin(data.opened);
           opened.resolve(data.opened.metadata);
           this.dispatchEvent({ type: "opened", metadata: data.opened.metadata });
@@ -111,11 +116,12 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
         }
       } catch (error) {
         this.worker.terminate();
-        fail(error instanceof FieldError ? error : new FieldError(String(error)));
+        this.fail(error instanceof FieldError ? error : new FieldError(String(error)));
       }
     };
-    const address = typeof source === "string" ? new URL(source, document.baseURI).href : source;
-    this.ask({ kind: "load", source: address, device: deviceLimits() });
+    // A blob's bytes are not copied on their way to the worker.
+    const own = typeof source === "string" ? new URL(source, document.baseURI).href : source instanceof Blob ? source : new Blob([source]);
+    this.ask({ kind: "load", source: own, device });
   }
 
   /** What is in the file; null until it is opened. */
@@ -144,10 +150,13 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return new Box3(new Vector3(...min), new Vector3(...max));
   }
 
-  /** Ends loading and frees the device's memory. */
+  /** Ends loading and frees the device's memory; the field is not drawn any more. */
   dispose(): void {
     this.worker.terminate();
+    this.reject(new FieldError("The field was given up before all of it was there.", REMEDY.again));
+    this.visible = false;
     this.content?.atlas.dispose();
+    this.content = null;
     this.geometry.dispose();
     this.material.dispose();
   }
@@ -172,7 +181,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const scene = new Scene();
     scene.matrixWorldAutoUpdate = false;
     scene.add(proxy);
-    const before = renderer.getRenderTarget();
+    const [before, alpha] = [renderer.getRenderTarget(), renderer.getClearAlpha()];
     this.material.blending = NoBlending;
     renderer.setRenderTarget(target);
     renderer.setClearAlpha(0);
@@ -181,6 +190,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const pixels = new Float32Array(4 * width * height);
     renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
     renderer.setRenderTarget(before);
+    renderer.setClearAlpha(alpha);
     this.material.blending = NormalBlending;
     target.dispose();
     const sums = [0, 0, 0, 0];
@@ -227,8 +237,13 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
       if (!atlas.upload(renderer)) this.ask({ kind: "again" });
     } catch (error) {
       if (!(error instanceof FieldError)) throw error;
+      // Its textures go when this draw, whose material names them, is over.
       this.content = null;
-      this.dispatchEvent({ type: "failed", error });
+      queueMicrotask(() => {
+        atlas.dispose();
+        this.dispose();
+      });
+      this.fail(error);
       return;
     }
     if (atlas.waiting) this.dispatchEvent({ type: "change" });
@@ -244,6 +259,11 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     uniforms.u_skips.value = skips;
     uniforms.u_halfPixel.value = halfPixel;
     this.material.uniformsNeedUpdate = true;
+  }
+
+  private fail(error: FieldError): void {
+    this.reject(error);
+    this.dispatchEvent({ type: "failed", error });
   }
 
   private ask(request: Request): void {

@@ -1,6 +1,6 @@
 /** `MIPVOG_radiance_field` for three.js's GLTFLoader: nodes that show a field instead of their mesh. */
 
-import { LoaderUtils, type Mesh } from "three";
+import { LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
 import { FieldError } from "./errors.js";
 import { RadianceField } from "./field.js";
@@ -15,7 +15,7 @@ interface FieldDefinition {
 /**
  * Registers with `loader.register((parser) => new RadianceFieldExtension(parser))`. A field's node holds a
  * `RadianceField`, which goes on loading after the scene is there; a field that cannot be opened leaves the
- * node's own mesh, with the error as `userData.radianceFieldError`.
+ * node's own mesh (nothing, where it has none), with the error as `userData.radianceFieldError`.
  */
 export class RadianceFieldExtension implements GLTFLoaderPlugin {
   readonly name = EXTENSION;
@@ -25,25 +25,22 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   createNodeMesh(nodeIndex: number): Promise<Mesh> | null {
     const node = this.parser.json.nodes[nodeIndex];
     const reference = node.extensions?.[EXTENSION];
-    return reference ? this.create(nodeIndex, reference.radianceField) : null;
+    // The loader puts whatever comes into the scene; an empty object is as good as a mesh.
+    return reference ? (this.create(nodeIndex, reference.radianceField) as Promise<Mesh>) : null;
   }
 
-  private async create(nodeIndex: number, number: unknown): Promise<Mesh> {
+  private async create(nodeIndex: number, number: unknown): Promise<Object3D> {
+    let field: RadianceField | null = null;
     try {
-      const field = new RadianceField(await this.source(number));
-      try {
-        await field.opened;
-      } catch (error) {
-        field.dispose();
-        throw error;
-      }
+      field = new RadianceField(await this.source(number));
+      await field.opened;
       return field;
     } catch (error) {
+      field?.dispose();
       const { nodes } = this.parser.json;
       // The loader's own way to a node's mesh, which it does not declare.
-      const own = this.parser as unknown as { createNodeMesh(index: number): Promise<Mesh> | null };
-      const fallback = nodes[nodeIndex].mesh === undefined ? null : await own.createNodeMesh(nodeIndex);
-      if (!fallback) throw error;
+      const own = this.parser as unknown as { createNodeMesh(index: number): Promise<Mesh> };
+      const fallback = nodes[nodeIndex].mesh === undefined ? new Object3D() : await own.createNodeMesh(nodeIndex);
       fallback.userData.radianceFieldError = error;
       return fallback;
     }

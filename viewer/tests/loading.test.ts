@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+import { capture, CountingServer, launch, loseDevice, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
 
 const LEGO = join(ROOT, "fixtures", "trained", "lego64");
 const CAMERAS = join(LEGO, "transforms_test.json");
@@ -141,3 +141,51 @@ test("a broken file is told in words, and what came before stays", async () => {
 async function remains(page: Page, level: number): Promise<void> {
   await page.waitForFunction((level) => window.__mipvog.field?.finest === level, level);
 }
+
+/** Takes the device and gives it back, until levels come again that nothing but this can bring. */
+async function loseAndRegain(page: Page): Promise<void> {
+  const restore = await loseDevice(page);
+  await page.evaluate(() => {
+    const counted = window as unknown as { changes: number };
+    counted.changes = 0;
+    window.__mipvog.field!.addEventListener("change", () => counted.changes++);
+  });
+  await restore();
+  await page.waitForFunction(() => (window as unknown as { changes: number }).changes > 0 && !window.__mipvog.field!.waiting);
+}
+
+test("a device that is lost on the way gets back what had come, and the rest as it comes", async () => {
+  const { page, problems } = await newPage(browser);
+  server.gate = Math.floor(bytes.length / 20);
+  await page.goto(server.page("lost.mipvog", bytes));
+  await page.waitForFunction(() => window.__mipvog?.firstPicture);
+  const finest = (await page.evaluate(() => window.__mipvog.field!.finest))!;
+  assert.ok(finest > 0);
+  await page.evaluate(() => {
+    const { field } = window.__mipvog;
+    field!.finished.then(() => ((window as unknown as { finished: boolean }).finished = true));
+  });
+  const [view] = views(CAMERAS, 50);
+  const before = await capture(page, view);
+  await loseAndRegain(page);
+  await shows(page, finest);
+  assert.equal(psnr(await capture(page, view), before), Infinity);
+  // Levels that came again are no end of loading.
+  assert.equal(await page.evaluate(() => "finished" in window), false);
+  assert.ok(await page.locator("#progress").isVisible());
+  server.open(Infinity);
+  await ready(page);
+  assert.equal(await page.evaluate(() => "finished" in window), true);
+  // What came before an error comes again, too.
+  const damaged = Buffer.from(bytes);
+  damaged[bytes.length - 1000] ^= 1;
+  await page.goto(server.page("damaged.mipvog", damaged));
+  await page.waitForFunction(() => window.__mipvog?.error);
+  await remains(page, 1);
+  const kept = await capture(page, view);
+  await loseAndRegain(page);
+  await remains(page, 1);
+  assert.equal(psnr(await capture(page, view), kept), Infinity);
+  assert.deepEqual(problems.filter((problem) => !/context lost/i.test(problem)), []);
+  await page.close();
+});

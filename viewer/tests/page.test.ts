@@ -7,7 +7,8 @@ import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { capture, CountingServer, launch, newPage, programPath, psnr, ready, ROOT, type View } from "./support.js";
+import { glb } from "./glb.js";
+import { capture, CountingServer, launch, loseDevice, newPage, openOther, programPath, psnr, ready, ROOT, type View } from "./support.js";
 
 const TINY = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
 const VIEW: View = {
@@ -21,6 +22,9 @@ const VIEW: View = {
     [0, 0, 0, 1],
   ],
 };
+/** A white pixel. */
+const WHITE = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC";
+const UPRIGHT = [-Math.SQRT1_2, 0, 0, Math.SQRT1_2];
 let server: CountingServer;
 let browser: Browser;
 let bytes: Buffer;
@@ -102,17 +106,23 @@ async function drop(page: Page, name: string, content: Buffer): Promise<void> {
   await page.dispatchEvent("#picture", "drop", { dataTransfer: transfer });
 }
 
-/** A binary asset with the container inside, on a node with a mesh of its own. */
-function asset(container: Buffer, rotation: number[]): Buffer {
+/** A binary asset of a field in a container, and, far away, a textured triangle that needs light. */
+function asset(container: Buffer, rotation: number[], { fallback = true, neighbour = false } = {}): Buffer {
   const triangle = Buffer.from(new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]).buffer);
   const json = {
     asset: { version: "2.0" },
     extensionsUsed: ["MIPVOG_radiance_field"],
     extensions: { MIPVOG_radiance_field: { radianceFields: [{ bufferView: 1, mimeType: "model/vnd.mipvog" }] } },
     scene: 0,
-    scenes: [{ nodes: [0] }],
-    nodes: [{ rotation, scale: [2, 2, 2], mesh: 0, extensions: { MIPVOG_radiance_field: { radianceField: 0 } } }],
-    meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }],
+    scenes: [{ nodes: neighbour ? [0, 1] : [0] }],
+    nodes: [
+      { name: "field", rotation, scale: [2, 2, 2], ...(fallback ? { mesh: 0 } : {}), extensions: { MIPVOG_radiance_field: { radianceField: 0 } } },
+      { name: "neighbour", translation: [50, 0, 0], mesh: 0 },
+    ],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0 }] }],
+    materials: [{ pbrMetallicRoughness: { metallicFactor: 0, baseColorTexture: { index: 0 } } }],
+    textures: [{ source: 0 }],
+    images: [{ uri: WHITE }],
     accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: "VEC3", min: [0, 0, 0], max: [1, 1, 0] }],
     bufferViews: [
       { buffer: 0, byteOffset: 0, byteLength: 36 },
@@ -120,20 +130,7 @@ function asset(container: Buffer, rotation: number[]): Buffer {
     ],
     buffers: [{ byteLength: 64 + container.length }],
   };
-  const chunk = (kind: string, content: Buffer, fill: number) => {
-    const padded = Buffer.concat([content, Buffer.alloc((4 - (content.length % 4)) % 4, fill)]);
-    const head = Buffer.alloc(8);
-    head.writeUInt32LE(padded.length);
-    head.write(kind, 4, "latin1");
-    return Buffer.concat([head, padded]);
-  };
-  const binary = Buffer.concat([triangle, Buffer.alloc(28), container]);
-  const chunks = Buffer.concat([chunk("JSON", Buffer.from(JSON.stringify(json)), 0x20), chunk("BIN\0", binary, 0)]);
-  const head = Buffer.alloc(12);
-  head.write("glTF");
-  head.writeUInt32LE(2, 4);
-  head.writeUInt32LE(12 + chunks.length, 8);
-  return Buffer.concat([head, chunks]);
+  return glb(json, Buffer.concat([triangle, Buffer.alloc(28), container]));
 }
 
 test("files are dropped one after the other: containers, assets, and what is neither", async () => {
@@ -150,10 +147,7 @@ test("files are dropped one after the other: containers, assets, and what is nei
   await page.waitForFunction(() => window.__mipvog.error);
   assert.match(await page.locator("#error").innerText(), /no \.mipvog container/);
   // A node may turn and scale the field: seen from the same side it looks the same, for the network too.
-  for (const rotation of [
-    [-Math.SQRT1_2, 0, 0, Math.SQRT1_2],
-    [0.5, -0.5, 0.5, 0.5],
-  ]) {
+  for (const rotation of [UPRIGHT, [0.5, -0.5, 0.5, 0.5]]) {
     await drop(page, "asset.glb", asset(bytes, rotation));
     await ready(page);
     const found = psnr(await capture(page, VIEW), picture);
@@ -162,8 +156,106 @@ test("files are dropped one after the other: containers, assets, and what is nei
   // A field that cannot be opened is told, though the asset can be.
   await drop(page, "asset.glb", asset(bytes.subarray(0, 1000), [0, 0, 0, 1]));
   await page.waitForFunction(() => window.__mipvog.error);
-  assert.match(await page.locator("#error").innerText(), /ends after 1000 bytes/);
+  const error = page.locator("#error");
+  assert.match(await error.innerText(), /ends after 1000 bytes/);
+  await error.locator("button").click();
+  assert.ok(!(await error.isVisible()));
   assert.deepEqual(problems, []);
+  await page.close();
+});
+
+/** What the device holds. */
+function held(page: Page): Promise<object> {
+  return page.evaluate(() => {
+    const { memory, programs } = window.__mipvog.stage.renderer.info;
+    return { geometries: memory.geometries, textures: memory.textures, programs: programs?.length };
+  });
+}
+
+test("meshes beside a field are lit, and nothing of a file stays on the device after it", async () => {
+  const { page, problems } = await newPage(browser);
+  await page.goto(server.origin);
+  await page.waitForFunction(() => window.__mipvog);
+  const after = [];
+  for (const _ of [0, 1]) {
+    await drop(page, "asset.glb", asset(bytes, UPRIGHT, { neighbour: true }));
+    await ready(page);
+    const pixel = (x: number) => page.evaluate((x) => Array.from(window.__mipvog.stage.capture(1, 1, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0.2, 2, 1], 10)), x);
+    // Straight at the triangle, from the side to which it faces, and past it.
+    const triangle = await pixel(50.2);
+    assert.notDeepEqual(triangle, await pixel(60));
+    assert.ok(Math.min(...triangle) > 100, `${triangle}`);
+    const during = await held(page);
+    await drop(page, "tiny.mipvog", bytes);
+    await ready(page);
+    after.push(await held(page));
+    assert.notDeepEqual(during, after.at(-1));
+  }
+  // What three.js keeps for itself is there after the first time.
+  assert.deepEqual(after[1], after[0]);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a device without room is told in words, and what it had taken is free again", async () => {
+  const { page, problems } = await newPage(browser);
+  await page.goto(server.origin);
+  await page.waitForFunction(() => window.__mipvog);
+  await page.evaluate(() => {
+    const context = WebGL2RenderingContext.prototype;
+    const { texStorage3D, getError } = context;
+    let refused = false;
+    context.texStorage3D = function (...sizes) {
+      refused = true;
+      texStorage3D.apply(this, sizes);
+    };
+    context.getError = function () {
+      const error = refused ? this.OUT_OF_MEMORY : getError.call(this);
+      refused = false;
+      return error;
+    };
+  });
+  const before = await held(page);
+  await drop(page, "tiny.mipvog", bytes);
+  await page.waitForFunction(() => window.__mipvog.error);
+  assert.match(await page.locator("#error").innerText(), /no room for \d+ MB/);
+  await page.waitForFunction(() => window.__mipvog.stage.settled);
+  const { textures } = (await held(page)) as { textures: number };
+  assert.equal(textures, (before as { textures: number }).textures);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("the plugin in somebody's page leaves what it cannot open, and says so", async () => {
+  const { page, problems } = await newPage(browser);
+  await openOther(page, server, "plugin");
+  const list = (content: Buffer) => page.evaluate((address) => window.list(address), server.offer("asset.glb", content));
+  const neighbour = { name: "neighbour", kind: "Mesh", error: null };
+  const field = await list(asset(bytes, UPRIGHT, { neighbour: true }));
+  assert.deepEqual(field, [{ name: "field", kind: "RadianceField", error: null }, neighbour]);
+  for (const fallback of [true, false]) {
+    const [broken, ...others] = await list(asset(bytes.subarray(0, 1000), UPRIGHT, { fallback, neighbour: true }));
+    assert.deepEqual([broken.name, broken.kind], ["field", fallback ? "Mesh" : "Object3D"]);
+    assert.match(broken.error!, /ends after 1000 bytes/);
+    assert.deepEqual(others, [neighbour]);
+  }
+  const given = await page.evaluate((address) => window.giveUp(address), server.offer("tiny.mipvog", bytes));
+  for (const message of given) assert.match(message, /given up/);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("counting samples leaves the renderer as it was", async () => {
+  const { page } = await newPage(browser);
+  await page.goto(server.page("tiny.mipvog", bytes));
+  await ready(page);
+  const alpha = await page.evaluate(() => {
+    const { renderer } = window.__mipvog.stage;
+    renderer.setClearAlpha(0.75);
+    window.__mipvog.statistics(true);
+    return renderer.getClearAlpha();
+  });
+  assert.equal(alpha, 0.75);
   await page.close();
 });
 
@@ -172,19 +264,9 @@ test("a lost device is told, and the picture comes back with it", async () => {
   await page.goto(server.page("tiny.mipvog", bytes));
   await ready(page);
   const before = await capture(page, VIEW);
-  const lost = await page.evaluateHandle(() => {
-    const canvas = document.querySelector("canvas")!;
-    const lost = window.__mipvog.stage.renderer.getContext().getExtension("WEBGL_lose_context")!;
-    const gone = new Promise((resolve) => canvas.addEventListener("webglcontextlost", resolve));
-    lost.loseContext();
-    return gone.then(() => lost);
-  });
+  const restore = await loseDevice(page);
   assert.match(await page.locator("#error").innerText(), /device was taken away/);
-  await page.evaluate((lost) => {
-    const back = new Promise<void>((resolve) => document.querySelector("canvas")!.addEventListener("webglcontextrestored", () => resolve()));
-    lost.restoreContext();
-    return back;
-  }, lost);
+  await restore();
   await ready(page);
   assert.ok(!(await page.locator("#error").isVisible()));
   assert.equal(psnr(await capture(page, VIEW), before), Infinity);
@@ -203,6 +285,9 @@ for (const scheme of ["light", "dark"] as const) {
     await page.locator("#facts", { hasText: "Samples a ray" }).waitFor();
     const wide = await page.evaluate(() => document.documentElement.scrollWidth);
     assert.ok(wide <= 320, `${wide} pixels`);
+    // A rule that the browser does not understand is not there at all.
+    const rules = await page.evaluate(() => Array.from(document.styleSheets[0].cssRules, (rule) => (rule as CSSStyleRule).selectorText));
+    assert.ok(rules.includes("#progress::-webkit-progress-value"), `${rules}`);
     const light = await page.evaluate(() => getComputedStyle(document.body).color);
     const bright = light.match(/\d+/g)!.slice(0, 3).every((value) => Number(value) > 128);
     assert.equal(bright, scheme === "dark");

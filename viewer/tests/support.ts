@@ -55,8 +55,14 @@ export class CountingServer {
 
   /** The page's address with a file to open. */
   page(name: string, bytes: Buffer): string {
-    this.files.set(`/${name}`, bytes);
+    this.offer(name, bytes);
     return `${this.origin}/?file=${name}`;
+  }
+
+  /** A file's own address. */
+  offer(name: string, bytes: Buffer): string {
+    this.files.set(`/${name}`, bytes);
+    return `${this.origin}/${name}`;
   }
 
   get origin(): string {
@@ -121,6 +127,30 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
     if (["error", "warning"].includes(message.type())) problems.push(`${message.type()}: ${message.text()}`);
   });
   return { page, problems };
+}
+
+/** Opens an empty page with a script of `tests/others/`. */
+export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
+  await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
+  await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
+  await page.waitForFunction(() => "draw" in window || "list" in window);
+}
+
+/** Takes the graphics device from the page; what gives it back. */
+export async function loseDevice(page: Page): Promise<() => Promise<void>> {
+  const lost = await page.evaluateHandle(() => {
+    const canvas = document.querySelector("canvas")!;
+    const lost = window.__mipvog.stage.renderer.getContext().getExtension("WEBGL_lose_context")!;
+    const gone = new Promise((resolve) => canvas.addEventListener("webglcontextlost", resolve));
+    lost.loseContext();
+    return gone.then(() => lost);
+  });
+  return () =>
+    page.evaluate((lost) => {
+      const back = new Promise<void>((resolve) => document.querySelector("canvas")!.addEventListener("webglcontextrestored", () => resolve()));
+      lost.restoreContext();
+      return back;
+    }, lost);
 }
 
 /** Waits until everything is loaded and drawn, or throws what the page says went wrong. */

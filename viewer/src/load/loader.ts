@@ -10,7 +10,7 @@ import { type Metadata, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
 import { decodeLevel, type DecodedLevel } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
-import { type ByteSource, openSource, type Source, type Transfer } from "./source.js";
+import { type ByteSource, openSource, type OwnSource, type Transfer } from "./source.js";
 
 /** The first request: header and directory of every container with a usual number of levels. */
 const FIRST_BYTES = 4096;
@@ -47,12 +47,21 @@ export class Loader {
   /** Levels as they are in the file, to be decoded again after the device lost them. */
   private readonly kept: { levels: number[]; bytes: Uint8Array; start: number }[] = [];
 
-  constructor(source: Source) {
+  constructor(source: OwnSource) {
     this.source = openSource(source);
   }
 
   /** Loads every level that fits the device. */
   async load(device: DeviceLimits, listener: Listener): Promise<void> {
+    try {
+      await this.levels(device, listener);
+    } finally {
+      // What does not fit is not wanted, nor is what follows an error.
+      this.source.cancel();
+    }
+  }
+
+  private async levels(device: DeviceLimits, listener: Listener): Promise<void> {
     const head = await this.open(device, listener);
     const { opened } = this;
     if (!opened) return;
@@ -77,10 +86,6 @@ export class Loader {
     const { opened } = this;
     if (!opened) return;
     for (const piece of this.kept) for (const level of piece.levels) listener.level(this.decode(opened, level, piece));
-  }
-
-  cancel(): void {
-    this.source.cancel();
   }
 
   private decode(opened: Opened, level: number, piece: { bytes: Uint8Array; start: number }): DecodedLevel {

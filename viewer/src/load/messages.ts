@@ -3,9 +3,9 @@
 import type { DecodedLevel } from "./level.js";
 import type { Opened } from "./loader.js";
 import type { DeviceLimits } from "./plan.js";
-import type { Source } from "./source.js";
+import type { OwnSource } from "./source.js";
 
-export type Request = { kind: "load"; source: Source; device: DeviceLimits } | { kind: "again" };
+export type Request = { kind: "load"; source: OwnSource; device: DeviceLimits } | { kind: "again" };
 
 export type Reply =
   | { kind: "opened"; opened: Opened }

@@ -5,6 +5,9 @@ import { FieldError, REMEDY } from "../errors.js";
 /** A `.mipvog` file: its address, or its bytes. */
 export type Source = string | Blob | ArrayBuffer;
 
+/** The same on its way to the worker. */
+export type OwnSource = string | Blob;
+
 /** How bytes arrive. */
 export type Transfer = "ranges" | "whole" | "memory";
 
@@ -23,18 +26,16 @@ export interface ByteSource {
   cancel(): void;
 }
 
-export function openSource(source: Source): ByteSource {
+export function openSource(source: OwnSource): ByteSource {
   return typeof source === "string" ? new HttpSource(source) : new MemorySource(source);
 }
 
 class MemorySource implements ByteSource {
   readonly transfer = "memory";
   readonly length: number;
-  private readonly blob: Blob;
 
-  constructor(source: Blob | ArrayBuffer) {
-    this.blob = source instanceof Blob ? source : new Blob([source]);
-    this.length = this.blob.size;
+  constructor(private readonly blob: Blob) {
+    this.length = blob.size;
   }
 
   async read(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer>> {
@@ -59,7 +60,7 @@ class HttpSource implements ByteSource {
     if (this.stream) return this.stream.read(to - from, progress);
     const last = this.length === null ? to : Math.min(to, this.length);
     if (from >= last) return new Uint8Array(0);
-    const response = await this.fetch({ Range: `bytes=${from}-${last - 1}` });
+    const response = await this.fetch(from, { Range: `bytes=${from}-${last - 1}` });
     if (response.status === 206) {
       const range = /^bytes (\d+)-(\d+)\/(\d+|\*)$/.exec(response.headers.get("Content-Range") ?? "");
       // Across origins the header is hidden unless the server shows it; checksums then tell.
@@ -80,7 +81,7 @@ class HttpSource implements ByteSource {
     this.abort.abort();
   }
 
-  private async fetch(headers: Record<string, string>): Promise<Response> {
+  private async fetch(from: number, headers: Record<string, string>): Promise<Response> {
     let response: Response;
     try {
       response = await fetch(this.url, { headers, signal: this.abort.signal });
@@ -88,7 +89,8 @@ class HttpSource implements ByteSource {
       throw new FieldError(`${this.url} cannot be reached.`, REMEDY.network);
     }
     // A file shorter than the first piece is an unsatisfiable range only if it is empty.
-    if (response.status === 416) throw new FieldError("The file is empty.", REMEDY.foreign);
+    if (response.status === 416 && from === 0) throw new FieldError("The file is empty.", REMEDY.foreign);
+    if (response.status === 416) throw new FieldError(`The file ends before byte ${from}: it has changed since it was opened.`, REMEDY.network);
     if (!response.ok) throw new FieldError(`${this.url} answers ${response.status} ${response.statusText}.`, REMEDY.network);
     return response;
   }

@@ -25,10 +25,10 @@ port.onmessage = async ({ data }) => {
     if (data.kind === "load") {
       loader = new Loader(data.source);
       await loader.load(data.device, listener);
+      port.postMessage({ kind: "done" });
     } else {
       loader?.again(listener);
     }
-    port.postMessage({ kind: "done" });
   } catch (error) {
     const { message, remedy } = error instanceof FieldError ? error : new FieldError(unexpected(error), REMEDY.device);
     port.postMessage({ kind: "failed", message, remedy });

@@ -69,6 +69,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
 
 const toLocal = new Matrix4();
 const rotation = new Matrix4();
+const shares = new Matrix3();
 const turned = new Quaternion();
 const [unused, origin, low, high] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
 
@@ -82,7 +83,7 @@ export function viewUniforms(uniforms: Uniforms, metadata: Metadata, camera: Per
   origin.setFromMatrixPosition(toLocal);
   uniforms.u_origin.value.copy(origin).sub(low).divide(high);
   const toBox: Matrix3 = uniforms.u_toBox.value.setFromMatrix4(toLocal);
-  const shares = new Matrix3().set(1 / high.x, 0, 0, 0, 1 / high.y, 0, 0, 0, 1 / high.z);
+  shares.set(1 / high.x, 0, 0, 0, 1 / high.y, 0, 0, 0, 1 / high.z);
   toBox.premultiply(shares);
   // The network's direction is the world's through the inverse of the rotation alone.
   world.decompose(unused, turned, origin);
