@@ -135,6 +135,35 @@ fn damage_is_found_and_told() {
 }
 
 #[test]
+fn inputs_are_validated_and_findings_told_in_every_form() {
+    let folder = folder();
+    let here = folder.path();
+    let health = &report(here, &["validate", &scene(), "--stepsize", "0.5"])["health"];
+    assert_eq!(health["nodes"], 64 * 64 * 64);
+    let inspected = report(here, &["inspect", &scene()]);
+    let channels = inspected["model"]["channels"].as_u64().expect("a number") as usize;
+    assert_eq!(health["channels"].as_array().map(Vec::len), Some(1 + channels));
+    // An unpacked container is an input too.
+    let container = fixture("baked/tiny.paper.mipvog").display().to_string();
+    report(here, &["unpack", &container, "-o", "x.safetensors"]);
+    assert_eq!(report(here, &["validate", "x.safetensors"])["findings"], serde_json::json!([]));
+    let broken = fixture("broken/values-nonfinite.safetensors").display().to_string();
+    let validate = ["validate", &broken, "--stepsize", "0.5", "--format"];
+    let output = run(here, &[&validate[..], &["json"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let report = against_schema("validate", &output.stdout);
+    assert_eq!((&report["valid"], &report["health"]["nonfinite"]), (&false.into(), &1.into()));
+    let output = run(here, &[&validate[..], &["sarif"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let log: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(log["runs"][0]["results"][0]["ruleId"], "values-nonfinite");
+    let output = run(here, &[&validate[..], &["text", "--max-findings", "0"]].concat());
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("truncated: 1 ") && text.contains("not valid"), "{text}");
+    refused(here, &["inspect", &scene(), "--format", "sarif"], 2, &["sarif", "validate"]);
+}
+
+#[test]
 fn bad_inputs_have_their_exit_codes() {
     let folder = folder();
     let here = folder.path();

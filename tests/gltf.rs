@@ -166,7 +166,7 @@ fn every_finding_of_an_asset_can_be_reached() {
     let mut reached = BTreeSet::new();
     let mut expect = |bytes: &[u8], code: &str, place: &str| {
         let report = checked(bytes, &path);
-        let found = report.findings.iter().find(|finding| finding.code == code);
+        let found = report.findings.iter().find(|finding| finding.code.name() == code);
         let found = found.unwrap_or_else(|| panic!("no {code} in {:?}", report.findings));
         assert!(found.place.contains(place), "{code} at {}, not {place}", found.place);
         assert_eq!(report.valid, report.findings.iter().all(|f| f.severity == Severity::Warning));

@@ -29,7 +29,7 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
         let Some((container, offset)) = opened.flatten() else { continue };
         checked(rules::digest(object, &container, report), Code::Asset, report)?;
         rules::within(object, offset, report, |report| {
-            checked(container.read_reporting(report), Code::File, report).map(|_| ())
+            checked(container.check_contents(report), Code::File, report).map(|_| ())
         })?;
     }
     Ok(())
@@ -46,21 +46,22 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
             return report(Finding { code: Code::AssetRule, error });
         }
     };
-    let mut found = Vec::new();
-    let mut add = |path: &dyn Fn() -> gltf::json::Path, rule| found.push((path(), rule));
-    root.validate(&root, gltf::json::Path::new, &mut add);
-    for (path, rule) in found {
+    let mut reported = Ok(());
+    let mut add = |path: &dyn Fn() -> gltf::json::Path, rule| {
         let expected = match rule {
             // Required extensions are the business of viewers.
-            RuleError::Unsupported => continue,
+            RuleError::Unsupported => return,
             RuleError::IndexOutOfBounds => "a number of something that is there",
             RuleError::Missing => "a value that is not there",
             _ => "another value",
         };
-        let path = path.to_string().replace(['.', '['], "/").replace(']', "");
-        let place = Place::Pointer(format!("/{path}"));
-        let error = Error::malformed(place, "a broken rule of glTF 2.0", expected);
-        report(Finding { code: Code::AssetRule, error })?;
-    }
-    Ok(())
+        if reported.is_ok() {
+            let path = path().to_string().replace(['.', '['], "/").replace(']', "");
+            let place = Place::Pointer(format!("/{path}"));
+            let error = Error::malformed(place, "a broken rule of glTF 2.0", expected);
+            reported = report(Finding { code: Code::AssetRule, error });
+        }
+    };
+    root.validate(&root, gltf::json::Path::new, &mut add);
+    reported
 }

@@ -87,6 +87,8 @@ enum Format {
     Text,
     /// One JSON document.
     Json,
+    /// A SARIF 2.1.0 log, of `validate` alone.
+    Sarif,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -102,6 +104,8 @@ struct Outcome {
     text: String,
     /// For programs.
     json: serde_json::Value,
+    /// For programs that gather findings of many tools.
+    sarif: Option<serde_json::Value>,
     /// Whether the file or the gate failed, though the verb did its work.
     failed: bool,
 }
@@ -116,7 +120,7 @@ impl Outcome {
         if let serde_json::Value::Object(report) = report {
             json.extend(report);
         }
-        Ok(Self { text, json: json.into(), failed: false })
+        Ok(Self { text, json: json.into(), sarif: None, failed: false })
     }
 }
 
@@ -135,6 +139,9 @@ pub fn main() -> ExitCode {
     };
     let common = &cli.common;
     let outcome = parallel::with_threads(common.threads.into(), || match &cli.verb {
+        verb if common.format == Format::Sarif && !matches!(verb, Verb::Validate(_)) => {
+            Err(Error::usage("--format sarif: only validate has findings"))
+        }
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments).map(Some),
         Verb::Validate(arguments) => validate::run(arguments).map(Some),
@@ -181,8 +188,12 @@ fn print(outcome: &Outcome, common: &Common) -> Result<()> {
     let text = match common.format {
         Format::Text if common.quiet => return Ok(()),
         Format::Text => outcome.text.clone(),
-        Format::Json => {
-            let text = serde_json::to_string_pretty(&outcome.json)
+        Format::Json | Format::Sarif => {
+            let json = match (&outcome.sarif, common.format) {
+                (Some(sarif), Format::Sarif) => sarif,
+                _ => &outcome.json,
+            };
+            let text = serde_json::to_string_pretty(json)
                 .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
             text + "\n"
         }

@@ -22,7 +22,7 @@ mod rules;
 mod runs;
 mod write;
 
-pub use read::{Container, is_container};
+pub use read::{Container, is_container, starts_container};
 pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, RunCodec};
 pub use write::{EncodedLevel, Head, write};

@@ -41,6 +41,13 @@ pub fn is_container(file: &SourceFile) -> bool {
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
+/// Whether a file is meant as a container, though the signature may be damaged: half of its bytes are there.
+pub fn starts_container(file: &SourceFile) -> bool {
+    let mut start = [0; 8];
+    let read = file.read_into(0, &mut start).is_ok();
+    read && start.iter().zip(super::layout::SIGNATURE).filter(|&(&a, b)| a == b).count() >= 4
+}
+
 impl Container {
     /// Opens a whole container and checks its structure and metadata, not yet its levels.
     ///
@@ -66,7 +73,7 @@ impl Container {
         rules::header(&header, file.length(), report)?;
         let entries = read_entries(&file, &header, limits);
         let Some(entries) = checked(entries, Code::Directory, report)? else { return Ok(None) };
-        rules::chunks(&entries, file.length(), report)?;
+        rules::chunks(&entries, header.file_length, report)?;
         rules::padding(&file, &entries, report)?;
         let Some(meta) = entries.iter().find(|entry| entry.kind == META) else {
             let error = Error::malformed(Place::File, "no chunk META", "one");
@@ -115,22 +122,29 @@ impl Container {
 
     /// Reads and decodes everything.
     pub fn read(&self) -> Result<BakedField> {
-        self.in_file(self.read_reporting(&mut strict))?
-            .ok_or_else(|| Error::malformed(Place::File, "missing chunks", "a whole container"))
+        let read = || {
+            let mut budget = Budget::new(&self.limits);
+            let (view_mlp, free_space) = self.head(&mut budget, &mut strict)?;
+            let mut levels = Vec::new();
+            for level in 0..self.metadata.levels.len() {
+                levels.extend(self.level(level, &mut budget, &mut strict)?);
+            }
+            if levels.len() < self.metadata.levels.len() {
+                return Err(Error::malformed(Place::File, "missing chunks", "a whole container"));
+            }
+            let metadata = self.metadata.clone();
+            Ok(BakedField { metadata, view_mlp, free_space, levels })
+        };
+        self.in_file(read())
     }
 
-    /// Reads and decodes everything, reporting what is wrong. `None` where anything was.
-    pub fn read_reporting(&self, report: &mut Report) -> Result<Option<BakedField>> {
-        let mut budget = Budget::new(&self.limits);
-        let head = self.head(&mut budget, report)?;
-        let mut levels = Vec::new();
+    /// Decodes everything and keeps nothing but what one level needs, reporting what is wrong.
+    pub fn check_contents(&self, report: &mut Report) -> Result<()> {
+        self.head(&mut Budget::new(&self.limits), report)?;
         for level in 0..self.metadata.levels.len() {
-            levels.extend(self.level(level, &mut budget, report)?);
+            self.level(level, &mut Budget::new(&self.limits), report)?;
         }
-        let (view_mlp, free_space) = head;
-        let whole = levels.len() == self.metadata.levels.len();
-        let metadata = self.metadata.clone();
-        Ok(whole.then_some(BakedField { metadata, view_mlp, free_space, levels }))
+        Ok(())
     }
 
     /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that

@@ -227,13 +227,14 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that; of levels that there are.
+    // Ancillary chunks may stand anywhere after that; of levels that there are. Critical ones that nobody
+    // knows were reported.
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),
             _ => entry.level.is_none_or(|level| (level as usize) < metadata.levels.len()),
         };
-        !entry.is_critical() && fits
+        if entry.is_critical() { !is_known(entry.kind) } else { fits }
     };
     let mut found = entries.iter().filter(|entry| !ancillary(entry)).peekable();
     for (kind, level) in expected {

@@ -73,34 +73,71 @@ impl FileKind {
 /// `OverLimit` for those that ask for too much.
 pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
     let file = Arc::new(SourceFile::open(path)?);
-    open_kind(&file, limits).map_err(|error| error.in_file(path))
+    open_file(&file, limits)
+}
+
+/// The same for a file of which only the bytes are known.
+///
+/// # Errors
+/// Those of [`open`].
+pub fn open_file(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    open_kind(file, limits).map_err(|error| error.in_file(file.path()))
+}
+
+/// Whether a file starts like one of tensors.
+///
+/// # Errors
+/// Where its start cannot be read.
+pub fn is_tensors(file: &SourceFile) -> Result<bool> {
+    let start = start(file)?;
+    Ok(is_zip(&start) || is_safetensors(&start))
+}
+
+/// What a file is that is not of tensors, as far as its start tells.
+///
+/// # Errors
+/// Where its start cannot be read.
+pub fn describe(file: &SourceFile) -> Result<&'static str> {
+    let start = start(file)?;
+    Ok(other_format(&start).unwrap_or(match start.as_slice() {
+        [] => "an empty file",
+        start if is_text(start) => "a text file",
+        _ => "a file of unknown kind",
+    }))
+}
+
+/// As many bytes as tell a file's kind.
+fn start(file: &SourceFile) -> Result<Vec<u8>> {
+    let count = file.length().min(264);
+    file.read(0, count, count)
+}
+
+fn is_zip(start: &[u8]) -> bool {
+    start.starts_with(b"PK\x03\x04") || start.starts_with(b"PK\x05\x06")
+}
+
+/// Eight bytes of header length, then the header, a JSON object.
+fn is_safetensors(start: &[u8]) -> bool {
+    start.get(8) == Some(&b'{') && !start.get(..8).is_some_and(is_text)
 }
 
 fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
-    let count = file.length().min(264);
-    let start = file.read(0, count, count)?;
-    if start.starts_with(b"PK\x03\x04") || start.starts_with(b"PK\x05\x06") {
+    let start = start(file)?;
+    if is_zip(&start) {
         let archive = Arc::new(Archive::open(file, limits)?);
         return match torch::find_pickle(&archive)? {
             Some(root) => torch::open(file, &archive, &root, limits),
             None => npz::open(file, &archive, limits),
         };
     }
-    // Eight bytes of header length, then the header, a JSON object.
-    if start.get(8) == Some(&b'{') && !start.get(..8).is_some_and(is_text) {
+    if is_safetensors(&start) {
         return safetensors::open(file, limits);
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file";
+    let found = describe(file)?;
     Err(match other_format(&start) {
-        Some(found) => Error::unsupported(Place::File, found, expected),
-        None => {
-            let found = match start.as_slice() {
-                [] => "an empty file",
-                start if is_text(start) => "a text file",
-                _ => "a file of unknown kind",
-            };
-            Error::malformed(Place::File, found, expected)
-        }
+        Some(_) => Error::unsupported(Place::File, found, expected),
+        None => Error::malformed(Place::File, found, expected),
     })
 }
 

@@ -2,6 +2,9 @@
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub mod asset;
+pub mod broken;
+pub mod checkpoint;
+pub mod chunks;
 pub mod plain;
 pub mod plain_matter;
 pub mod plain_render;
