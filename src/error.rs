@@ -203,6 +203,9 @@ impl Error {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 std::io::ErrorKind::PermissionDenied => "check the permissions".into(),
                 std::io::ErrorKind::StorageFull => "free some space and run again".into(),
+                std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge => {
+                    "raise the quota or the limit on file sizes, and run again".into()
+                }
                 _ => "check the disk and the path, then run again".into(),
             },
             ErrorKind::Cancelled => "run again to start over".into(),

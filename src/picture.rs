@@ -1,6 +1,7 @@
 //! Pictures as files: 8-bit PNG and float32 EXR. The only door to `image` and `exr`.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
@@ -86,8 +87,13 @@ pub struct Rgba {
 
 /// Reads a PNG, at most `most_bytes` of it once decoded.
 pub fn read(path: &Path, most_bytes: u64) -> Result<Rgba> {
-    let mut reader = image::ImageReader::open(path)
-        .map_err(|error| Error::io(error, path))?
+    let file = File::open(path).map_err(|error| Error::io(error, path))?;
+    decode(BufReader::new(file), path, most_bytes)
+}
+
+/// The same from bytes, which errors say are the file `path`.
+pub fn decode(from: impl BufRead + Seek, path: &Path, most_bytes: u64) -> Result<Rgba> {
+    let mut reader = image::ImageReader::new(from)
         .with_guessed_format()
         .map_err(|error| Error::io(error, path))?;
     let mut limits = image::Limits::default();

@@ -7,8 +7,10 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use common::broken::{SOUND, files, said};
-use common::{assert_golden, chunks, fixture, folder, open_bytes};
-use mipvog_bake::check::{CheckOptions, Report, check_with, sarif};
+use common::{
+    Random, assert_golden, chunks, fixture, folder, open_bytes, random_field, volume_values,
+};
+use mipvog_bake::check::{CheckOptions, Report, check_with, health, sarif};
 use mipvog_bake::finding::{Code, Severity};
 use mipvog_bake::limits::Limits;
 use serde_json::{Value, json};
@@ -106,6 +108,44 @@ fn validation_does_not_stop_at_the_first_finding() {
     std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
     let found: Vec<&str> = checked(&path).findings.iter().map(|f| f.code.name()).collect();
     assert_eq!(found, ["unstated", "values-range", "values-nonfinite"]);
+}
+
+#[test]
+fn health_is_what_a_plain_count_finds() {
+    let mut random = Random::new(12);
+    for nodes in [[2, 2, 2], [7, 2, 5], [13, 9, 70]] {
+        let field = random_field(&mut random, nodes, 5);
+        let mut broken = Vec::new();
+        let health = health::check(&field, &mut |finding| {
+            broken.push(finding.code);
+            Ok(())
+        });
+        let health = health.expect("no findings stop it").expect("readable");
+        let (density, color) = (volume_values(&field.density), volume_values(&field.color[0]));
+        let activation = &field.scene.activation;
+        let opacity = |raw: f32| {
+            let sigma = (f64::from(raw) + f64::from(activation.shift)).exp().ln_1p();
+            1.0 - (-sigma * f64::from(activation.interval)).exp()
+        };
+        let seen: Vec<bool> = density.iter().map(|&raw| opacity(raw) > 1e-3).collect();
+        let empty = seen.iter().filter(|seen| !**seen).count();
+        assert_eq!(health.empty_share, empty as f64 / seen.len() as f64);
+        assert_eq!((health.nodes, health.nonfinite), (seen.len() as u64, 0));
+        let range = |values: &mut dyn Iterator<Item = f32>| {
+            let mut values: Vec<f32> = values.collect();
+            values.sort_by(f32::total_cmp);
+            Some([*values.first()?, *values.last()?])
+        };
+        let all: Vec<&[f32]> =
+            std::iter::once(&density[..]).chain(color.chunks(seen.len())).collect();
+        assert_eq!(health.channels.len(), all.len());
+        for (channel, values) in health.channels.iter().zip(all) {
+            assert_eq!(channel.range, range(&mut values.iter().copied()));
+            let visible = values.iter().zip(&seen).filter(|(_, seen)| **seen);
+            assert_eq!(channel.seen_range, range(&mut visible.map(|(&value, _)| value)));
+        }
+        assert_eq!(broken.contains(&Code::SpaceEmpty), empty == seen.len());
+    }
 }
 
 /// An asset with a thousand broken rules.

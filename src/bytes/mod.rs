@@ -5,6 +5,7 @@ mod digest;
 mod file;
 mod output;
 mod reader;
+mod stale;
 mod storage;
 
 pub use digest::{hex, sha256};

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use super::stale;
 use crate::error::{Error, ErrorKind, Place, Result};
 
 /// A file being written beside its final name; [`Output::finish`] renames it into place, and
@@ -36,12 +37,17 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
+        stale::remove(folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".mipvog-").suffix(".partial");
+        builder.prefix(stale::PREFIX).suffix(stale::SUFFIX);
         // The mode that a plain `File::create` would ask for; the umask still applies.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let temporary = builder.tempfile_in(folder).map_err(io)?;
+        let mut temporary = builder.tempfile_in(folder).map_err(io)?;
+        // Between its creation and its lock another run may have taken it for stale.
+        while !stale::claim(&temporary) {
+            temporary = builder.tempfile_in(folder).map_err(io)?;
+        }
         Ok(Self { temporary, path: path.to_owned(), overwrite, length: 0 })
     }
 

@@ -10,7 +10,7 @@ mod turntable;
 use glam::{DMat4, DVec3};
 use sha2::{Digest, Sha256};
 
-pub use transforms::{CameraFile, pick, picture_path, read};
+pub use transforms::{CameraFile, parse, pick, picture_path, read};
 pub use turntable::turntable;
 
 use crate::error::{Error, Place, Result};

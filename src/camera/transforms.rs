@@ -69,20 +69,24 @@ impl LensFields {
 /// picture that is there, else 800 x 800.
 pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<CameraFile> {
     let text = read_text(path, limits)?;
-    let document: Document = serde_json::from_str(&text).map_err(|error| {
+    let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+    parse(&text, folder, size).map_err(|error| error.in_file(path))
+}
+
+/// The cameras of a file's text, whose pictures are relative to `folder`.
+pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<CameraFile> {
+    let document: Document = serde_json::from_str(text).map_err(|error| {
         let place = Place::Key(format!("line {}", error.line()));
         let expected = "frames with transform_matrix, and camera_angle_x or fl_x";
-        Error::malformed(place, error.to_string(), expected).in_file(path)
+        Error::malformed(place, error.to_string(), expected)
     })?;
-    let folder = path.parent().map(Path::to_owned).unwrap_or_default();
     if document.frames.is_empty() {
         let place = Place::Key("frames".to_owned());
-        return Err(Error::malformed(place, "no frames", "at least one").in_file(path));
+        return Err(Error::malformed(place, "no frames", "at least one"));
     }
     let mut cameras = Vec::with_capacity(document.frames.len());
     for (number, frame) in document.frames.iter().enumerate() {
-        let camera = camera(number, frame, document.lens, &folder, size);
-        cameras.push(camera.map_err(|error| error.in_file(path))?);
+        cameras.push(camera(number, frame, document.lens, &folder, size)?);
     }
     Ok(CameraFile { cameras, folder })
 }

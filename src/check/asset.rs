@@ -3,8 +3,9 @@
 
 use std::sync::Arc;
 
-use gltf::json::Root;
-use gltf::json::validation::{Error as RuleError, Validate};
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::{Checked, Error as RuleError, Validate};
+use gltf::json::{Index, Root};
 
 use crate::asset::{Asset, Fields, rules};
 use crate::bytes::SourceFile;
@@ -35,9 +36,34 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     Ok(())
 }
 
+/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere, because the rules
+/// of the library look behind them unchecked.
+fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
+    let accessors = root.accessors.len();
+    let name = Checked::Valid(Semantic::Positions);
+    for (i, mesh) in root.meshes.iter_mut().enumerate() {
+        for (j, primitive) in mesh.primitives.iter_mut().enumerate() {
+            let Some(index) = primitive.attributes.get_mut(&name) else { continue };
+            if index.value() < accessors {
+                continue;
+            }
+            let pointer = format!("/meshes/{i}/primitives/{j}/attributes/POSITION");
+            let found = format!("accessor {}", index.value());
+            let expected = format!("one of {accessors} from 0");
+            let error = Error::malformed(Place::Pointer(pointer), found, expected);
+            report(Finding { code: Code::AssetRule, error })?;
+            *index = Index::new(0);
+            if accessors == 0 {
+                primitive.attributes.remove(&name);
+            }
+        }
+    }
+    Ok(())
+}
+
 /// What glTF 2.0 asks of every document, as far as it does not hang on extensions.
 fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
-    let root = match Root::from_str(asset.text()) {
+    let mut root = match Root::from_str(asset.text()) {
         Ok(root) => root,
         Err(error) => {
             let place = Place::Pointer(String::new());
@@ -46,6 +72,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
             return report(Finding { code: Code::AssetRule, error });
         }
     };
+    positions(&mut root, report)?;
     let mut reported = Ok(());
     let mut add = |path: &dyn Fn() -> gltf::json::Path, rule| {
         let expected = match rule {

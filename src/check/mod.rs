@@ -93,8 +93,19 @@ pub fn check(path: &Path, limits: &Limits) -> Result<Report> {
 /// # Errors
 /// Those of [`check`], and `Usage` for options out of range.
 pub fn check_with(path: &Path, options: &CheckOptions, limits: &Limits) -> Result<Report> {
+    check_file(Arc::new(SourceFile::open(path)?), options, limits)
+}
+
+/// The same for a file that is open already.
+///
+/// # Errors
+/// Those of [`check_with`].
+pub fn check_file(
+    file: Arc<SourceFile>,
+    options: &CheckOptions,
+    limits: &Limits,
+) -> Result<Report> {
     options.source.check()?;
-    let file = Arc::new(SourceFile::open(path)?);
     let mut report = Report::new(options.most_findings);
     let mut add = |finding: Finding| {
         report.add(&finding);

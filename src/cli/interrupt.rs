@@ -3,14 +3,27 @@
 //! The first Ctrl-C ends what only makes a result better (a fit) with what there is, and anything else
 //! as soon as it can be; temporary files are then gone. A second one before that ends it on the spot.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 /// Exit codes of programs that a signal ended are this plus its number.
 const SIGNALLED: i32 = 128;
+
+/// The last signal that asked for the end.
+fn last() -> &'static Arc<AtomicUsize> {
+    static LAST: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
+    LAST.get_or_init(|| Arc::new(AtomicUsize::new(SIGINT.unsigned_abs() as usize)))
+}
+
+/// From now on a file that grows beyond what the user may write is an error like a full disk, where it would
+/// end the program without a word.
+pub fn outlive_file_limits() {
+    #[cfg(unix)]
+    flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
+}
 
 /// What has been asked for.
 #[derive(Debug, Clone, Default)]
@@ -27,6 +40,7 @@ impl Interrupts {
             // Whoever asks twice gets it: this looks at what the next line sets. A signal that cannot
             // be watched keeps ending the program.
             flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
+            flag::register_usize(signal, Arc::clone(last()), signal.unsigned_abs() as usize).ok();
             flag::register(signal, Arc::clone(asked)).ok();
         }
         watched
@@ -44,4 +58,6 @@ impl Interrupts {
 }
 
 /// The exit code of work that a signal ended.
-pub const CANCELLED: u8 = (SIGNALLED + SIGINT) as u8;
+pub fn cancelled() -> u8 {
+    (SIGNALLED.unsigned_abs() as usize + last().load(Ordering::Relaxed)) as u8
+}

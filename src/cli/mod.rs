@@ -138,6 +138,7 @@ pub fn main() -> ExitCode {
         }
     };
     let common = &cli.common;
+    interrupt::outlive_file_limits();
     let outcome = parallel::with_threads(common.threads.into(), || match &cli.verb {
         verb if common.format == Format::Sarif && !matches!(verb, Verb::Validate(_)) => {
             Err(Error::usage("--format sarif: only validate has findings"))
@@ -180,7 +181,7 @@ fn exit_code(kind: &ErrorKind) -> u8 {
         ErrorKind::Unsupported { .. } => 4,
         ErrorKind::Io(_) | ErrorKind::Exists => 5,
         ErrorKind::OverLimit { .. } => 6,
-        ErrorKind::Cancelled => interrupt::CANCELLED,
+        ErrorKind::Cancelled => interrupt::cancelled(),
     }
 }
 

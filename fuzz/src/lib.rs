@@ -1,0 +1,3 @@
+//! Fuzz targets of `mipvog-bake`; how to run them: `README.md`.
+
+pub mod targets;

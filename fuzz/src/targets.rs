@@ -1,0 +1,175 @@
+//! What is fuzzed: every parser of bytes that strangers write, each as a function that must return.
+//!
+//! A target takes any bytes. Where checksums would stop nearly every mutation at the door, it mends them or
+//! puts the bytes where only their meaning is judged. Errors and readings are both fine; panics, hangs and
+//! memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with a plain mutator.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mipvog_bake::bytes::SourceFile;
+use mipvog_bake::camera;
+use mipvog_bake::check::{CheckOptions, check_file};
+use mipvog_bake::container::Container;
+use mipvog_bake::error::ErrorKind;
+use mipvog_bake::limits::Limits;
+use mipvog_bake::picture;
+use mipvog_bake::source::{self, SourceOptions};
+use mipvog_bake::tensor;
+
+/// A target by its name.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All of them.
+pub const TARGETS: [Target; 8] = [
+    ("zip", zip),
+    ("pickle", pickle),
+    ("npy", npy),
+    ("safetensors", safetensors),
+    ("container", container),
+    ("gltf", gltf),
+    ("cameras", cameras),
+    ("png", png),
+];
+
+/// Nothing lies here, so that no name in a file leads anywhere.
+const NOWHERE: &str = "/nonexistent/folder/file";
+
+/// Limits under which any input must be handled.
+pub fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.memory = 64 << 20;
+    limits.header_bytes = 1 << 20;
+    limits.pickle_objects = 1 << 16;
+    limits
+}
+
+fn file(bytes: Vec<u8>) -> Arc<SourceFile> {
+    Arc::new(SourceFile::decoded(bytes, Path::new(NOWHERE)))
+}
+
+/// A zip file of a checkpoint or arrays, as it is.
+pub fn zip(bytes: &[u8]) {
+    tensors(bytes.to_vec());
+}
+
+/// The bytes are the pickle of a checkpoint whose zip file is sound.
+pub fn pickle(bytes: &[u8]) {
+    tensors(archive(&[("archive/data.pkl", bytes), ("archive/data/0", &[0x3f; 256])]));
+}
+
+/// The bytes are the density array of a sound npz file.
+pub fn npy(bytes: &[u8]) {
+    tensors(archive(&[("density.npy", bytes), ("k0.npy", bytes)]));
+}
+
+/// A safetensors file, as it is.
+pub fn safetensors(bytes: &[u8]) {
+    tensors(bytes.to_vec());
+}
+
+fn tensors(bytes: Vec<u8>) {
+    let (file, limits) = (file(bytes), limits());
+    if let Ok(tensors) = tensor::open_file(&file, &limits) {
+        source::inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+    }
+    check_file(file, &CheckOptions::default(), &limits).ok();
+}
+
+/// A container around whose numbers all checksums are mended.
+pub fn container(bytes: &[u8]) {
+    let mut bytes = bytes.to_vec();
+    mend_checksums(&mut bytes);
+    let (file, limits) = (file(bytes), limits());
+    let strict = Container::open(Arc::clone(&file), &limits).and_then(|container| container.read());
+    let report = check_file(file, &CheckOptions::default(), &limits);
+    // What strict readers take has no finding; what has no finding they take, as long as all of it fits in
+    // memory at once.
+    let valid = report.is_ok_and(|report| report.valid);
+    let fits =
+        !matches!(&strict, Err(error) if matches!(error.kind(), ErrorKind::OverLimit { .. }));
+    assert!(strict.is_ok() == valid || !fits, "{:?}", strict.err());
+}
+
+/// A glTF asset, text or binary.
+pub fn gltf(bytes: &[u8]) {
+    check_file(file(bytes.to_vec()), &CheckOptions::default(), &limits()).ok();
+}
+
+/// A camera file.
+pub fn cameras(bytes: &[u8]) {
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        camera::parse(text, PathBuf::from(NOWHERE), None).ok();
+        camera::parse(text, PathBuf::from(NOWHERE), Some([3, 2])).ok();
+    }
+}
+
+/// A picture to compare with.
+pub fn png(bytes: &[u8]) {
+    picture::decode(Cursor::new(bytes), Path::new(NOWHERE), limits().memory).ok();
+}
+
+/// Writes the checksums that a forger would: of each chunk where the directory says it is, then of header and
+/// directory.
+fn mend_checksums(bytes: &mut [u8]) {
+    let number = |bytes: &[u8], at: usize, width: usize| -> Option<usize> {
+        let mut wide = [0; 8];
+        wide[..width].copy_from_slice(bytes.get(at..at + width)?);
+        Some(u64::from_le_bytes(wide) as usize)
+    };
+    let Some(count) = number(bytes, 40, 4) else { return };
+    for entry in (0..count.min(4096)).map(|i| 64 + 64 * i) {
+        let (offset, length) = (number(bytes, entry + 8, 8), number(bytes, entry + 16, 8));
+        let (Some(offset), Some(length)) = (offset, length) else { break };
+        let Some(chunk) = bytes.get(offset..offset.saturating_add(length)) else { continue };
+        let sum = crc32fast::hash(chunk).to_le_bytes();
+        if let Some(stated) = bytes.get_mut(entry + 32..entry + 36) {
+            stated.copy_from_slice(&sum);
+        }
+    }
+    if let Some(stated) = bytes.get_mut(48..52) {
+        stated.fill(0);
+        let Some(head) = bytes.get(..count.saturating_mul(64).saturating_add(64)) else { return };
+        let sum = crc32fast::hash(head).to_le_bytes();
+        bytes[48..52].copy_from_slice(&sum);
+    }
+}
+
+/// A zip file of stored entries.
+fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
+    let (mut bytes, mut directory) = (Vec::<u8>::new(), Vec::<u8>::new());
+    for (name, content) in entries {
+        let start = bytes.len() as u32;
+        let (sum, length) = (crc32fast::hash(content), content.len() as u32);
+        let mut fields = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        for number in [sum, length, length] {
+            fields.extend(number.to_le_bytes());
+        }
+        fields.extend((name.len() as u16).to_le_bytes());
+        fields.extend([0; 2]);
+        for part in [b"PK\x03\x04", &fields[..], name.as_bytes(), content] {
+            bytes.extend(part);
+        }
+        for part in
+            [b"PK\x01\x02\x14\x00", &fields[..], &[0; 10], &start.to_le_bytes(), name.as_bytes()]
+        {
+            directory.extend(part);
+        }
+    }
+    let count = (entries.len() as u16).to_le_bytes();
+    let start = bytes.len() as u32;
+    let length = directory.len() as u32;
+    bytes.extend(directory);
+    for part in [
+        b"PK\x05\x06\0\0\0\0",
+        &count[..],
+        &count,
+        &length.to_le_bytes(),
+        &start.to_le_bytes(),
+        &[0; 2],
+    ] {
+        bytes.extend(part);
+    }
+    bytes
+}

@@ -1,0 +1,52 @@
+//! Temporary files of runs that were killed.
+//!
+//! Every output that is being written is locked; the system drops the lock with the process, however it ends.
+//! So what has the name of such a file and no lock is nobody's, and the next run that writes to the folder
+//! removes it. Where a file system has no locks nothing is removed.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use fs4::FileExt;
+use tempfile::NamedTempFile;
+
+/// How names of temporary files start.
+pub const PREFIX: &str = ".mipvog-";
+/// How they end.
+pub const SUFFIX: &str = ".partial";
+
+/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are large.
+pub fn remove(folder: &Path) {
+    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let Ok(folder) = folder.canonicalize() else { return };
+    if !seen.insert(folder.clone()) {
+        return;
+    }
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
+            remove_unlocked(&entry.path());
+        }
+    }
+}
+
+/// Removes a file unless somebody has it locked.
+fn remove_unlocked(path: &Path) {
+    let Ok(file) = File::options().read(true).write(true).open(path) else { return };
+    if FileExt::try_lock(&file).is_ok() {
+        // The lock is held until the name is gone, so that nobody claims it in between.
+        std::fs::remove_file(path).ok();
+    }
+}
+
+/// Locks a new temporary file. `false` if somebody removed it before.
+pub fn claim(temporary: &NamedTempFile) -> bool {
+    // Without locks nobody removes anything.
+    FileExt::lock(temporary.as_file()).is_err() || temporary.path().exists()
+}

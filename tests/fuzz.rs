@@ -1,0 +1,207 @@
+//! The fuzz targets of `fuzz/` on seeded mutants of the fixtures: no panic, no memory beyond the limit.
+//!
+//! `MIPVOG_FUZZ_RUNS` says how many mutants each target gets; `MIPVOG_FUZZ_SEED` picks others. What fails is written to
+//! `target/fuzz/` and belongs into `fuzz/found/TARGET/`, whose files are run too. `MIPVOG_FUZZ_CORPUS` names a folder that
+//! gets the seeds, as cargo-fuzz takes them.
+
+mod common;
+#[path = "../fuzz/src/targets.rs"]
+mod targets;
+
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use common::{Random, fixture};
+use mipvog_bake::bytes::SourceFile;
+use mipvog_bake::tensor::Archive;
+use peak_alloc::PeakAlloc;
+use targets::{TARGETS, Target};
+
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+/// Bytes that any input may make the reader hold beyond its own length, under the targets' limits.
+const MOST_MEMORY: usize = 256 << 20;
+/// Longer files are no seeds: mutants of them would mostly be hashed and copied.
+const LONGEST_SEED: u64 = 24 << 10;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn number(name: &str, default: u64) -> u64 {
+    let text = std::env::var(name).ok();
+    text.map_or(default, |text| text.parse().expect("a number"))
+}
+
+/// Files in a folder and those below it, in a fixed order.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+        .into_iter()
+        .flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] })
+        .collect()
+}
+
+/// Fixtures that a target's format has, or parts of them.
+fn seeds(target: &str) -> Vec<Vec<u8>> {
+    let extensions: &[&str] = match target {
+        "zip" => &["tar", "npz", "zip", "pt"],
+        "pickle" => &["tar"],
+        "npy" => &["npz"],
+        "safetensors" => &["safetensors"],
+        "container" => &["mipvog"],
+        "gltf" => &["gltf", "glb"],
+        "cameras" => &["json"],
+        _ => &["png"],
+    };
+    let folders = [fixture(""), root().join("docs/pictures")];
+    let fits = |path: &PathBuf| {
+        let known = path.extension().is_some_and(|e| extensions.iter().any(|known| e == *known));
+        known && path.metadata().is_ok_and(|metadata| metadata.len() <= LONGEST_SEED)
+    };
+    let mut seeds: Vec<Vec<u8>> = folders
+        .iter()
+        .flat_map(|folder| files(folder))
+        .filter(fits)
+        .flat_map(|path| match target {
+            "pickle" => entries(&path, "data.pkl"),
+            "npy" => entries(&path, ".npy"),
+            _ => vec![std::fs::read(path).expect("a fixture")],
+        })
+        .collect();
+    seeds.push(Vec::new());
+    seeds
+}
+
+/// Entries of a zip file whose names end so; none where it is broken.
+fn entries(path: &Path, end: &str) -> Vec<Vec<u8>> {
+    let file = Arc::new(SourceFile::open(path).expect("a fixture"));
+    let Ok(archive) = Archive::open(&file, &targets::limits()) else { return Vec::new() };
+    let numbers = (0..archive.entries().len())
+        .filter(|&number| archive.entries()[number].name.ends_with(end));
+    numbers.filter_map(|number| archive.read(number, LONGEST_SEED).ok()).collect()
+}
+
+/// Tokens of a dictionary of libFuzzer.
+fn tokens(name: &str) -> Vec<Vec<u8>> {
+    let path = root().join("fuzz/dictionaries").join(name).with_extension("dict");
+    let text = std::fs::read_to_string(path).expect("a dictionary");
+    let lines = text.lines().filter(|line| line.starts_with('"'));
+    lines.map(|line| unescaped(&line[1..line.len() - 1])).collect()
+}
+
+fn unescaped(text: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        let escaped = if byte == b'\\' { rest.next() } else { None };
+        bytes.push(match escaped {
+            None => byte,
+            Some(b'x') => {
+                let digits = [rest.next(), rest.next()].map(|digit| digit.expect("two digits"));
+                let digits = std::str::from_utf8(&digits).expect("ASCII").to_owned();
+                u8::from_str_radix(&digits, 16).expect("hexadecimal")
+            }
+            Some(other) => other,
+        });
+    }
+    bytes
+}
+
+/// Changes bytes the way that fuzzers do.
+fn mutate(random: &mut Random, bytes: &mut Vec<u8>, seeds: &[Vec<u8>], tokens: &[Vec<u8>]) {
+    let at = random.below(bytes.len() + 1);
+    let most = 1 << random.below(8);
+    let length = 1 + random.below(most);
+    let range = at..(at + length).min(bytes.len());
+    match random.below(9) {
+        0 => bytes.truncate(at),
+        1 => drop(bytes.drain(range)),
+        2 => {
+            let copy = bytes[range].to_vec();
+            let to = random.below(bytes.len() + 1);
+            bytes.splice(to..to, copy);
+        }
+        3 => {
+            let token = tokens[random.below(tokens.len())].clone();
+            let over = if random.below(2) == 0 { token.len() } else { 0 };
+            bytes.splice(at..(at + over).min(bytes.len()), token);
+        }
+        4 => {
+            let other = &seeds[random.below(seeds.len())];
+            let from = random.below(other.len() + 1);
+            let part = &other[from..(from + length).min(other.len())];
+            bytes.splice(at..(at + part.len()).min(bytes.len()), part.iter().copied());
+        }
+        5 => {
+            // Numbers at edges, of any width.
+            let edge = [0, 1, 0x7f, 0x80, 0xffff, 0x7fff_ffff, 1 << 31, u64::MAX >> 1, u64::MAX];
+            let value = edge[random.below(edge.len())].wrapping_add(random.below(3) as u64);
+            let width = 1 << random.below(4);
+            let value = &value.to_le_bytes()[..width.min(bytes.len() - at)];
+            bytes[at..at + value.len()].copy_from_slice(value);
+        }
+        6 => bytes[range].iter_mut().for_each(|byte| *byte = random.next() as u8),
+        _ => {
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte ^= 1 << random.below(8);
+            }
+        }
+    }
+}
+
+/// Runs a target, keeping what it fails on.
+fn run((name, target): Target, bytes: &[u8]) {
+    MEMORY.reset_peak_usage();
+    let before = MEMORY.current_usage();
+    let outcome = catch_unwind(|| target(bytes));
+    let held = MEMORY.peak_usage().saturating_sub(before);
+    if outcome.is_err() || held > MOST_MEMORY + bytes.len() {
+        let path =
+            root().join("target/fuzz").join(format!("{name}-{:08x}", crc32fast::hash(bytes)));
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        std::fs::write(&path, bytes).expect("writable");
+        panic!("{name} fails on {} (it held {held} bytes)", path.display());
+    }
+}
+
+// One test: memory is counted for the whole process.
+#[test]
+fn targets_stand_mutants_of_the_fixtures() {
+    let runs = number("MIPVOG_FUZZ_RUNS", 2000);
+    let seed = number("MIPVOG_FUZZ_SEED", 1);
+    for target in TARGETS {
+        let name = target.0;
+        for path in files(&root().join("fuzz/found").join(name)) {
+            run(target, &std::fs::read(path).expect("a file"));
+        }
+        let seeds = seeds(name);
+        assert!(seeds.len() > 1, "no seeds for {name}");
+        if let Some(corpus) = std::env::var_os("MIPVOG_FUZZ_CORPUS") {
+            let folder = Path::new(&corpus).join(name);
+            std::fs::create_dir_all(&folder).expect("writable");
+            for seed in &seeds {
+                let path = folder.join(format!("{:08x}", crc32fast::hash(seed)));
+                std::fs::write(path, seed).expect("writable");
+            }
+        }
+        let tokens = match name {
+            "zip" | "pickle" | "npy" => tokens("pickle"),
+            "safetensors" | "gltf" | "cameras" => tokens("json"),
+            _ => tokens("container"),
+        };
+        seeds.iter().for_each(|seed| run(target, seed));
+        let mut random = Random::new(seed);
+        for _ in 0..runs {
+            let mut bytes = seeds[random.below(seeds.len())].clone();
+            for _ in 0..1 + random.below(6) {
+                mutate(&mut random, &mut bytes, &seeds, &tokens);
+            }
+            run(target, &bytes);
+        }
+    }
+}
