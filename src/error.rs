@@ -213,7 +213,7 @@ impl Error {
                 "the file is cut short or damaged: copy or make it again".into()
             }
             ErrorKind::OverLimit { what, .. } => {
-                format!("raise the limit on {what} if this file is trusted").into()
+                format!("raise the limit on {what} if this file is trusted: see --limit").into()
             }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
                 "the file is damaged or of another kind: make it again or convert it".into()

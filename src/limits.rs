@@ -22,6 +22,8 @@ pub struct Limits {
     pub entries: u64,
     /// Chunks of a container. Default: 4096
     pub chunks: u64,
+    /// Blocks of a level. Default: 2^26 (3250 nodes a side in blocks of 8)
+    pub blocks: u64,
     /// Objects that a pickle makes. Default: 4,194,304
     pub pickle_objects: u64,
     /// Bytes of tensors, tables and codes held at once because a file says so. Default: 16 GiB
@@ -37,9 +39,35 @@ impl Default for Limits {
             header_bytes: 64 << 20,
             entries: 1 << 16,
             chunks: 1 << 12,
+            blocks: 1 << 26,
             pickle_objects: 1 << 22,
             memory: 16 << 30,
         }
+    }
+}
+
+impl Limits {
+    /// Every limit under its name, with what it bounds.
+    pub fn named(&mut self) -> [(&'static str, &'static str, &mut u64); 9] {
+        [
+            ("axis-nodes", "nodes along one axis of a grid", &mut self.axis_nodes),
+            ("nodes", "nodes of one grid", &mut self.nodes),
+            ("channels", "channels of the colour grid", &mut self.channels),
+            (
+                "header-bytes",
+                "bytes of one pickle, header, JSON document or metadata text",
+                &mut self.header_bytes,
+            ),
+            ("entries", "entries of an archive, tensors of a file", &mut self.entries),
+            ("chunks", "chunks of a container", &mut self.chunks),
+            ("blocks", "blocks of a level of a container", &mut self.blocks),
+            ("pickle-objects", "objects that a pickle makes", &mut self.pickle_objects),
+            (
+                "memory",
+                "bytes of tensors, tables and codes held at once because a file says so",
+                &mut self.memory,
+            ),
+        ]
     }
 }
 

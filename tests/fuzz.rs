@@ -12,8 +12,12 @@ use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use common::{Random, fixture};
+use common::{Random, chunks, fixture};
+use mipvog_bake::baked::Metadata;
 use mipvog_bake::bytes::SourceFile;
+use mipvog_bake::check::{CheckOptions, check_file};
+use mipvog_bake::container::json::to_canonical;
+use mipvog_bake::limits::Limits;
 use mipvog_bake::tensor::Archive;
 use peak_alloc::PeakAlloc;
 use targets::{TARGETS, Target};
@@ -169,9 +173,51 @@ fn run((name, target): Target, bytes: &[u8]) {
     }
 }
 
+/// Files that ask for as much as they can, under the limits that users have.
+fn hostile_files_take_little_memory() {
+    let mut hostile: Vec<(PathBuf, Vec<u8>)> = files(&fixture("trained/hostile"))
+        .into_iter()
+        .map(|path| (path.clone(), std::fs::read(path).expect("a fixture")))
+        .collect();
+    // A table of as many blocks as may be, and of one too many along each axis, in a few bytes.
+    let sound = std::fs::read(fixture("broken/sound.mipvog")).expect("a container");
+    for side in [406, 407] {
+        let mut parts = chunks::chunks(&sound);
+        for chunk in parts.iter_mut().filter(|chunk| chunk.level.is_none_or(|level| level == 0)) {
+            match &chunk.kind {
+                b"META" => {
+                    let mut metadata: Metadata =
+                        serde_json::from_slice(&chunk.bytes).expect("metadata");
+                    metadata.levels[0].dimensions = [side; 3];
+                    metadata.levels[0].block_size = 1;
+                    chunk.bytes = to_canonical(&metadata).expect("JSON").into_bytes();
+                }
+                b"TABL" => {
+                    let table = vec![0; side * side * side];
+                    chunk.bytes = zstd::bulk::compress(&table, 1).expect("compresses");
+                }
+                _ => {}
+            }
+        }
+        hostile
+            .push((format!("a table of {side} blocks a side").into(), chunks::container(&parts)));
+    }
+    for (name, bytes) in hostile {
+        let length = bytes.len();
+        let file = Arc::new(SourceFile::decoded(bytes, &name));
+        MEMORY.reset_peak_usage();
+        let before = MEMORY.current_usage();
+        let report = check_file(file, &CheckOptions::default(), &Limits::default());
+        let held = MEMORY.peak_usage().saturating_sub(before);
+        assert!(!report.expect("readable").valid, "{}", name.display());
+        assert!(held < MOST_MEMORY + length, "{} takes {held} bytes", name.display());
+    }
+}
+
 // One test: memory is counted for the whole process.
 #[test]
 fn targets_stand_mutants_of_the_fixtures() {
+    hostile_files_take_little_memory();
     let runs = number("MIPVOG_FUZZ_RUNS", 2000);
     let seed = number("MIPVOG_FUZZ_SEED", 1);
     for target in TARGETS {

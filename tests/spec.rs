@@ -11,6 +11,7 @@ use mipvog_bake::container::layout::{
     VERSION, VMLP,
 };
 use mipvog_bake::finding::{Code, Severity};
+use mipvog_bake::limits::Limits;
 
 const SPEC: &str = include_str!("../formats/mipvog.md");
 const CATALOGUE: &str = include_str!("../formats/validation.md");
@@ -41,6 +42,25 @@ fn constants_are_those_of_the_page() {
     for kind in [META, VMLP, MASK, PROVENANCE, TABLE].into_iter().chain(ATLASES) {
         assert!(SPEC.contains(&kind.escape_ascii().to_string()), "no chunk {kind:?}");
     }
+}
+
+#[test]
+fn the_page_of_limits_has_those_of_the_code() {
+    let page = include_str!("../formats/limits.md");
+    let head = "| name | bounds | default |\n|---|---|---|\n";
+    let start = page.find(head).expect("the table") + head.len();
+    let end = start + page[start..].find("\n\n").map_or(0, |end| end + 1);
+    let mut limits = Limits::default();
+    let rows = limits.named().map(|(name, bounds, &mut most)| {
+        let power = match most.is_power_of_two() && most > 1 << 12 {
+            true => format!(" (2^{})", most.ilog2()),
+            false => String::new(),
+        };
+        format!("| `{name}` | {bounds} | {most}{power} |\n")
+    });
+    let wanted = [&page[..start], &rows.concat(), &page[end..]].concat();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/limits.md");
+    assert_golden(&path, wanted.as_bytes());
 }
 
 /// The table of findings, as the code lists them.

@@ -12,7 +12,6 @@ use crate::attach::{AttachOptions, NodeChoice, attach, companions};
 use crate::bytes::{Output, SourceFile};
 use crate::container::Container;
 use crate::error::{Error, Result};
-use crate::limits::Limits;
 
 /// Put a container into a glTF asset as a radiance field; all else stays as it is
 #[derive(Debug, Args)]
@@ -38,7 +37,7 @@ pub struct Arguments {
 
 /// Attaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let limits = Limits::default();
+    let limits = common.limits();
     let asset = Asset::open(Arc::new(SourceFile::open(&arguments.asset)?), &limits)?;
     let file = Arc::new(SourceFile::open(&arguments.container)?);
     let container = Container::open(file, &limits)?;

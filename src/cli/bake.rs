@@ -121,7 +121,7 @@ struct Baked {
 /// Bakes the input.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
-    let limits = Limits::default();
+    let limits = common.limits();
     let file = tensor::open(&arguments.input, &limits)?;
     let unpacked = match metadata_text(&file) {
         Some(_) => Some(Unpacked::open(&file, &limits)?),

@@ -12,7 +12,6 @@ use crate::asset::Asset;
 use crate::attach::detach;
 use crate::bytes::{Output, SourceFile};
 use crate::error::Result;
-use crate::limits::Limits;
 
 /// Take the radiance fields out of a glTF asset; all else stays as it is
 #[derive(Debug, Args)]
@@ -33,14 +32,14 @@ pub struct Arguments {
 /// Detaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let file = Arc::new(SourceFile::open(&arguments.asset)?);
-    let asset = Asset::open(file, &Limits::default())?;
+    let asset = Asset::open(file, &common.limits())?;
     let path = &arguments.output;
     check_kind(&asset, path)?;
     let mut output = Output::create(path, arguments.force)?;
     let detached = detach(&asset, arguments.field, &mut output)?;
     let bytes = output.length();
     output.finish()?;
-    let left = Asset::open(Arc::new(SourceFile::open(path)?), &Limits::default())?;
+    let left = Asset::open(Arc::new(SourceFile::open(path)?), &common.limits())?;
     warn_of_companions(&left, &arguments.asset, path, common)?;
     let report = json!({
         "asset": arguments.asset.to_string_lossy(),

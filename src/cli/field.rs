@@ -88,7 +88,7 @@ impl SceneArguments {
         filter: Option<Filter>,
         common: &Common,
     ) -> Result<Field> {
-        let limits = Limits::default();
+        let limits = common.limits();
         let options = self.source_options();
         options.check()?;
         if let Some(container) = which.container(path, &limits)? {

@@ -71,17 +71,17 @@ struct ChunkReport {
 }
 
 /// Inspects a file.
-pub fn run(arguments: &Arguments) -> Result<Outcome> {
+pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     let path = &arguments.file;
     let file = Arc::new(SourceFile::open(path)?);
     if is_container(&file) {
-        let report = ContainerReport::of(&Container::open(file, &Limits::default())?)?;
+        let report = ContainerReport::of(&Container::open(file, limits)?)?;
         return Outcome::new("inspect", &report, container_text(path, &report));
     }
     if is_asset(&file) {
-        return asset(path, &Asset::open(file, &Limits::default())?);
+        return asset(path, &Asset::open(file, limits)?);
     }
-    let inspection = source::inspect(path, &SourceOptions::default(), &Limits::default())?;
+    let inspection = source::inspect(path, &SourceOptions::default(), limits)?;
     Outcome::new("inspect", &inspection, checkpoint_text(path, &inspection))
 }
 

@@ -29,6 +29,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::limits::Limits;
 use crate::parallel;
 
 /// Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
@@ -67,6 +68,10 @@ struct Common {
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     threads: u16,
+    /// Raise or lower a limit on what files may ask for, such as memory=1000000000; can be given again. An unknown
+    /// name lists all
+    #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
+    limits: Vec<(String, u64)>,
     /// Print no report, no progress and no warnings
     #[arg(long, short, global = true)]
     quiet: bool,
@@ -79,6 +84,20 @@ struct Common {
     /// Progress bars on stderr; auto is on a terminal only
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     progress: When,
+}
+
+impl Common {
+    /// Limits on what files may ask for.
+    fn limits(&self) -> Limits {
+        let mut limits = Limits::default();
+        for (name, count) in &self.limits {
+            let mut named = limits.named();
+            if let Some((_, _, limit)) = named.iter_mut().find(|(own, ..)| own == name) {
+                **limit = *count;
+            }
+        }
+        limits
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -144,8 +163,8 @@ pub fn main() -> ExitCode {
             Err(Error::usage("--format sarif: only validate has findings"))
         }
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
-        Verb::Inspect(arguments) => inspect::run(arguments).map(Some),
-        Verb::Validate(arguments) => validate::run(arguments).map(Some),
+        Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
+        Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),

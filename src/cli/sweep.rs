@@ -13,7 +13,6 @@ use super::values::parse_bits;
 use super::{Common, Outcome, readable, warn};
 use crate::bake::{Filter, Preset};
 use crate::error::{Error, Result};
-use crate::limits::Limits;
 use crate::quantize::Bits;
 use crate::source;
 use crate::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
@@ -81,7 +80,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut settings = arguments.grid().settings();
     settings.iter().try_for_each(|setting| setting.options.check())?;
-    let limits = Limits::default();
+    let limits = common.limits();
     let source_options = arguments.scene.source_options();
     source_options.check()?;
     let file = tensor::open(&arguments.input, &limits)?;

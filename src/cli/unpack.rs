@@ -10,7 +10,6 @@ use super::progress::Bar;
 use super::{Common, Outcome, readable};
 use crate::bytes::Output;
 use crate::error::{Error, Place, Result};
-use crate::limits::Limits;
 use crate::unpack::{SliceFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
@@ -44,7 +43,7 @@ enum Slices {
 
 /// Unpacks a container.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let container = arguments.which.container(&arguments.file, &Limits::default())?;
+    let container = arguments.which.container(&arguments.file, &common.limits())?;
     let container = container.ok_or_else(|| {
         let found = "a file of another kind";
         let error = Error::malformed(Place::File, found, "a container, or a glTF asset with one");

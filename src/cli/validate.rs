@@ -24,11 +24,11 @@ pub struct Arguments {
 }
 
 /// Validates a file.
-pub fn run(arguments: &Arguments) -> Result<Outcome> {
+pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     let mut options = CheckOptions::default();
     options.most_findings = arguments.max_findings;
     options.source = arguments.scene.source_options();
-    let report = check::check_with(&arguments.file, &options, &Limits::default())?;
+    let report = check::check_with(&arguments.file, &options, limits)?;
     let mut text = String::new();
     for finding in &report.findings {
         let severity = format!("{:?}", finding.severity).to_lowercase();

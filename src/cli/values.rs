@@ -1,5 +1,6 @@
 //! Values of options, as they are typed.
 
+use crate::limits::Limits;
 use crate::quantize::Bits;
 use crate::source::MlpChoice;
 
@@ -27,6 +28,18 @@ pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
         [red, green, blue] => Ok(Background([red, green, blue])),
         _ => Err("expected one number or three with commas between, 0 to 1".to_owned()),
     }
+}
+
+/// The name of a limit and a count.
+pub fn parse_limit(text: &str) -> std::result::Result<(String, u64), String> {
+    let (name, count) = text.split_once('=').ok_or("expected NAME=COUNT")?;
+    let mut limits = Limits::default();
+    let names = limits.named().map(|(name, ..)| name);
+    if !names.contains(&name) {
+        return Err(format!("expected one of {}", names.join(", ")));
+    }
+    let count = count.parse().map_err(|_| "expected a whole number after =")?;
+    Ok((name.to_owned(), count))
 }
 
 /// A word or a file.

@@ -235,7 +235,9 @@ impl Container {
         let Some(level) = self.metadata.levels.get(number) else { return Ok(None) };
         let Some(entry) = self.entry(TABLE, Some(number)) else { return Ok(None) };
         let Some(bytes) = self.chunk(entry, report)? else { return Ok(None) };
-        let table = read_table(level, &bytes, &entry.place(), budget);
+        let (asked, place) = (level.grid().total() as u64, entry.place());
+        let table = limits::check("blocks", asked, self.limits.blocks, &place)
+            .and_then(|()| read_table(level, &bytes, &place, budget));
         let Some(table) = checked(table, Code::Table, report)? else { return Ok(None) };
         let mut atlases = [None, None, None];
         let mut whole = true;

@@ -1,0 +1,114 @@
+//! Every limit: a file that asks for as much is read, one that asks for one more is refused, with that limit's name.
+
+mod common;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use common::{fixture, folder};
+use mipvog_bake::bytes::SourceFile;
+use mipvog_bake::container::Container;
+use mipvog_bake::error::{ErrorKind, Result};
+use mipvog_bake::limits::Limits;
+use mipvog_bake::source::{self, SourceOptions};
+
+fn read_scene(path: &Path, limits: &Limits) -> Result<()> {
+    source::open(path, &SourceOptions::default(), limits).map(|_| ())
+}
+
+fn read_container(path: &Path, limits: &Limits) -> Result<()> {
+    let file = Arc::new(SourceFile::open(path)?);
+    Container::open(file, limits)?.read().map(|_| ())
+}
+
+fn with(name: &str, count: u64) -> Limits {
+    let mut limits = Limits::default();
+    for (own, _, limit) in limits.named() {
+        if own == name {
+            *limit = count;
+        }
+    }
+    limits
+}
+
+/// The least value of a limit under which a file is read; one below, the limit is what is in the way.
+fn least(name: &str, path: &Path, read: fn(&Path, &Limits) -> Result<()>) -> u64 {
+    let (mut refused, mut taken) = (0, 1 << 40);
+    read(path, &with(name, taken)).expect("a sound file");
+    while taken - refused > 1 {
+        let middle = refused + (taken - refused) / 2;
+        match read(path, &with(name, middle)) {
+            Ok(()) => taken = middle,
+            Err(_) => refused = middle,
+        }
+    }
+    let error = read(path, &with(name, taken - 1)).expect_err("one past the limit");
+    match error.kind() {
+        ErrorKind::OverLimit { asked, allowed, .. } => assert!(asked > allowed, "{name}: {error}"),
+        // Channels are announced by the metadata, whose values have a finding of their own.
+        _ => panic!("{name}: {error}"),
+    }
+    taken
+}
+
+#[test]
+fn limits_hold_at_their_value_and_one_past_it() {
+    let torch = fixture("trained/dvgo/protocol2.tar");
+    let flat = fixture("trained/dvgo/flat.safetensors");
+    let container = fixture("baked/dvgo.mask.mipvog");
+    let header = u64::from_le_bytes(
+        std::fs::read(&flat).expect("a file")[..8].try_into().expect("eight bytes"),
+    );
+    // 9 x 7 x 5 nodes of 7 channels.
+    assert_eq!(least("axis-nodes", &flat, read_scene), 9);
+    assert_eq!(least("nodes", &flat, read_scene), 9 * 7 * 5);
+    assert_eq!(least("channels", &flat, read_scene), 7);
+    assert_eq!(least("header-bytes", &flat, read_scene), header);
+    let entries = std::fs::read(&torch).expect("a file");
+    let count = entries.windows(4).filter(|bytes| bytes == b"PK\x01\x02").count() as u64;
+    assert_eq!(least("entries", &torch, read_scene), count);
+    assert!(least("pickle-objects", &torch, read_scene) > count);
+    let opened = Container::open(
+        Arc::new(SourceFile::open(&container).expect("a file")),
+        &Limits::default(),
+    );
+    let opened = opened.expect("a container");
+    assert_eq!(least("chunks", &container, read_container), opened.entries().len() as u64);
+    let levels = &opened.metadata().levels;
+    let blocks = levels.iter().map(|level| level.grid().total()).max().expect("levels") as u64;
+    assert_eq!(least("blocks", &container, read_container), blocks);
+    let codes: u64 = levels.iter().map(|level| level.blocks_stored as u64 * 8 * 512).sum();
+    // Codes of one byte of 8 channels in blocks of 8, and tables.
+    assert!(least("memory", &container, read_container) >= codes);
+    // None was forgotten.
+    assert_eq!(Limits::default().named().len(), 9);
+}
+
+#[test]
+#[cfg(feature = "cli")]
+fn limits_are_set_on_the_command_line() {
+    let folder = folder();
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+        command.current_dir(folder.path()).env_clear().args(arguments);
+        let output = command.output().expect("starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let scene = fixture("trained/dvgo/flat.safetensors").display().to_string();
+    let container = fixture("baked/dvgo.mask.mipvog").display().to_string();
+    for (verb, file) in [("bake", &scene), ("unpack", &container)] {
+        let arguments = [verb, file.as_str(), "-o", "x.safetensors"];
+        let (code, message) = run(&[&arguments[..], &["--limit", "nodes=314"]].concat());
+        let expected = if verb == "bake" { 6 } else { 3 };
+        assert_eq!(code, Some(expected), "{message}");
+        assert!(!folder.path().join("x.safetensors").exists());
+    }
+    let (code, message) = run(&["unpack", &container, "-o", "x", "--limit", "memory=100"]);
+    assert!(code == Some(6) && message.contains("see --limit"), "{message}");
+    let (code, _) = run(&["unpack", &container, "-o", "x", "--limit", "memory=1000000"]);
+    assert_eq!(code, Some(0));
+    for wrong in ["size=3", "nodes", "nodes=many"] {
+        let (code, message) = run(&["inspect", &container, "--limit", wrong]);
+        assert!(code == Some(2) && message.contains("expected"), "{message}");
+    }
+}
