@@ -24,7 +24,7 @@ pub struct Limits {
     pub chunks: u64,
     /// Blocks of a level. Default: 2^26 (3250 nodes a side in blocks of 8)
     pub blocks: u64,
-    /// Objects that a pickle makes. Default: 4,194,304
+    /// Objects that a pickle makes. Default: 2,097,152
     pub pickle_objects: u64,
     /// Bytes of tensors, tables and codes held at once because a file says so. Default: 16 GiB
     pub memory: u64,
@@ -40,7 +40,7 @@ impl Default for Limits {
             entries: 1 << 16,
             chunks: 1 << 12,
             blocks: 1 << 26,
-            pickle_objects: 1 << 22,
+            pickle_objects: 1 << 21,
             memory: 16 << 30,
         }
     }

@@ -81,9 +81,10 @@ impl Entry {
         Place::Chunk { kind: self.kind, level: self.level }
     }
 
-    /// Offset of the first byte after its padding.
+    /// Offset of the first byte after its padding; beyond any file where the directory says so.
     pub fn padded_end(&self) -> u64 {
-        self.offset.saturating_add(self.length).next_multiple_of(ALIGNMENT)
+        let end = self.offset.saturating_add(self.length);
+        end.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
     }
 
     fn to_bytes(self) -> [u8; 64] {
