@@ -25,9 +25,10 @@ pub struct Arguments {
 
 /// Validates a file.
 pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
-    let mut options = CheckOptions::default();
-    options.most_findings = arguments.max_findings;
-    options.source = arguments.scene.source_options();
+    let options = CheckOptions {
+        most_findings: arguments.max_findings,
+        source: arguments.scene.source_options(),
+    };
     let report = check::check_with(&arguments.file, &options, limits)?;
     let mut text = String::new();
     for finding in &report.findings {
