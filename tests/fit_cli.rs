@@ -113,7 +113,7 @@ mod signals {
     fn a_termination_leaves_nothing_behind() {
         let folder = folder();
         let output = signalled(folder.path(), "-TERM");
-        assert_eq!(output.status.code(), Some(130));
+        assert_eq!(output.status.code(), Some(143));
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
     }
 }

@@ -79,7 +79,7 @@ pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
 /// The same for a file of which only the bytes are known.
 ///
 /// # Errors
-/// Those of [`open`].
+/// Those of [`open()`].
 pub fn open_file(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     open_kind(file, limits).map_err(|error| error.in_file(file.path()))
 }
