@@ -2,7 +2,7 @@
 //!
 //! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
 //!    that must be right and the blocks that are kept.
-//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposed_cells`]).
+//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposure`]).
 //! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
 //!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
@@ -53,7 +53,7 @@ use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding};
-use crate::render::{Field, exposed_cells};
+use crate::render::{Field, exposure};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -83,8 +83,8 @@ pub fn bake(
     stage("prune", field.density.bytes());
     if let Some(min_weight) = options.min_weight {
         let unbaked = Field::trained(field, None, &Limits::default())?;
-        let cells = exposed_cells(&unbaked, &options.seen_from, min_weight, progress)?;
-        pruned.keep_cells(&cells)?;
+        let seen = exposure(&unbaked, &options.seen_from, min_weight, progress)?;
+        pruned.keep_cells(&seen.cells)?;
         stage("expose", 0);
     }
 
