@@ -10,6 +10,8 @@
 
 use std::io::Write;
 
+use zstd::zstd_safe::{CParameter, Strategy};
+
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::bytes::ByteReader;
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -54,27 +56,43 @@ impl CompressedRun {
     }
 }
 
-/// zstd, one frame that states its length. A section ends its block of zstd, so that the next has tables
-/// of its own.
+/// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the least, what
+/// zstd makes of them. Residuals hardly repeat, and zstd takes accidents for repetitions.
 fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
-    let pack = || {
-        let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
-        encoder.include_contentsize(true)?;
-        encoder.set_pledged_src_size(Some(run.bytes.len() as u64))?;
-        let mut left = &run.bytes[..];
-        let mut start = 0;
-        for &end in &run.sections {
-            let (section, rest) = left.split_at_checked(end - start).unwrap_or((left, &[]));
-            encoder.write_all(section)?;
-            (left, start) = (rest, end);
-            if !left.is_empty() {
-                encoder.flush()?;
-            }
-        }
-        encoder.write_all(left)?;
-        encoder.finish()
+    let frequencies = [
+        CParameter::Strategy(Strategy::ZSTD_fast),
+        CParameter::MinMatch(7),
+        CParameter::HashLog(6),
+    ];
+    let coded = pack(run, 1, &frequencies);
+    let packed = match level {
+        ..=1 => coded,
+        _ => coded.and_then(|coded| {
+            let searched = pack(run, level, &[])?;
+            Ok(if searched.len() < coded.len() { searched } else { coded })
+        }),
     };
-    pack().map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
+    packed.map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
+}
+
+/// One frame of zstd that states its length. A section ends its block, so that the next has tables of its
+/// own.
+fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
+    parameters.iter().try_for_each(|&parameter| encoder.set_parameter(parameter))?;
+    encoder.include_contentsize(true)?;
+    encoder.set_pledged_src_size(Some(run.bytes.len() as u64))?;
+    let mut left = &run.bytes[..];
+    let mut start = 0;
+    for &end in &run.sections {
+        let (section, rest) = left.split_at_checked(end - start).unwrap_or((left, &[]));
+        encoder.write_all(section)?;
+        (left, start) = (rest, end);
+        if !section.is_empty() && !left.is_empty() {
+            encoder.flush()?;
+        }
+    }
+    encoder.finish()
 }
 
 impl EncodedAtlas {
@@ -207,12 +225,7 @@ struct Run<'a> {
 }
 
 /// Finds the runs of a chunk and holds their lengths against the chunk's.
-fn split<'a>(
-    frames: usize,
-    chunk: &'a [u8],
-    place: &Place,
-    offset: u64,
-) -> Result<Vec<Run<'a>>> {
+fn split<'a>(frames: usize, chunk: &'a [u8], place: &Place, offset: u64) -> Result<Vec<Run<'a>>> {
     let mut reader = ByteReader::new(chunk, offset);
     let per_run = reader.u32()? as usize;
     let count = reader.u32()? as usize;

@@ -192,7 +192,7 @@ mod tests {
             let bits = Bits::Integer(bits);
             for encoding in encodings(bits) {
                 let values: Vec<f32> = encoding.values().collect();
-                let mut codes = vec![0; values.len()];
+                let mut codes = vec![0u32; values.len()];
                 Quantizer::new(encoding.clone()).encode(&values, &mut codes);
                 assert!(codes.iter().enumerate().all(|(i, &code)| code as usize == i), "{bits}");
             }
@@ -207,7 +207,7 @@ mod tests {
                 let quantizer = Quantizer::new(encoding);
                 let mut value = -120.0f32;
                 while value < 120.0 {
-                    let mut code = [0];
+                    let mut code = [0u32];
                     quantizer.encode(&[value], &mut code);
                     let error = (values[code[0] as usize] - value).abs();
                     let least = values.iter().map(|v| (v - value).abs()).fold(f32::MAX, f32::min);

@@ -65,13 +65,13 @@ mod tests {
         let samples: Vec<_> = (0..200)
             .map(|_| {
                 let mut sample = [0.0; WEIGHTS + 1].map(|_| random());
-                sample[WEIGHTS] =
-                    (0..WEIGHTS).map(|i| sample[i] * f64::from(made[i]) / 32.0).sum();
+                sample[WEIGHTS] = (0..WEIGHTS).map(|i| sample[i] * f64::from(made[i]) / 32.0).sum();
                 sample
             })
             .collect();
         assert_eq!(weights(&products(&samples), WEIGHTS), made);
-        let few: Vec<_> = samples.iter().map(|s| [s[0], s[1], s[2], 0.0, 0.0, s[0] / 2.0]).collect();
+        let few: Vec<_> =
+            samples.iter().map(|s| [s[0], s[1], s[2], 0.0, 0.0, s[0] / 2.0]).collect();
         assert_eq!(weights(&products(&few), 3), [16, 0, 0, 0, 0]);
     }
 

@@ -2,8 +2,8 @@
 //!
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`search`] the one with the
 //! fewest bits within an error, [`code`] turns
-//! values into integer codes and back, [`run`] turns the codes of many blocks into a run of residuals, from predictions
-//! ([`predict`]) whose weights are fitted to it ([`fit`]). Nodes that nobody needs hold what costs least, the mean of
+//! values into integer codes and back, [`run`] turns the codes of many blocks into a run of residuals and back ([`write_run`],
+//! [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it ([`fit`]). Nodes that nobody needs hold what costs least, the mean of
 //! their neighbours, but density
 //! far below the opacity threshold ([`crate::field::Activation::unseen_raw`]).
 
@@ -12,9 +12,11 @@ mod code;
 mod fit;
 mod predict;
 mod range;
+mod read_run;
 mod run;
 mod search;
 mod wide;
+mod write_run;
 
 pub use block::{BlockEncoder, BlockSource};
 pub use code::decode_codes;
