@@ -1,13 +1,13 @@
 //! Slabs of a level to compressed runs, as they come.
 
 use crate::baked::{Encoding, Group, Table};
-use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, RunCodec};
+use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource};
+use crate::quantize::{BlockEncoder, BlockSource, Frame};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 const PENDING_BYTES: usize = 4 << 20;
@@ -49,9 +49,8 @@ struct GroupEncoder {
     /// The group's first channel in a slab.
     first_channel: usize,
     encoder: BlockEncoder,
-    codec: RunCodec,
-    /// Residual bytes of frames that are not compressed yet.
-    pending: Vec<Vec<u8>>,
+    /// Frames that are not compressed yet.
+    pending: Vec<Frame>,
     runs: Vec<CompressedRun>,
 }
 
@@ -75,10 +74,10 @@ impl<'a> LevelEncoder<'a> {
                 first_channel,
                 encoder: BlockEncoder::new(
                     encoding.clone(),
+                    channels,
                     edge,
                     encoding.decode.unseen(&options.activation),
                 ),
-                codec: RunCodec { number: encoding.number, channels, edge },
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
@@ -102,11 +101,11 @@ impl<'a> LevelEncoder<'a> {
             groups.iter().map(|group| group.frame(source, options)).collect::<Result<Vec<_>>>()
         })?;
         for frame in frames {
-            for (group, bytes) in self.groups.iter_mut().zip(frame) {
-                group.pending.push(bytes);
+            for (group, frame) in self.groups.iter_mut().zip(frame) {
+                group.pending.push(frame);
             }
         }
-        let waiting = |group: &GroupEncoder| group.pending.len() * group.codec.frame_bytes();
+        let waiting = |group: &GroupEncoder| group.pending.len() * group.encoder.shape().bytes();
         if self.groups.iter().map(waiting).sum::<usize>() >= PENDING_BYTES {
             self.compress(false)?;
         }
@@ -118,7 +117,7 @@ impl<'a> LevelEncoder<'a> {
         self.compress(true)?;
         let mut atlases = [None, None, None];
         for group in self.groups {
-            let atlas = EncodedAtlas::new(group.codec.frames_per_run(), group.runs)?;
+            let atlas = EncodedAtlas::new(frames_per_run(group.encoder.shape()), group.runs)?;
             atlases[group.group as usize] = Some(atlas);
         }
         Ok(EncodedLevel { table: self.table, atlases })
@@ -128,7 +127,7 @@ impl<'a> LevelEncoder<'a> {
     fn compress(&mut self, rest: bool) -> Result<()> {
         let mut runs = Vec::new();
         for (number, group) in self.groups.iter_mut().enumerate() {
-            let length = group.codec.frames_per_run();
+            let length = frames_per_run(group.encoder.shape());
             let mut frames = std::mem::take(&mut group.pending).into_iter();
             while frames.len() >= length || (rest && frames.len() > 0) {
                 runs.push((number, frames.by_ref().take(length).collect::<Vec<_>>()));
@@ -138,7 +137,8 @@ impl<'a> LevelEncoder<'a> {
         let (groups, level) = (&self.groups, self.options.zstd_level);
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
-            groups[*number].codec.compress(frames, level)
+            let encoder = &groups[*number].encoder;
+            CompressedRun::new(encoder.shape(), frames, encoder.unneeded_limit(), level)
         })?;
         for ((number, _), run) in runs.into_iter().zip(compressed) {
             self.groups[number].runs.push(run);
@@ -148,9 +148,9 @@ impl<'a> LevelEncoder<'a> {
 }
 
 impl GroupEncoder {
-    /// A block's residual bytes, all channels.
-    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Vec<u8>> {
-        let channels = self.first_channel..self.first_channel + self.codec.channels;
+    /// A block's codes, all channels.
+    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Frame> {
+        let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
         let bound = self.encoder.encoding().max_error;
         let bound = options.check.map_or(bound, |check| check.most.min(bound));
         let kept = || {
@@ -168,10 +168,6 @@ impl GroupEncoder {
         }
         // The bound is proved where encodings are made; here it must hold.
         debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
-        let mut bytes = Vec::with_capacity(self.codec.frame_bytes());
-        for channel in channels {
-            self.encoder.encode(source, channel, &mut bytes);
-        }
-        Ok(bytes)
+        Ok(self.encoder.frame(source, self.first_channel))
     }
 }
