@@ -7,14 +7,14 @@ use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource, Frame};
+use crate::quantize::{BlockEncoder, BlockSource, Frame, shift};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 const PENDING_BYTES: usize = 4 << 20;
 
 /// What all groups of a level share.
 #[derive(Debug, Clone, Copy)]
-pub struct EncodeOptions {
+pub struct EncodeOptions<'a> {
     /// Specular features of a node.
     pub features: usize,
     /// Raw density to opacity: nodes that nobody needs must not be seen.
@@ -23,6 +23,17 @@ pub struct EncodeOptions {
     pub zstd_level: i32,
     /// Where values may be others than the encodings were made for: what is held to.
     pub check: Option<Check>,
+    /// How much nodes make up of pictures, where colours may err by it.
+    pub importance: Option<Importance<'a>>,
+}
+
+/// How much nodes make up of pictures.
+#[derive(Debug, Clone, Copy)]
+pub struct Importance<'a> {
+    /// Of each node of the level, in units of their mean; z fastest.
+    pub of_nodes: &'a [f32],
+    /// Steps of codes at the mean.
+    pub coarseness: f32,
 }
 
 /// Values that are moved too far when they are encoded are an error.
@@ -39,7 +50,7 @@ pub struct Check {
 pub struct LevelEncoder<'a> {
     table: Table,
     needed: &'a NodeMask,
-    options: EncodeOptions,
+    options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
 }
 
@@ -61,7 +72,7 @@ impl<'a> LevelEncoder<'a> {
         table: Table,
         needed: &'a NodeMask,
         encodings: [Option<&Encoding>; 3],
-        options: EncodeOptions,
+        options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
         let mut groups = Vec::new();
@@ -147,6 +158,21 @@ impl<'a> LevelEncoder<'a> {
     }
 }
 
+impl Importance<'_> {
+    /// The shifts of a block's nodes ([`crate::quantize::shift`]).
+    fn shifts(&self, source: BlockSource, edge: usize) -> Vec<u8> {
+        let sizes = source.needed.nodes().0;
+        let of_node = |node: usize| {
+            let inside = [node / (edge * edge), node / edge % edge, node % edge];
+            let [x, y, z] = [0, 1, 2].map(|axis| source.place[axis] * edge + inside[axis]);
+            let has = x < sizes[0] && y < sizes[1] && z < sizes[2];
+            let importance = has.then(|| self.of_nodes[(x * sizes[1] + y) * sizes[2] + z]);
+            shift(importance.unwrap_or(0.0), self.coarseness)
+        };
+        (0..edge.pow(3)).map(of_node).collect()
+    }
+}
+
 impl GroupEncoder {
     /// A block's codes, all channels.
     fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Frame> {
@@ -168,6 +194,8 @@ impl GroupEncoder {
         }
         // The bound is proved where encodings are made; here it must hold.
         debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
-        Ok(self.encoder.frame(source, self.first_channel))
+        let coarser = options.importance.filter(|_| self.group != Group::Density);
+        let shifts = coarser.map(|importance| importance.shifts(source, self.encoder.shape().edge));
+        Ok(self.encoder.frame(source, self.first_channel, shifts.as_deref()))
     }
 }

@@ -27,7 +27,7 @@ use std::time::Instant;
 use serde_json::json;
 
 pub use current::is_current;
-pub use encode::{Check, EncodeOptions, LevelEncoder};
+pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
 pub use options::BakeOptions;
 pub use origin::Origin;
@@ -52,8 +52,8 @@ use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{Bits, color_encoding, density_encoding};
-use crate::render::{Field, exposure};
+use crate::quantize::{Bits, coarsened_error, color_encoding, density_encoding};
+use crate::render::{Exposure, Field, exposure};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -81,10 +81,11 @@ pub fn bake(
     let mut pruned =
         prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
     stage("prune", field.density.bytes());
-    if let Some(min_weight) = options.min_weight {
-        let unbaked = Field::trained(field, None, &Limits::default())?;
-        let seen = exposure(&unbaked, &options.seen_from, min_weight, progress)?;
-        pruned.keep_cells(&seen.cells)?;
+    let seen = expose(field, options, progress)?;
+    if let Some(seen) = &seen {
+        if options.min_weight.is_some() {
+            pruned.keep_cells(&seen.cells)?;
+        }
         stage("expose", 0);
     }
 
@@ -112,7 +113,14 @@ pub fn bake(
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);
     }
-    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, progress)?;
+    let importance = seen
+        .as_ref()
+        .filter(|_| options.coarseness > 0.0)
+        .map(|seen| Importance { of_nodes: &seen.importance, coarseness: options.coarseness });
+    if importance.is_some() {
+        allow_coarse_colors(&mut metadata);
+    }
+    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, importance, progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
     stage("encode", streamed.bytes_read);
     let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
@@ -168,6 +176,28 @@ fn fit_levels(
         cameras: &options.fit_cameras,
     };
     fit(field, levels, &needed, pruned.keeps_mask, &fit_options, &Limits::default(), progress)
+}
+
+/// What given cameras see, if anything depends on it.
+fn expose(
+    field: &RadianceField,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<Option<Exposure>> {
+    if !options.sees() {
+        return Ok(None);
+    }
+    let unbaked = Field::trained(field, None, &Limits::default())?;
+    exposure(&unbaked, &options.seen_from, options.min_weight.unwrap_or(1.0), progress).map(Some)
+}
+
+/// Colours of level 0 may err by as much as the least important node's.
+fn allow_coarse_colors(metadata: &mut Metadata) {
+    let Metadata { levels, activation, .. } = metadata;
+    let finest = levels.first_mut().into_iter();
+    for encoding in finest.flat_map(|level| [&mut level.diffuse, &mut level.features]).flatten() {
+        encoding.max_error = coarsened_error(encoding, activation);
+    }
 }
 
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
@@ -254,6 +284,7 @@ fn encode_levels(
     stream: &Stream,
     metadata: &Metadata,
     tables: Vec<Table>,
+    importance: Option<Importance>,
     progress: &dyn Progress,
 ) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
@@ -261,10 +292,14 @@ fn encode_levels(
         activation: metadata.activation,
         zstd_level: stream.options.zstd_level,
         check: None,
+        importance: None,
     };
     let mut encoders = Vec::new();
-    for ((level, pruned), table) in metadata.levels.iter().zip(&stream.pruned.levels).zip(tables) {
+    let levels = metadata.levels.iter().zip(&stream.pruned.levels).zip(tables);
+    for (number, ((level, pruned), table)) in levels.enumerate() {
         let encodings = Group::ALL.map(|group| level.encoding(group));
+        let importance = importance.filter(|_| number == 0);
+        let encode_options = EncodeOptions { importance, ..encode_options };
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
     let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;

@@ -51,7 +51,10 @@ pub struct BakeOptions {
     /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
     /// Default: none, all matter is kept
     pub min_weight: Option<f32>,
-    /// The cameras that `min_weight` is about
+    /// Steps of codes by which colours of level 0 may err at nodes that make up as much as the mean node does of
+    /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
+    pub coarseness: f32,
+    /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
@@ -72,6 +75,7 @@ impl Default for BakeOptions {
             fit_seconds: None,
             fit_cameras: Vec::new(),
             min_weight: None,
+            coarseness: 0.0,
             seen_from: Vec::new(),
             nonfinite: Nonfinite::Refuse,
         }
@@ -97,6 +101,11 @@ impl BakeOptions {
         options
     }
 
+    /// Whether what comes out depends on what [`seen_from`](Self::seen_from) see.
+    pub fn sees(&self) -> bool {
+        self.min_weight.is_some() || self.coarseness > 0.0
+    }
+
     /// Refuses values that no bake can follow.
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {
@@ -118,6 +127,7 @@ impl BakeOptions {
                 self.min_weight.is_none_or(|weight| weight > 0.0 && weight <= 1.0),
                 "--min-weight must be above 0 and at most 1",
             ),
+            ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules
@@ -152,6 +162,11 @@ impl BakeOptions {
         }
         if let Some(min_weight) = self.min_weight {
             options["min_weight"] = min_weight.into();
+        }
+        if self.coarseness > 0.0 {
+            options["coarseness"] = self.coarseness.into();
+        }
+        if !self.seen_from.is_empty() {
             options["seen_from"] = cameras_json(&self.seen_from);
         }
         options

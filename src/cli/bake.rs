@@ -75,6 +75,10 @@ pub struct Arguments {
     /// missing [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     min_weight: Option<f32>,
+    /// Let colours of the finest level err more the less they make up of what --cameras see: by so many steps of
+    /// codes at the mean, 0 to 64 [default: 0]
+    #[arg(long, value_name = "STEPS")]
+    coarseness: Option<f32>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
@@ -138,8 +142,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.apply(&mut options)?;
     options.check()?;
     arguments.scene.source_options().check()?;
-    if !arguments.gate.measures()? && options.min_weight.is_some() {
-        return Err(Error::usage("--min-weight needs --cameras or --turntable to be seen from"));
+    if !arguments.gate.measures()? && options.sees() {
+        let message = "--min-weight and --coarseness need --cameras or --turntable to be seen from";
+        return Err(Error::usage(message));
     }
     if let Some(preset) = arguments.preset
         && !common.quiet
@@ -221,6 +226,7 @@ impl Arguments {
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
         options.min_weight = self.min_weight;
+        options.coarseness = self.coarseness.unwrap_or(options.coarseness);
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,
@@ -250,7 +256,7 @@ impl Arguments {
             check_judges(&options.fit_cameras, cameras)?;
         }
         let mut options = options.clone();
-        if let (Some(_), Some(cameras)) = (options.min_weight, &cameras) {
+        if let Some(cameras) = cameras.as_ref().filter(|_| options.sees()) {
             options.seen_from.clone_from(cameras);
         }
         let options = &options;

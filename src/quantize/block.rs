@@ -1,5 +1,6 @@
 //! One block of a slab to codes.
 
+use super::coarsen::{Coarsening, coarsen};
 use super::code::Quantizer;
 use super::run::{Frame, FrameShape};
 use super::wide::Code;
@@ -52,17 +53,26 @@ impl BlockEncoder {
         self.unneeded_limit
     }
 
-    /// The codes of a block whose channels start at `first_channel` of the slab. Codes of nodes that
-    /// the grid does not have are 0.
-    pub fn frame(&self, source: BlockSource, first_channel: usize) -> Frame {
+    /// The codes of a block whose channels start at `first_channel` of the slab; coarser ones where `shifts`
+    /// are given. Codes of nodes that the grid does not have are 0.
+    pub fn frame(&self, source: BlockSource, first_channel: usize, shifts: Option<&[u8]>) -> Frame {
         let mut needed = vec![false; self.shape.nodes()];
-        let codes = match self.shape.number {
+        let mut codes = match self.shape.number {
             NumberType::U8 => Codes::U8(self.codes(source, first_channel, &mut needed)),
             NumberType::U16 | NumberType::F16 => {
                 Codes::U16(self.codes(source, first_channel, &mut needed))
             }
             NumberType::F32 => Codes::U32(self.codes(source, first_channel, &mut needed)),
         };
+        if let Some(shifts) = shifts {
+            let last = *self.encoding().codes().end();
+            let coarsening = Coarsening { shifts, unneeded_limit: self.unneeded_limit, last };
+            match &mut codes {
+                Codes::U8(codes) => coarsen(self.shape, codes, &needed, coarsening),
+                Codes::U16(codes) => coarsen(self.shape, codes, &needed, coarsening),
+                Codes::U32(codes) => coarsen(self.shape, codes, &needed, coarsening),
+            }
+        }
         Frame { codes, needed }
     }
 

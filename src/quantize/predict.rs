@@ -62,7 +62,7 @@ pub fn for_each_node(edge: usize, mut visit: impl FnMut(At)) {
 
 /// The means of the lower neighbours.
 #[inline(always)]
-fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T; L] {
+pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T; L] {
     let below = |axis: usize| &codes[at.node - [at.edge * at.edge, at.edge, 1][axis]];
     let two = |a: &[T; L], b: &[T; L]| {
         let mut out = [origin; L];
