@@ -28,7 +28,9 @@ const ROUNDS: usize = 7;
 const LEVEL: i32 = 1;
 
 fn main() {
-    println!("| container | group | bytes | of plain zstd -19 | decode MB/s | zstd's share | copy's speed | encode MB/s | zstd's share |");
+    println!(
+        "| container | group | bytes | of plain zstd -19 | decode MB/s | zstd's share | copy's speed | encode MB/s | zstd's share |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
     for path in std::env::args().skip(1).filter(|argument| !argument.starts_with("--")) {
         parallel::with_threads(1, || measure(Path::new(&path)));
@@ -99,9 +101,8 @@ fn print(container: &str, group: &str, figures: Figures) {
 }
 
 fn group_figures(shape: FrameShape, codes: &Codes, frames: &[Frame], chunk: &[u8]) -> Figures {
-    let number = |at: usize| {
-        u32::from_le_bytes(chunk[at..at + 4].try_into().expect("four bytes")) as usize
-    };
+    let number =
+        |at: usize| u32::from_le_bytes(chunk[at..at + 4].try_into().expect("four bytes")) as usize;
     let (full, count) = (number(0), number(4));
     let mut at = 8 + 4 * count;
     let mut packed = Vec::new();
@@ -116,7 +117,8 @@ fn group_figures(shape: FrameShape, codes: &Codes, frames: &[Frame], chunk: &[u8
             *run = if stored {
                 bytes.to_vec()
             } else {
-                zstd::bulk::decompress(bytes, shape.most_bytes(full).expect("a size")).expect("a run")
+                zstd::bulk::decompress(bytes, shape.most_bytes(full).expect("a size"))
+                    .expect("a run")
             };
         }
     });

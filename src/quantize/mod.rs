@@ -10,6 +10,7 @@
 mod block;
 mod code;
 mod fit;
+mod lanes;
 mod predict;
 mod range;
 mod read_run;
