@@ -78,8 +78,7 @@ mod tests {
     #[test]
     fn terms_that_say_nothing_get_no_weight() {
         assert_eq!(weights(&[0.0; PRODUCTS], WEIGHTS), [0; WEIGHTS]);
-        let samples: Vec<_> =
-            (1..50).map(|i| f64::from(i)).map(|x| [x, 2.0 * x, 0.0, x, x, x]).collect();
+        let samples: Vec<_> = (1..50).map(f64::from).map(|x| [x, 2.0 * x, 0.0, x, x, x]).collect();
         let found = weights(&products(&samples), WEIGHTS);
         assert_eq!(found, [32, 0, 0, 0, 0]);
     }

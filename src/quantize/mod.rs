@@ -11,6 +11,7 @@ mod block;
 mod coarsen;
 mod code;
 mod fit;
+mod lanes;
 mod predict;
 mod range;
 mod read_run;

@@ -90,40 +90,42 @@ pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T;
     }
 }
 
-/// `e` and `k` of a node.
+/// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where the block has none.
 #[inline(always)]
-fn slopes<T: Code, const L: usize>(
-    codes: &[[T; L]],
-    at: At,
-    mean: &[T; L],
-) -> ([T::Wide; L], [T::Wide; L]) {
+fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) -> [&'a [T; L]; 4] {
     let steps = [at.edge * at.edge, at.edge, 1];
-    let below = |axes: [bool; 3]| {
-        let step = |axis: usize| if axes[axis] { steps[axis] } else { 0 };
+    [[true, true, false], [true, false, true], [false, true, true], [true; 3]].map(|axes| {
         let has = (0..3).all(|axis| !axes[axis] || at.has[axis]);
+        let step = |axis: usize| if axes[axis] { steps[axis] } else { 0 };
         if has { &codes[at.node - step(0) - step(1) - step(2)] } else { mean }
-    };
-    let (xy, xz, yz) =
-        (below([true, true, false]), below([true, false, true]), below([false, true, true]));
-    let corner = below([true; 3]);
-    let (mut e, mut k) = ([T::Wide::default(); L], [T::Wide::default(); L]);
-    for lane in 0..L {
-        let m = mean[lane].wide();
-        e[lane] = xy[lane].wide() + xz[lane].wide() + yz[lane].wide() - (m + m + m);
-        k[lane] = corner[lane].wide() - m;
-    }
-    (e, k)
+    })
 }
 
-/// The differences of code and mean at a node.
+/// Codes and means of the channels before at a node, the nearest first. Where there is none they are equal.
 #[inline(always)]
-fn difference<T: Code, const L: usize>(channel: &Channel<T, L>, node: usize) -> [T::Wide; L] {
-    let (codes, means) = (&channel.codes[node], &channel.means[node]);
-    let mut out = [T::Wide::default(); L];
-    for lane in 0..L {
-        out[lane] = codes[lane].wide() - means[lane].wide();
-    }
-    out
+fn others<'a, T, const L: usize>(
+    before: &'a [Channel<T, L>],
+    node: usize,
+    none: &'a [T; L],
+) -> [(&'a [T; L], &'a [T; L]); CHANNELS_BEFORE] {
+    std::array::from_fn(|i| match before.len().checked_sub(i + 1) {
+        Some(channel) => (&before[channel].codes[node], &before[channel].means[node]),
+        None => (none, none),
+    })
+}
+
+/// The terms of a prediction.
+#[inline(always)]
+fn terms<T: Code, const L: usize>(
+    lane: usize,
+    mean: T::Wide,
+    [xy, xz, yz, corner]: [&[T; L]; 4],
+    others: [(&[T; L], &[T; L]); CHANNELS_BEFORE],
+) -> [T::Wide; WEIGHTS] {
+    let e = xy[lane].wide() + xz[lane].wide() + yz[lane].wide() - (mean + mean + mean);
+    let k = corner[lane].wide() - mean;
+    let [d1, d2, d3] = others.map(|(codes, means)| codes[lane].wide() - means[lane].wide());
+    [e, k, d1, d2, d3]
 }
 
 /// The predictions of a node, not reduced to the width.
@@ -135,21 +137,16 @@ fn predictions<T: Code, const L: usize>(
     mean: &[T; L],
     weights: &[[T::Wide; L]; WEIGHTS],
 ) -> [T::Wide; L] {
-    let (e, k) = slopes(codes, at, mean);
-    let mut sums = [T::Wide::from_i8(1 << (SHIFT - 1)); L];
+    let (beyond, others) = (beyond(codes, at, mean), others(before, at.node, mean));
+    let mut out = [T::Wide::default(); L];
     for lane in 0..L {
-        sums[lane] = sums[lane] + weights[0][lane] * e[lane] + weights[1][lane] * k[lane];
+        let mean = mean[lane].wide();
+        let [e, k, d1, d2, d3] = terms::<T, L>(lane, mean, beyond, others);
+        let near = weights[0][lane] * e + weights[1][lane] * k;
+        let far = weights[2][lane] * d1 + weights[3][lane] * d2 + weights[4][lane] * d3;
+        out[lane] = mean + ((near + far + T::Wide::from_i8(1 << (SHIFT - 1))) >> SHIFT);
     }
-    for (channel, weights) in before.iter().rev().zip(&weights[2..]) {
-        let d = difference(channel, at.node);
-        for lane in 0..L {
-            sums[lane] = sums[lane] + weights[lane] * d[lane];
-        }
-    }
-    for lane in 0..L {
-        sums[lane] = mean[lane].wide() + (sums[lane] >> SHIFT);
-    }
-    sums
+    out
 }
 
 /// Residuals to codes of one channel; `live` has all bits of nodes that have a residual and none of others, which are
@@ -229,7 +226,7 @@ pub struct Sums<const L: usize> {
     pub products: [[f64; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2],
 }
 
-/// Adds up what weights are fitted from: every third of the nodes that have all neighbours is enough.
+/// Adds up what weights are fitted from: every fifth node is enough.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn sums<T: Code, const L: usize>(
     edge: usize,
@@ -240,32 +237,30 @@ pub fn sums<T: Code, const L: usize>(
     let mut sums =
         Sums { sizes: [0.0; L], products: [[0.0; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2] };
     for_each_node(edge, |at| {
-        if !at.has.contains(&true) || at.node % 3 != 0 {
+        if !at.has.contains(&true) || at.node % 5 != 0 {
             return;
         }
-        let (e, k) = slopes(&channel.codes, at, &channel.means[at.node]);
-        let mut terms = [[0.0; L]; WEIGHTS + 1];
-        let mut take = |term: usize, values: &[T::Wide; L]| {
-            for lane in 0..L {
-                // Of what is not live the mean is right, whatever the weights.
-                let live = live[at.node][lane] != T::default();
-                terms[term][lane] = if live { values[lane].to_f64() } else { 0.0 };
-            }
-        };
-        take(0, &e);
-        take(1, &k);
-        for (term, channel) in before.iter().rev().enumerate() {
-            take(2 + term, &difference(channel, at.node));
-        }
-        take(WEIGHTS, &difference(channel, at.node));
+        let (codes, mean) = (&channel.codes[at.node], &channel.means[at.node]);
+        let (beyond, others) = (beyond(&channel.codes, at, mean), others(before, at.node, mean));
+        let mut all = [[0.0; L]; WEIGHTS + 1];
         for lane in 0..L {
-            sums.sizes[lane] += terms[WEIGHTS][lane].abs();
+            // Of what is not live the mean is right, whatever the weights.
+            let live = live[at.node][lane] != T::default();
+            let mean = mean[lane].wide();
+            let terms = terms::<T, L>(lane, mean, beyond, others);
+            for (all, term) in all.iter_mut().zip(terms) {
+                all[lane] = if live { term.to_f64() } else { 0.0 };
+            }
+            all[WEIGHTS][lane] = if live { (codes[lane].wide() - mean).to_f64() } else { 0.0 };
+        }
+        for (size, own) in sums.sizes.iter_mut().zip(&all[WEIGHTS]) {
+            *size += own.abs();
         }
         let mut products = sums.products.iter_mut();
         for row in 0..=WEIGHTS {
             for (column, product) in products.by_ref().take(row + 1).enumerate() {
-                for lane in 0..L {
-                    product[lane] += terms[row][lane] * terms[column][lane];
+                for ((product, a), b) in product.iter_mut().zip(&all[row]).zip(&all[column]) {
+                    *product += a * b;
                 }
             }
         }

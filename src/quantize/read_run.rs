@@ -1,5 +1,6 @@
 //! The bytes of a run to codes.
 
+use super::lanes::{gather, spread};
 use super::predict::{self, CHANNELS_BEFORE, Channel, WEIGHTS};
 use super::run::{FrameShape, before, lane_weights, terms};
 use super::wide::Code;
@@ -81,20 +82,23 @@ impl<'a> RunParts<'a> {
         let modes = &self.modes[first..][..frames];
         let empty = || vec![[T::default(); L]; nodes];
         let (mut live, mut residuals) = (empty(), empty());
-        let bits = self.live.chunks_exact(self.shape.live_bytes());
-        for (lane, bits) in bits.skip(first).take(frames).enumerate() {
-            for (lanes, &byte) in live.chunks_mut(8).zip(bits) {
-                for (i, lanes) in lanes.iter_mut().enumerate() {
-                    lanes[lane] = T::default().with_all_if(byte >> i & 1 == 1);
+        let mut rows = vec![T::default(); frames * nodes];
+        let bits = self.live.chunks_exact(self.shape.live_bytes()).skip(first);
+        for (row, bits) in rows.chunks_exact_mut(nodes).zip(bits) {
+            for (row, &byte) in row.chunks_mut(8).zip(bits) {
+                for (i, live) in row.iter_mut().enumerate() {
+                    *live = T::default().with_all_if(byte >> i & 1 == 1);
                 }
             }
         }
+        spread(&rows, nodes, &mut live);
         // The channel that is made, after those that its predictions look at.
         let mut known: Vec<Channel<T, L>> = Vec::with_capacity(CHANNELS_BEFORE + 1);
         for channel in 0..channels {
-            for lane in 0..frames {
-                self.take_residuals(first + lane, channel, lane, &live, &mut residuals);
+            for (lane, row) in rows.chunks_exact_mut(nodes).enumerate() {
+                self.take_residuals(first + lane, channel, row);
             }
+            spread(&rows, nodes, &mut residuals);
             let weights =
                 lane_weights::<T, L>(modes, |mode| self.weights[usize::from(mode)][channel]);
             let mut made = match known.len() > CHANNELS_BEFORE {
@@ -104,36 +108,44 @@ impl<'a> RunParts<'a> {
             let before = before(&known, known.len());
             let origin = T::origin(number);
             predict::restore(edge, origin, &live, &residuals, before, &weights, &mut made);
-            for (lane, codes) in codes.chunks_exact_mut(channels * nodes).enumerate() {
-                for (out, code) in codes[channel * nodes..].iter_mut().zip(&made.codes) {
-                    *out = code[lane];
-                }
-            }
+            gather(&made.codes, &mut codes[channel * nodes..], channels * nodes, nodes);
             known.push(made);
         }
     }
 
-    /// Residuals of one frame and channel into a lane. What is not live may get anything.
-    fn take_residuals<T: Code, const L: usize>(
-        &self,
-        frame: usize,
-        channel: usize,
-        lane: usize,
-        live: &[[T; L]],
-        residuals: &mut [[T; L]],
-    ) {
+    /// Residuals of one frame and channel. What is not live may get anything.
+    fn take_residuals<T: Code>(&self, frame: usize, channel: usize, row: &mut [T]) {
         let planes = self.residuals.get(channel * T::BYTES * self.count + self.starts[frame]..);
         let planes = planes.unwrap_or_default();
+        let bits = &self.live[frame * self.shape.live_bytes()..];
+        let (whole, rest) = row.as_chunks_mut::<8>();
         let mut at = 0;
-        for (residual, live) in residuals.iter_mut().zip(live) {
-            let mut number = 0;
-            for byte in 0..T::BYTES {
-                // After the last live node there may be no byte, and none is needed.
-                let byte_of = planes.get(byte * self.count + at).copied().unwrap_or(0);
-                number |= u32::from(byte_of) << (8 * byte);
-            }
-            residual[lane] = T::narrow(number);
-            at += usize::from(live[lane] != T::default());
+        for (row, &live) in whole.iter_mut().zip(bits) {
+            at += self.take_eight(planes, at, live, row);
         }
+        if let Some(&live) = bits.get(whole.len()) {
+            self.take_eight(planes, at, live, rest);
+        }
+    }
+
+    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are live.
+    #[inline(always)]
+    fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
+        // The next bytes of each plane. After the last live node there may be fewer than eight, and none is needed.
+        let mut next = [[0; 8]; 4];
+        for (byte, next) in next.iter_mut().enumerate().take(T::BYTES) {
+            let left = planes.get(byte * self.count + at..).unwrap_or_default();
+            match left.first_chunk() {
+                Some(eight) => *next = *eight,
+                None => next[..left.len()].copy_from_slice(left),
+            }
+        }
+        let mut taken = 0;
+        for (i, residual) in row.iter_mut().enumerate() {
+            let byte = |byte: usize| u32::from(next[byte][taken & 7]) << (8 * byte);
+            *residual = T::narrow((0..T::BYTES).fold(0, |number, i| number | byte(i)));
+            taken += usize::from(live >> i & 1);
+        }
+        taken
     }
 }

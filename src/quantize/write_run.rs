@@ -1,8 +1,10 @@
 //! Frames to the bytes of a run.
 
 use super::fit;
+use super::lanes::{gather, spread};
 use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
 use super::run::{Frame, FrameShape, RunBytes, Typed, before, lane_weights, terms};
+use super::wide::Code;
 
 /// Frames that a mode has at least, so that its weights and tables pay.
 const FRAMES_OF_A_MODE: usize = 24;
@@ -13,8 +15,6 @@ const MOST_MODES: usize = 8;
 struct Batch<T, const L: usize> {
     channels: Vec<Channel<T, L>>,
     live: Lanes<T, L>,
-    /// Lanes that hold a frame.
-    count: usize,
 }
 
 /// A run's frames, filled.
@@ -22,8 +22,8 @@ pub struct Encoder<T, const L: usize> {
     shape: FrameShape,
     frames: usize,
     batches: Vec<Batch<T, L>>,
-    /// Live nodes of each frame.
-    live: Vec<usize>,
+    /// The live bits of each frame.
+    live: Vec<Vec<u8>>,
 }
 
 impl<T: Typed, const L: usize> Encoder<T, L> {
@@ -31,42 +31,32 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
         let nodes = shape.nodes();
         let origin = T::origin(shape.number);
-        let batches: Vec<Batch<T, L>> = frames
-            .chunks(L)
-            .map(|frames| {
-                let empty = || vec![[T::default(); L]; nodes];
-                let (mut needed, mut live) = (empty(), empty());
-                for (lane, frame) in frames.iter().enumerate() {
-                    for (out, &is_needed) in needed.iter_mut().zip(&frame.needed) {
-                        out[lane] = T::default().with_all_if(is_needed);
-                    }
+        let mut rows: Vec<T> = Vec::with_capacity(L * nodes);
+        let (mut batches, mut bits) = (Vec::new(), Vec::with_capacity(frames.len()));
+        for frames in frames.chunks(L) {
+            let empty = || vec![[T::default(); L]; nodes];
+            let (mut needed, mut live) = (empty(), empty());
+            rows.clear();
+            let all = frames.iter().flat_map(|frame| &frame.needed);
+            rows.extend(all.map(|&needed| T::default().with_all_if(needed)));
+            spread(&rows, nodes, &mut needed);
+            let mut channels = Vec::with_capacity(shape.channels);
+            for channel in 0..shape.channels {
+                rows.clear();
+                for frame in frames {
+                    rows.extend(&T::of(&frame.codes)[channel * nodes..][..nodes]);
                 }
-                let mut channels = Vec::with_capacity(shape.channels);
-                for channel in 0..shape.channels {
-                    let mut lanes = Channel { codes: empty(), means: empty() };
-                    for (lane, frame) in frames.iter().enumerate() {
-                        let codes = &T::of(&frame.codes)[channel * nodes..][..nodes];
-                        for (out, &code) in lanes.codes.iter_mut().zip(codes) {
-                            out[lane] = code;
-                        }
-                    }
-                    let most = T::narrow(most);
-                    predict::fill(shape.edge, origin, most, &needed, &mut lanes, &mut live);
-                    channels.push(lanes);
-                }
-                Batch { channels, live, count: frames.len() }
-            })
-            .collect();
-        let mut live = Vec::with_capacity(frames.len());
-        for batch in &batches {
-            let mut counts = [0; L];
-            for lanes in &batch.live {
-                for (count, live) in counts.iter_mut().zip(lanes) {
-                    *count += usize::from(*live != T::default());
-                }
+                let mut lanes = Channel { codes: empty(), means: empty() };
+                spread(&rows, nodes, &mut lanes.codes);
+                let most = T::narrow(most);
+                predict::fill(shape.edge, origin, most, &needed, &mut lanes, &mut live);
+                channels.push(lanes);
             }
-            live.extend(&counts[..batch.count]);
+            gather(&live, &mut rows, nodes, nodes);
+            bits.extend(rows.chunks_exact(nodes).map(live_bits));
+            batches.push(Batch { channels, live });
         }
+        let live = bits;
         Self { shape, frames: frames.len(), batches, live }
     }
 
@@ -94,21 +84,23 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
             }
         }
         bytes.extend(&modes);
-        self.live_bits(&mut bytes);
+        self.live.iter().for_each(|live| bytes.extend(live));
         let mut sections = vec![bytes.len()];
         let start = bytes.len();
-        let live: usize = self.live.iter().sum();
-        // One more, so that a byte can be written before it is known whether it counts.
-        bytes.resize(start + live * channels * T::BYTES + 1, 0);
+        let live: usize = (0..self.frames).map(|frame| self.live_count(frame)).sum();
+        // More, so that bytes can be written before it is known whether they count.
+        bytes.resize(start + live * channels * T::BYTES + 8, 0);
         let mut at = start;
-        let mut residuals = vec![vec![[T::default(); L]; self.shape.nodes()]; self.batches.len()];
+        let nodes = self.shape.nodes();
+        let mut lanes = vec![[T::default(); L]; nodes];
+        let mut residuals = vec![T::default(); self.frames * nodes];
         for channel in 0..channels {
-            for ((batch, residuals), modes) in
-                self.batches.iter().zip(&mut residuals).zip(modes.chunks(L))
-            {
+            let batches = self.batches.iter().zip(residuals.chunks_mut(L * nodes));
+            for ((batch, residuals), modes) in batches.zip(modes.chunks(L)) {
                 let weights = lane_weights::<T, L>(modes, |mode| weights[mode as usize][channel]);
                 let before = before(&batch.channels, channel);
-                predict::residuals(edge, before, &weights, &batch.channels[channel], residuals);
+                predict::residuals(edge, before, &weights, &batch.channels[channel], &mut lanes);
+                gather(&lanes, residuals, nodes, nodes);
             }
             for byte in 0..T::BYTES {
                 let mut mode = 0;
@@ -117,10 +109,12 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
                         mode = modes[frame];
                         sections.push(at);
                     }
-                    let (batch, lane) = (frame / L, frame % L);
-                    for (residual, live) in residuals[batch].iter().zip(&self.batches[batch].live) {
-                        bytes[at] = residual[lane].byte(byte);
-                        at += usize::from(live[lane] != T::default());
+                    let (whole, rest) = residuals[frame * nodes..][..nodes].as_chunks::<8>();
+                    for (nodes, &live) in whole.iter().zip(&self.live[frame]) {
+                        at += put_eight(nodes, live, byte, &mut bytes[at..]);
+                    }
+                    if let Some(&live) = self.live[frame].get(whole.len()) {
+                        at += put_eight(rest, live, byte, &mut bytes[at..]);
                     }
                 }
                 sections.push(at);
@@ -134,7 +128,7 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
     fn modes(&self, sums: &[Vec<Sums<L>>]) -> (Vec<u8>, Vec<usize>) {
         let activity = |frame: usize| {
             let sizes: f64 = sums[frame / L].iter().map(|sums| sums.sizes[frame % L]).sum();
-            sizes / self.live[frame].max(1) as f64
+            sizes / self.live_count(frame).max(1) as f64
         };
         let mut order: Vec<usize> = (0..self.frames).collect();
         let activities: Vec<f64> = order.iter().map(|&frame| activity(frame)).collect();
@@ -166,15 +160,29 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
         products.into_iter().map(of_mode).collect()
     }
 
-    fn live_bits(&self, bytes: &mut Vec<u8>) {
-        for batch in &self.batches {
-            for lane in 0..batch.count {
-                for nodes in batch.live.chunks(8) {
-                    let bit =
-                        |(i, live): (usize, &[T; L])| u8::from(live[lane] != T::default()) << i;
-                    bytes.push(nodes.iter().enumerate().map(bit).fold(0, |byte, bit| byte | bit));
-                }
-            }
+    fn live_count(&self, frame: usize) -> usize {
+        self.live[frame].iter().map(|bits| bits.count_ones() as usize).sum()
+    }
+}
+
+/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live.
+#[inline(always)]
+fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
+    let mut taken = 0;
+    if let Some(out) = out.first_chunk_mut::<8>() {
+        for (i, residual) in nodes.iter().enumerate() {
+            out[taken & 7] = residual.byte(byte);
+            taken += usize::from(live >> i & 1);
         }
     }
+    taken
+}
+
+/// The live bits of a frame.
+fn live_bits<T: Code>(live: &[T]) -> Vec<u8> {
+    let byte = |nodes: &[T]| {
+        let bits = nodes.iter().enumerate().map(|(i, live)| (live.byte(0) & 1) << i);
+        bits.fold(0, |byte, bit| byte | bit)
+    };
+    live.chunks(8).map(byte).collect()
 }
