@@ -2,9 +2,11 @@
 
 mod common;
 
-use common::{Random, baked_bytes, field, open_bytes, random_field};
+use common::{Random, baked_bytes, field, open_bytes, plain, random_field, unpack};
 use glam::DVec3;
-use mipvog_bake::bake::BakeOptions;
+use mipvog_bake::bake::{BakeOptions, Changes, rebake};
+use mipvog_bake::baked::Group;
+use mipvog_bake::bytes::Output;
 use mipvog_bake::camera::{Camera, Lens, turntable};
 use mipvog_bake::field::RadianceField;
 use mipvog_bake::grid::NodeMask;
@@ -12,6 +14,7 @@ use mipvog_bake::limits::Limits;
 use mipvog_bake::parallel;
 use mipvog_bake::progress::Silent;
 use mipvog_bake::render::{Exposure, Field, FrameOptions, exposure, render};
+use mipvog_bake::unpack::Unpacked;
 
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];
@@ -135,4 +138,62 @@ fn weights_out_of_range_are_refused() {
         let error = options.check().expect_err("no weight").to_string();
         assert!(error.contains("--min-weight"), "{error}");
     }
+}
+
+/// A field of noise, whose colours cost something.
+fn noise() -> RadianceField {
+    let mut random = Random::new(11);
+    random_field(&mut random, [20, 24, 17], 5)
+}
+
+#[test]
+fn coarser_colors_take_fewer_bytes_and_keep_their_stated_error() {
+    let field = noise();
+    let mut options = BakeOptions::default();
+    let exact = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+    options.seen_from = turntable(&field.scene.bounds, 3, [60, 60]);
+    options.coarseness = 4.0;
+    let bytes = baked_bytes(&field, &options).expect("a bake");
+    let coarse = open_bytes(&bytes).expect("valid");
+    assert!(coarse.header().file_length < exact.header().file_length);
+    let [finest, unchanged] = [&coarse, &exact].map(|container| &container.metadata().levels[0]);
+    assert_eq!(finest.density, unchanged.density);
+    let bound = f64::from(finest.diffuse.as_ref().expect("colours").max_error);
+    assert!(bound > f64::from(unchanged.diffuse.as_ref().expect("colours").max_error));
+    let [got, want] = [&coarse, &exact].map(|container| {
+        let unpacked = unpack(container).expect("unpacks");
+        (unpacked.level(0, Group::Density), unpacked.level(0, Group::Diffuse))
+    });
+    // Nodes that can be seen; what others hold is what costs least.
+    let count = got.0.len();
+    let opaque: Vec<usize> = (0..count).filter(|&node| want.0[node] > 0.0).collect();
+    assert!(!opaque.is_empty());
+    let mut moved = 0;
+    for node in opaque.iter().flat_map(|&node| (0..3).map(move |channel| channel * count + node)) {
+        let error =
+            (plain::sigmoid(got.1[node].into()) - plain::sigmoid(want.1[node].into())).abs();
+        assert!(error <= bound, "{error} is more than {bound}");
+        moved += usize::from(error > 0.0);
+    }
+    assert!(moved > opaque.len() / 10, "{moved} of {}", opaque.len());
+}
+
+#[test]
+fn what_was_coarsened_bakes_again_to_the_same_bytes() {
+    let mut options = BakeOptions::default();
+    let field = noise();
+    options.seen_from = turntable(&field.scene.bounds, 2, [40, 40]);
+    (options.coarseness, options.min_weight) = (2.0, Some(1e-3));
+    let bytes = [1, 3].map(|threads| {
+        parallel::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
+    });
+    assert_eq!(bytes[0], bytes[1]);
+    let unpacked = unpack(&open_bytes(&bytes[0]).expect("valid")).expect("unpacks");
+    let unpacked = Unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
+    let folder = common::folder();
+    let path = folder.path().join("again.mipvog");
+    let mut output = Output::create(&path, false).expect("a folder");
+    rebake(&unpacked, &Changes::default(), &mut output, &Silent).expect("bakes again");
+    output.finish().expect("a file");
+    assert_eq!(std::fs::read(path).expect("a container"), bytes[0]);
 }
