@@ -14,6 +14,7 @@
 mod current;
 mod encode;
 mod filter;
+mod forecast;
 mod options;
 mod origin;
 mod preset;
@@ -29,6 +30,7 @@ use serde_json::json;
 pub use current::is_current;
 pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
+pub use forecast::{Forecast, forecast};
 pub use options::BakeOptions;
 pub use origin::Origin;
 pub use preset::Preset;
@@ -46,7 +48,7 @@ use crate::baked::{
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head};
 use crate::error::Result;
-use crate::field::RadianceField;
+use crate::field::{Planes, RadianceField};
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
@@ -72,20 +74,10 @@ pub fn bake(
         clock = Instant::now();
     };
 
-    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
-    let planes = prune::masked_planes(field, options.nonfinite)?;
-    let (filter, activation) = (options.filter, &field.scene.activation);
-    let density_filter = filter
-        .filters_density()
-        .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
-    let mut pruned =
-        prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    let (planes, sizes, mut pruned) = prune_field(field, options, progress)?;
     stage("prune", field.density.bytes());
-    let seen = expose(field, options, progress)?;
-    if let Some(seen) = &seen {
-        if options.min_weight.is_some() {
-            pruned.keep_cells(&seen.cells)?;
-        }
+    let seen = expose(field, options, &mut pruned, progress)?;
+    if seen.is_some() {
         stage("expose", 0);
     }
 
@@ -113,10 +105,7 @@ pub fn bake(
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);
     }
-    let importance = seen
-        .as_ref()
-        .filter(|_| options.coarseness > 0.0)
-        .map(|seen| Importance { of_nodes: &seen.importance, coarseness: options.coarseness });
+    let importance = seen.as_ref().and_then(|seen| options.importance(seen));
     if importance.is_some() {
         allow_coarse_colors(&mut metadata);
     }
@@ -178,17 +167,39 @@ fn fit_levels(
     fit(field, levels, &needed, pruned.keeps_mask, &fit_options, &Limits::default(), progress)
 }
 
-/// What given cameras see, if anything depends on it.
+/// What can be seen of a field's levels, and what it is read by.
+fn prune_field<'a>(
+    field: &'a RadianceField,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<(Planes<'a>, Vec<Nodes>, Pruned)> {
+    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+    let planes = prune::masked_planes(field, options.nonfinite)?;
+    let (filter, activation) = (options.filter, &field.scene.activation);
+    let density_filter = filter
+        .filters_density()
+        .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
+    let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    Ok((planes, sizes, pruned))
+}
+
+/// What given cameras see, if anything depends on it; drops what they do not, where it is to be dropped.
 fn expose(
     field: &RadianceField,
     options: &BakeOptions,
+    pruned: &mut Pruned,
     progress: &dyn Progress,
 ) -> Result<Option<Exposure>> {
     if !options.sees() {
         return Ok(None);
     }
     let unbaked = Field::trained(field, None, &Limits::default())?;
-    exposure(&unbaked, &options.seen_from, options.min_weight.unwrap_or(1.0), progress).map(Some)
+    let least = options.min_weight.unwrap_or(1.0);
+    let seen = exposure(&unbaked, &options.seen_from, least, progress)?;
+    if options.min_weight.is_some() {
+        pruned.keep_cells(&seen.cells)?;
+    }
+    Ok(Some(seen))
 }
 
 /// Colours of level 0 may err by as much as the least important node's.

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::Filter;
 use super::ranges::check_max_error;
+use super::{Filter, Importance};
 use crate::baked::Metadata;
 use crate::bytes::hex;
 use crate::camera::{Camera, digest};
@@ -11,6 +11,7 @@ use crate::container::LARGEST_BLOCK;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
 use crate::quantize::Bits;
+use crate::render::Exposure;
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
@@ -104,6 +105,12 @@ impl BakeOptions {
     /// Whether what comes out depends on what [`seen_from`](Self::seen_from) see.
     pub fn sees(&self) -> bool {
         self.min_weight.is_some() || self.coarseness > 0.0
+    }
+
+    /// What colours of level 0 may err by, if they may, by what was seen.
+    pub(super) fn importance<'a>(&self, seen: &'a Exposure) -> Option<Importance<'a>> {
+        let importance = Importance { of_nodes: &seen.importance, coarseness: self.coarseness };
+        Some(importance).filter(|_| self.coarseness > 0.0)
     }
 
     /// Refuses values that no bake can follow.

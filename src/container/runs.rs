@@ -103,6 +103,11 @@ impl EncodedAtlas {
         Ok(Self { frames_per_run, stored, runs: runs.into_iter().map(|run| run.bytes).collect() })
     }
 
+    /// Bytes of all runs.
+    pub fn bytes(&self) -> u64 {
+        self.runs.iter().map(|run| run.len() as u64).sum()
+    }
+
     /// The chunk's bytes, in pieces.
     pub fn chunk(&self) -> Result<Vec<Vec<u8>>> {
         let mut head = Vec::new();
