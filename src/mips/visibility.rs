@@ -94,7 +94,7 @@ impl Occluders {
                 let length = (squares[0] + squares[1] + squares[2]).sqrt();
                 transmittances(&self.depths, length, &mut passing);
                 for direction in directions(steps) {
-                    self.follow(direction, &passing, &mut sums);
+                    follow(self.nodes, direction, &passing, &mut sums);
                 }
             }
             Ok(sums)
@@ -110,46 +110,47 @@ impl Occluders {
         }
         Ok(Visibility { nodes: self.nodes, seen })
     }
+}
 
-    /// Adds to each node the light that gets there along `direction`, of which a node lets through what
-    /// `passing` says.
-    fn follow(&self, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) {
-        let [nx, ny, nz] = self.nodes.0;
-        let [dx, dy, dz] = direction;
-        // Light behind each node of the plane before and of this one.
-        let mut before = vec![1.0; ny * nz];
-        let mut behind = vec![1.0; ny * nz];
-        let unhindered = vec![1.0; nz];
-        let mut light = vec![1.0; nz];
-        for x in 0..nx {
-            let x = if dx < 0 { nx - 1 - x } else { x };
-            std::mem::swap(&mut before, &mut behind);
-            for y in 0..ny {
-                let y = if dy < 0 { ny - 1 - y } else { y };
-                let row = (x * ny + y) * nz..(x * ny + y + 1) * nz;
-                let (passing, sums) = (&passing[row.clone()], &mut sums[row]);
-                if [dx, dy] == [0, 0] {
-                    along_row(passing, dz < 0, &mut light);
-                    add(sums, &light);
-                    continue;
-                }
-                let from = y.checked_add_signed(-dy).filter(|&from| from < ny);
-                let planes = if dx == 0 { &behind } else { &before };
-                let source = from.map_or(&unhindered[..], |from| &planes[from * nz..][..nz]);
-                match dz {
-                    0 => light.copy_from_slice(source),
-                    1 => {
-                        light[0] = 1.0;
-                        light[1..].copy_from_slice(&source[..nz - 1]);
-                    }
-                    _ => {
-                        light[nz - 1] = 1.0;
-                        light[..nz - 1].copy_from_slice(&source[1..]);
-                    }
-                }
+/// Adds to each node the light that gets there along `direction`, of which a node lets through what
+/// `passing` says.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn follow(nodes: Nodes, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) {
+    let [nx, ny, nz] = nodes.0;
+    let [dx, dy, dz] = direction;
+    // Light behind each node of the plane before and of this one.
+    let mut before = vec![1.0; ny * nz];
+    let mut behind = vec![1.0; ny * nz];
+    let unhindered = vec![1.0; nz];
+    let mut light = vec![1.0; nz];
+    for x in 0..nx {
+        let x = if dx < 0 { nx - 1 - x } else { x };
+        std::mem::swap(&mut before, &mut behind);
+        for y in 0..ny {
+            let y = if dy < 0 { ny - 1 - y } else { y };
+            let row = (x * ny + y) * nz..(x * ny + y + 1) * nz;
+            let (passing, sums) = (&passing[row.clone()], &mut sums[row]);
+            if [dx, dy] == [0, 0] {
+                along_row(passing, dz < 0, &mut light);
                 add(sums, &light);
-                weaken(&light, passing, &mut behind[y * nz..][..nz]);
+                continue;
             }
+            let from = y.checked_add_signed(-dy).filter(|&from| from < ny);
+            let planes = if dx == 0 { &behind } else { &before };
+            let source = from.map_or(&unhindered[..], |from| &planes[from * nz..][..nz]);
+            match dz {
+                0 => light.copy_from_slice(source),
+                1 => {
+                    light[0] = 1.0;
+                    light[1..].copy_from_slice(&source[..nz - 1]);
+                }
+                _ => {
+                    light[nz - 1] = 1.0;
+                    light[..nz - 1].copy_from_slice(&source[1..]);
+                }
+            }
+            add(sums, &light);
+            weaken(&light, passing, &mut behind[y * nz..][..nz]);
         }
     }
 }
@@ -187,14 +188,14 @@ fn along_row(passing: &[f32], backwards: bool, light: &mut [f32]) {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+#[inline(always)]
 fn add(sums: &mut [f32], light: &[f32]) {
     for (sum, light) in sums.iter_mut().zip(light) {
         *sum += light;
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+#[inline(always)]
 fn weaken(light: &[f32], passing: &[f32], behind: &mut [f32]) {
     for ((behind, light), passing) in behind.iter_mut().zip(light).zip(passing) {
         *behind = self::behind(*light, *passing);
