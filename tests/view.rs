@@ -102,7 +102,7 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
     assert_eq!((whole.status, whole.field("Accept-Ranges")), (200, "bytes"));
     assert!(whole.body == bytes);
     let length = bytes.len();
-    let parts = [("100-299", 100..300), ("60000-", 60000..length), ("-64", length - 64..length)];
+    let parts = [("100-299", 100..300), ("9000-", 9000..length), ("-64", length - 64..length)];
     for (range, want) in parts {
         let answer = served.ask("GET /field.mipvog HTTP/1.1", &format!("Range: bytes={range}\r\n"));
         assert_eq!(answer.status, 206);

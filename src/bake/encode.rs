@@ -1,20 +1,20 @@
 //! Slabs of a level to compressed runs, as they come.
 
 use crate::baked::{Encoding, Group, Table};
-use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, RunCodec};
+use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource};
+use crate::quantize::{BlockEncoder, BlockSource, Frame, shift};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 const PENDING_BYTES: usize = 4 << 20;
 
 /// What all groups of a level share.
 #[derive(Debug, Clone, Copy)]
-pub struct EncodeOptions {
+pub struct EncodeOptions<'a> {
     /// Specular features of a node.
     pub features: usize,
     /// Raw density to opacity: nodes that nobody needs must not be seen.
@@ -23,6 +23,17 @@ pub struct EncodeOptions {
     pub zstd_level: i32,
     /// Where values may be others than the encodings were made for: what is held to.
     pub check: Option<Check>,
+    /// How much nodes make up of pictures, where colours may err by it.
+    pub importance: Option<Importance<'a>>,
+}
+
+/// How much nodes make up of pictures.
+#[derive(Debug, Clone, Copy)]
+pub struct Importance<'a> {
+    /// Of each node of the level, in units of their mean; z fastest.
+    pub of_nodes: &'a [f32],
+    /// Steps of codes at the mean.
+    pub coarseness: f32,
 }
 
 /// Values that are moved too far when they are encoded are an error.
@@ -39,7 +50,7 @@ pub struct Check {
 pub struct LevelEncoder<'a> {
     table: Table,
     needed: &'a NodeMask,
-    options: EncodeOptions,
+    options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
 }
 
@@ -49,9 +60,8 @@ struct GroupEncoder {
     /// The group's first channel in a slab.
     first_channel: usize,
     encoder: BlockEncoder,
-    codec: RunCodec,
-    /// Residual bytes of frames that are not compressed yet.
-    pending: Vec<Vec<u8>>,
+    /// Frames that are not compressed yet.
+    pending: Vec<Frame>,
     runs: Vec<CompressedRun>,
 }
 
@@ -62,7 +72,7 @@ impl<'a> LevelEncoder<'a> {
         table: Table,
         needed: &'a NodeMask,
         encodings: [Option<&Encoding>; 3],
-        options: EncodeOptions,
+        options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
         let mut groups = Vec::new();
@@ -75,10 +85,10 @@ impl<'a> LevelEncoder<'a> {
                 first_channel,
                 encoder: BlockEncoder::new(
                     encoding.clone(),
+                    channels,
                     edge,
                     encoding.decode.unseen(&options.activation),
                 ),
-                codec: RunCodec { number: encoding.number, channels, edge },
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
@@ -102,11 +112,11 @@ impl<'a> LevelEncoder<'a> {
             groups.iter().map(|group| group.frame(source, options)).collect::<Result<Vec<_>>>()
         })?;
         for frame in frames {
-            for (group, bytes) in self.groups.iter_mut().zip(frame) {
-                group.pending.push(bytes);
+            for (group, frame) in self.groups.iter_mut().zip(frame) {
+                group.pending.push(frame);
             }
         }
-        let waiting = |group: &GroupEncoder| group.pending.len() * group.codec.frame_bytes();
+        let waiting = |group: &GroupEncoder| group.pending.len() * group.encoder.shape().bytes();
         if self.groups.iter().map(waiting).sum::<usize>() >= PENDING_BYTES {
             self.compress(false)?;
         }
@@ -118,7 +128,7 @@ impl<'a> LevelEncoder<'a> {
         self.compress(true)?;
         let mut atlases = [None, None, None];
         for group in self.groups {
-            let atlas = EncodedAtlas::new(group.codec.frames_per_run(), group.runs)?;
+            let atlas = EncodedAtlas::new(frames_per_run(group.encoder.shape()), group.runs)?;
             atlases[group.group as usize] = Some(atlas);
         }
         Ok(EncodedLevel { table: self.table, atlases })
@@ -128,7 +138,7 @@ impl<'a> LevelEncoder<'a> {
     fn compress(&mut self, rest: bool) -> Result<()> {
         let mut runs = Vec::new();
         for (number, group) in self.groups.iter_mut().enumerate() {
-            let length = group.codec.frames_per_run();
+            let length = frames_per_run(group.encoder.shape());
             let mut frames = std::mem::take(&mut group.pending).into_iter();
             while frames.len() >= length || (rest && frames.len() > 0) {
                 runs.push((number, frames.by_ref().take(length).collect::<Vec<_>>()));
@@ -138,7 +148,8 @@ impl<'a> LevelEncoder<'a> {
         let (groups, level) = (&self.groups, self.options.zstd_level);
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
-            groups[*number].codec.compress(frames, level)
+            let encoder = &groups[*number].encoder;
+            CompressedRun::new(encoder.shape(), frames, encoder.unneeded_limit(), level)
         })?;
         for ((number, _), run) in runs.into_iter().zip(compressed) {
             self.groups[number].runs.push(run);
@@ -147,10 +158,25 @@ impl<'a> LevelEncoder<'a> {
     }
 }
 
+impl Importance<'_> {
+    /// The shifts of a block's nodes ([`crate::quantize::shift`]).
+    fn shifts(&self, source: BlockSource, edge: usize) -> Vec<u8> {
+        let sizes = source.needed.nodes().0;
+        let of_node = |node: usize| {
+            let inside = [node / (edge * edge), node / edge % edge, node % edge];
+            let [x, y, z] = [0, 1, 2].map(|axis| source.place[axis] * edge + inside[axis]);
+            let has = x < sizes[0] && y < sizes[1] && z < sizes[2];
+            let importance = has.then(|| self.of_nodes[(x * sizes[1] + y) * sizes[2] + z]);
+            shift(importance.unwrap_or(0.0), self.coarseness)
+        };
+        (0..edge.pow(3)).map(of_node).collect()
+    }
+}
+
 impl GroupEncoder {
-    /// A block's residual bytes, all channels.
-    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Vec<u8>> {
-        let channels = self.first_channel..self.first_channel + self.codec.channels;
+    /// A block's codes, all channels.
+    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Frame> {
+        let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
         let bound = self.encoder.encoding().max_error;
         let bound = options.check.map_or(bound, |check| check.most.min(bound));
         let kept = || {
@@ -168,10 +194,8 @@ impl GroupEncoder {
         }
         // The bound is proved where encodings are made; here it must hold.
         debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
-        let mut bytes = Vec::with_capacity(self.codec.frame_bytes());
-        for channel in channels {
-            self.encoder.encode(source, channel, &mut bytes);
-        }
-        Ok(bytes)
+        let coarser = options.importance.filter(|_| self.group != Group::Density);
+        let shifts = coarser.map(|importance| importance.shifts(source, self.encoder.shape().edge));
+        Ok(self.encoder.frame(source, self.first_channel, shifts.as_deref()))
     }
 }

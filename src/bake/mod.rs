@@ -2,7 +2,7 @@
 //!
 //! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
 //!    that must be right and the blocks that are kept.
-//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposed_cells`]).
+//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposure`]).
 //! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
 //!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
@@ -14,6 +14,7 @@
 mod current;
 mod encode;
 mod filter;
+mod forecast;
 mod options;
 mod origin;
 mod preset;
@@ -27,8 +28,9 @@ use std::time::Instant;
 use serde_json::json;
 
 pub use current::is_current;
-pub use encode::{Check, EncodeOptions, LevelEncoder};
+pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
+pub use forecast::{Forecast, forecast};
 pub use options::BakeOptions;
 pub use origin::Origin;
 pub use preset::Preset;
@@ -46,14 +48,14 @@ use crate::baked::{
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head};
 use crate::error::Result;
-use crate::field::RadianceField;
+use crate::field::{Planes, RadianceField};
 use crate::fit::{FitOptions, Fitted, fit};
 use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{Bits, color_encoding, density_encoding};
-use crate::render::{Field, exposed_cells};
+use crate::quantize::{Bits, coarsened_error, color_encoding, density_encoding};
+use crate::render::{Exposure, Field, exposure};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -72,19 +74,10 @@ pub fn bake(
         clock = Instant::now();
     };
 
-    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
-    let planes = prune::masked_planes(field, options.nonfinite)?;
-    let (filter, activation) = (options.filter, &field.scene.activation);
-    let density_filter = filter
-        .filters_density()
-        .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
-    let mut pruned =
-        prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    let (planes, sizes, mut pruned) = prune_field(field, options, progress)?;
     stage("prune", field.density.bytes());
-    if let Some(min_weight) = options.min_weight {
-        let unbaked = Field::trained(field, None, &Limits::default())?;
-        let cells = exposed_cells(&unbaked, &options.seen_from, min_weight, progress)?;
-        pruned.keep_cells(&cells)?;
+    let seen = expose(field, options, &mut pruned, progress)?;
+    if seen.is_some() {
         stage("expose", 0);
     }
 
@@ -112,7 +105,11 @@ pub fn bake(
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);
     }
-    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, progress)?;
+    let importance = seen.as_ref().and_then(|seen| options.importance(seen));
+    if importance.is_some() {
+        allow_coarse_colors(&mut metadata);
+    }
+    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, importance, progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
     stage("encode", streamed.bytes_read);
     let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
@@ -168,6 +165,50 @@ fn fit_levels(
         cameras: &options.fit_cameras,
     };
     fit(field, levels, &needed, pruned.keeps_mask, &fit_options, &Limits::default(), progress)
+}
+
+/// What can be seen of a field's levels, and what it is read by.
+fn prune_field<'a>(
+    field: &'a RadianceField,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<(Planes<'a>, Vec<Nodes>, Pruned)> {
+    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+    let planes = prune::masked_planes(field, options.nonfinite)?;
+    let (filter, activation) = (options.filter, &field.scene.activation);
+    let density_filter = filter
+        .filters_density()
+        .then(|| DensityFilter { kernel: filter.kernel(), matter: filter.matter(activation) });
+    let pruned = prune::prune(&planes, &sizes, density_filter, options.alpha_threshold, progress)?;
+    Ok((planes, sizes, pruned))
+}
+
+/// What given cameras see, if anything depends on it; drops what they do not, where it is to be dropped.
+fn expose(
+    field: &RadianceField,
+    options: &BakeOptions,
+    pruned: &mut Pruned,
+    progress: &dyn Progress,
+) -> Result<Option<Exposure>> {
+    if !options.sees() {
+        return Ok(None);
+    }
+    let unbaked = Field::trained(field, None, &Limits::default())?;
+    let least = options.min_weight.unwrap_or(1.0);
+    let seen = exposure(&unbaked, &options.seen_from, least, progress)?;
+    if options.min_weight.is_some() {
+        pruned.keep_cells(&seen.cells)?;
+    }
+    Ok(Some(seen))
+}
+
+/// Colours of level 0 may err by as much as the least important node's.
+fn allow_coarse_colors(metadata: &mut Metadata) {
+    let Metadata { levels, activation, .. } = metadata;
+    let finest = levels.first_mut().into_iter();
+    for encoding in finest.flat_map(|level| [&mut level.diffuse, &mut level.features]).flatten() {
+        encoding.max_error = coarsened_error(encoding, activation);
+    }
 }
 
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
@@ -254,6 +295,7 @@ fn encode_levels(
     stream: &Stream,
     metadata: &Metadata,
     tables: Vec<Table>,
+    importance: Option<Importance>,
     progress: &dyn Progress,
 ) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
@@ -261,10 +303,14 @@ fn encode_levels(
         activation: metadata.activation,
         zstd_level: stream.options.zstd_level,
         check: None,
+        importance: None,
     };
     let mut encoders = Vec::new();
-    for ((level, pruned), table) in metadata.levels.iter().zip(&stream.pruned.levels).zip(tables) {
+    let levels = metadata.levels.iter().zip(&stream.pruned.levels).zip(tables);
+    for (number, ((level, pruned), table)) in levels.enumerate() {
         let encodings = Group::ALL.map(|group| level.encoding(group));
+        let importance = importance.filter(|_| number == 0);
+        let encode_options = EncodeOptions { importance, ..encode_options };
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
     let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;

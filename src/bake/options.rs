@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::Filter;
 use super::ranges::check_max_error;
+use super::{Filter, Importance};
 use crate::baked::Metadata;
 use crate::bytes::hex;
 use crate::camera::{Camera, digest};
@@ -11,6 +11,7 @@ use crate::container::LARGEST_BLOCK;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
 use crate::quantize::Bits;
+use crate::render::Exposure;
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
@@ -51,7 +52,10 @@ pub struct BakeOptions {
     /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
     /// Default: none, all matter is kept
     pub min_weight: Option<f32>,
-    /// The cameras that `min_weight` is about
+    /// Steps of codes by which colours of level 0 may err at nodes that make up as much as the mean node does of
+    /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
+    pub coarseness: f32,
+    /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
@@ -72,6 +76,7 @@ impl Default for BakeOptions {
             fit_seconds: None,
             fit_cameras: Vec::new(),
             min_weight: None,
+            coarseness: 0.0,
             seen_from: Vec::new(),
             nonfinite: Nonfinite::Refuse,
         }
@@ -97,6 +102,17 @@ impl BakeOptions {
         options
     }
 
+    /// Whether what comes out depends on what [`seen_from`](Self::seen_from) see.
+    pub fn sees(&self) -> bool {
+        self.min_weight.is_some() || self.coarseness > 0.0
+    }
+
+    /// What colours of level 0 may err by, if they may, by what was seen.
+    pub(super) fn importance<'a>(&self, seen: &'a Exposure) -> Option<Importance<'a>> {
+        let importance = Importance { of_nodes: &seen.importance, coarseness: self.coarseness };
+        Some(importance).filter(|_| self.coarseness > 0.0)
+    }
+
     /// Refuses values that no bake can follow.
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {
@@ -118,6 +134,7 @@ impl BakeOptions {
                 self.min_weight.is_none_or(|weight| weight > 0.0 && weight <= 1.0),
                 "--min-weight must be above 0 and at most 1",
             ),
+            ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules
@@ -152,6 +169,11 @@ impl BakeOptions {
         }
         if let Some(min_weight) = self.min_weight {
             options["min_weight"] = min_weight.into();
+        }
+        if self.coarseness > 0.0 {
+            options["coarseness"] = self.coarseness.into();
+        }
+        if !self.seen_from.is_empty() {
             options["seen_from"] = cameras_json(&self.seen_from);
         }
         options

@@ -51,10 +51,7 @@ impl Preset {
         let mut options = BakeOptions::default();
         match self {
             Self::Faithful => options.filter = Filter::Code,
-            Self::Web => {
-                options.max_error = Some(WEB_ERROR);
-                options.zstd_level = 19;
-            }
+            Self::Web => options.max_error = Some(WEB_ERROR),
             Self::Archive => options.bits = Bits::F32,
         }
         options

@@ -132,6 +132,7 @@ pub fn rebake(
             activation: metadata.activation,
             zstd_level,
             check: Some(Check { most, level: number }),
+            importance: None,
         };
         let needed = stored_nodes(&level.table);
         let encodings = Group::ALL.map(|group| of_level.encoding(group));

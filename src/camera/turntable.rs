@@ -13,8 +13,9 @@ pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera>
     let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
     // A field of view of about 40 degrees along the shorter side.
     let half_angle: f64 = 0.35;
-    let distance = radius / half_angle.sin();
-    let focal = 0.5 * size[0].min(size[1]) as f64 / half_angle.tan();
+    // What cameras see may decide what is stored: the same bits on every machine.
+    let distance = radius / libm::sin(half_angle);
+    let focal = 0.5 * size[0].min(size[1]) as f64 / libm::tan(half_angle);
     let lens = Lens {
         width: size[0],
         height: size[1],
@@ -24,7 +25,11 @@ pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera>
     let camera = |i: usize| {
         let around = std::f64::consts::TAU * i as f64 / count as f64;
         let up = std::f64::consts::FRAC_PI_6;
-        let back = DVec3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin());
+        let back = DVec3::new(
+            libm::cos(around) * libm::cos(up),
+            libm::sin(around) * libm::cos(up),
+            libm::sin(up),
+        );
         Camera::looking_at(middle, back, distance, format!("turn_{i:03}"), lens)
     };
     (0..count).map(camera).collect()

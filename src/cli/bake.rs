@@ -18,11 +18,11 @@ use super::progress::Bar;
 use super::values::{Background, parse_bits};
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, rebake,
+    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
 };
 use crate::bytes::Output;
 use crate::error::{Error, Result};
-use crate::field::Nonfinite;
+use crate::field::{Nonfinite, RadianceField};
 use crate::fit::FittedLevel;
 use crate::limits::Limits;
 use crate::quantize::Bits;
@@ -39,6 +39,9 @@ pub struct Arguments {
     /// The container to write
     #[arg(short, long, value_name = "OUT.mipvog")]
     output: PathBuf,
+    /// Forecast time, memory and bytes from a part of the scene, and write nothing
+    #[arg(long)]
+    dry_run: bool,
     /// Overwrite the output if it exists
     #[arg(long)]
     force: bool,
@@ -75,6 +78,10 @@ pub struct Arguments {
     /// missing [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     min_weight: Option<f32>,
+    /// Let colours of the finest level err more the less they make up of what --cameras see: by so many steps of
+    /// codes at the mean, 0 to 64 [default: 0]
+    #[arg(long, value_name = "STEPS")]
+    coarseness: Option<f32>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
@@ -138,13 +145,21 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.apply(&mut options)?;
     options.check()?;
     arguments.scene.source_options().check()?;
-    if !arguments.gate.measures()? && options.min_weight.is_some() {
-        return Err(Error::usage("--min-weight needs --cameras or --turntable to be seen from"));
+    if !arguments.gate.measures()? && options.sees() {
+        let message = "--min-weight and --coarseness need --cameras or --turntable to be seen from";
+        return Err(Error::usage(message));
     }
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
         say(&format!("preset {}: {}", preset.name(), options.to_json()));
+    }
+    if arguments.dry_run {
+        if unpacked.is_some() {
+            let message = "--dry-run belongs to a trained input, not to an unpacked container";
+            return Err(Error::usage(message).in_file(&arguments.input));
+        }
+        return arguments.forecast(&file, &options, &limits, common);
     }
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = Output::create(&arguments.output, replace)?;
@@ -221,6 +236,7 @@ impl Arguments {
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
         options.min_weight = self.min_weight;
+        options.coarseness = self.coarseness.unwrap_or(options.coarseness);
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,
@@ -249,11 +265,7 @@ impl Arguments {
         if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
             check_judges(&options.fit_cameras, cameras)?;
         }
-        let mut options = options.clone();
-        if let (Some(_), Some(cameras)) = (options.min_weight, &cameras) {
-            options.seen_from.clone_from(cameras);
-        }
-        let options = &options;
+        let options = &self.seen(options, &source.field)?;
         let current = self.incremental.current(&self.output, &source.field, options, &origin)?;
         let mut report = match current {
             Some(report) => report,
@@ -282,6 +294,56 @@ impl Arguments {
         inputs.extend(source.companions.into_iter().map(|companion| companion.path));
         inputs.extend([self.gate.camera_file(), self.fit.camera_file()].into_iter().flatten());
         Ok(Baked { report, resolved, gate, inputs })
+    }
+
+    /// Tells what a bake would take and give.
+    fn forecast(
+        &self,
+        file: &TensorFile,
+        options: &BakeOptions,
+        limits: &Limits,
+        common: &Common,
+    ) -> Result<Outcome> {
+        let source = source::open_tensors(file, &self.scene.source_options(), limits)?;
+        for assumption in &source.assumptions {
+            warn(&assumption.message, common);
+        }
+        let options = self.seen(options, &source.field)?;
+        let bar = Bar::new(common);
+        let forecast = forecast(&source.field, &options, &bar)?;
+        drop(bar);
+        let memory = peak_memory_bytes().map(|bytes| bytes + forecast.more_memory_bytes);
+        let mut json = json!({
+            "input": self.input.to_string_lossy(),
+            "output": self.output.to_string_lossy(),
+            "dry_run": true,
+            "seconds": forecast.seconds,
+            "peak_memory_bytes": memory,
+            "bytes_read": file.file.bytes_read(),
+            "options": options.to_json(),
+        });
+        if let (Value::Object(json), Ok(Value::Object(report))) =
+            (&mut json, serde_json::to_value(&forecast.report))
+        {
+            json.extend(report);
+        }
+        let text = format!(
+            "{}: about {} in {:.1} s, {} of memory\n",
+            self.output.display(),
+            readable(forecast.report.output_bytes),
+            forecast.seconds,
+            memory.map_or("unknown".to_owned(), readable),
+        );
+        Outcome::new("bake", &json, text)
+    }
+
+    /// The options with the cameras that they depend on.
+    fn seen(&self, options: &BakeOptions, field: &RadianceField) -> Result<BakeOptions> {
+        let mut options = options.clone();
+        if options.sees() {
+            options.seen_from = self.gate.cameras(field)?;
+        }
+        Ok(options)
     }
 
     fn bake_unpacked(

@@ -58,6 +58,9 @@ pub struct Arguments {
     /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all matter
     #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
     min_weight: Vec<f32>,
+    /// Coarseness of colours to try, as `bake --coarseness`
+    #[arg(long, value_name = "STEPS,...", value_delimiter = ',')]
+    coarseness: Vec<f32>,
     /// Presets to try beside the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
@@ -94,7 +97,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         warn(&assumption.message, common);
     }
     let (cameras, _) = arguments.cameras.cameras(&source.field.scene.bounds)?;
-    for setting in settings.iter_mut().filter(|setting| setting.options.min_weight.is_some()) {
+    for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
     }
     let options = SweepOptions {
@@ -122,6 +125,7 @@ impl Arguments {
             block_sizes: self.block_size.clone(),
             zstd_levels: self.zstd_level.clone(),
             min_weights: self.min_weight.clone(),
+            coarsenesses: self.coarseness.clone(),
             presets: self.preset.clone(),
         }
     }

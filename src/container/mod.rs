@@ -24,5 +24,5 @@ mod write;
 
 pub use read::{Container, is_container, starts_container};
 pub use rules::{LARGEST_BLOCK, check_metadata};
-pub use runs::{CompressedRun, EncodedAtlas, RunCodec};
+pub use runs::{CompressedRun, EncodedAtlas, frames_per_run};
 pub use write::{EncodedLevel, Head, write};

@@ -11,7 +11,7 @@ use super::layout::{
     ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, KNOWN_FEATURES, MASK, META,
     PROVENANCE, TABLE, VMLP, read_directory,
 };
-use super::runs::{self, RunCodec};
+use super::runs;
 use super::{mask, network, rules};
 use crate::baked::{
     BakedField, BakedLevel, Codes, Group, LevelMetadata, Metadata, Occupancy, Table,
@@ -21,6 +21,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::FreeSpace;
 use crate::finding::{Code, Finding, Report, checked, strict};
 use crate::limits::{self, Budget, Limits};
+use crate::quantize::FrameShape;
 use crate::view_mlp::ViewMlp;
 
 /// An open container: its directory and metadata, checked; levels are read on demand.
@@ -265,13 +266,13 @@ impl Container {
         };
         let Some(entry) = self.entry(kind, Some(number)) else { return Ok(None) };
         let Some(bytes) = self.chunk(entry, report)? else { return Ok(None) };
-        let codec = RunCodec {
+        let shape = FrameShape {
             number: encoding.number,
             channels: group.channels(self.metadata.features),
             edge: level.block_size,
         };
         let codes =
-            runs::decode(codec, encoding, frames, &bytes, &entry.place(), entry.offset, budget);
+            runs::decode(shape, encoding, frames, &bytes, &entry.place(), entry.offset, budget);
         checked(codes, Code::Atlas, report)
     }
 

@@ -1,38 +1,30 @@
 //! Atlases as runs of frames, each compressed on its own.
 //!
-//! A run holds consecutive frames of one group: for each channel, for each byte of the code's
-//! width, the residual bytes of all frames. Runs are independent zstd frames, so they decode in
+//! A run holds consecutive frames of one group as [`crate::quantize::run_bytes`] writes them. Runs are
+//! independent zstd frames, so they decode in
 //! parallel; one that zstd cannot shrink is stored as it is. An atlas chunk is
 //!
 //! ```text
 //! u32 frames of a full run, u32 runs, then for each run u32 length (top bit: stored), then the runs
 //! ```
 
+use std::io::Write;
+
+use zstd::zstd_safe::{CParameter, Strategy};
+
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::bytes::ByteReader;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::limits::{self, Budget};
 use crate::parallel;
-use crate::quantize::unpredict;
+use crate::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 
-/// Uncompressed bytes of a full run, about: small enough for many at once, large enough that
-/// compression loses nothing.
-const RUN_BYTES: usize = 256 << 10;
+/// Bytes of codes in a full run, about: small enough for many at once, large enough for several modes.
+const RUN_BYTES: usize = 512 << 10;
 /// First bytes of a zstd frame.
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Top bit of a run's length: the run is stored, not compressed.
 const STORED: u32 = 1 << 31;
-
-/// Shape of the frames of an atlas.
-#[derive(Debug, Clone, Copy)]
-pub struct RunCodec {
-    /// How codes are stored.
-    pub number: NumberType,
-    /// Channels of a frame.
-    pub channels: usize,
-    /// Nodes along a block's edge.
-    pub edge: usize,
-}
 
 /// An atlas as it is written.
 #[derive(Debug, Clone, Default)]
@@ -42,39 +34,9 @@ pub struct EncodedAtlas {
     stored: Vec<bool>,
 }
 
-impl RunCodec {
-    /// Residual bytes of one channel of a frame.
-    pub fn channel_bytes(&self) -> usize {
-        self.edge.pow(3) * self.number.bytes()
-    }
-
-    /// Residual bytes of a frame.
-    pub fn frame_bytes(&self) -> usize {
-        self.channels * self.channel_bytes()
-    }
-
-    /// Frames of a full run.
-    pub fn frames_per_run(&self) -> usize {
-        (RUN_BYTES / self.frame_bytes()).max(1)
-    }
-
-    /// Compresses one run. `frames` hold each frame's residual bytes: for each channel, for each
-    /// byte of the width, all nodes.
-    pub fn compress(&self, frames: &[Vec<u8>], level: i32) -> Result<CompressedRun> {
-        let nodes = self.edge.pow(3);
-        let planes = self.channels * self.number.bytes();
-        let mut bytes = Vec::with_capacity(frames.len() * self.frame_bytes());
-        for plane in 0..planes {
-            for frame in frames {
-                bytes.extend_from_slice(
-                    frame.get(plane * nodes..(plane + 1) * nodes).unwrap_or(&[]),
-                );
-            }
-        }
-        let packed = compress(&bytes, level)?;
-        let stored = packed.len() >= bytes.len();
-        Ok(CompressedRun { bytes: if stored { bytes } else { packed }, stored })
-    }
+/// Frames of a full run.
+pub fn frames_per_run(shape: FrameShape) -> usize {
+    (RUN_BYTES / shape.bytes()).max(1)
 }
 
 /// A run as it is written.
@@ -84,12 +46,66 @@ pub struct CompressedRun {
     stored: bool,
 }
 
+impl CompressedRun {
+    /// Compresses a run of `frames`. Codes that nobody needs become at most `most`.
+    pub fn new(shape: FrameShape, frames: &[Frame], most: u32, level: i32) -> Result<Self> {
+        let run = run_bytes(shape, frames, most);
+        let packed = compress_sections(&run, level)?;
+        let stored = packed.len() >= run.bytes.len();
+        Ok(Self { bytes: if stored { run.bytes } else { packed }, stored })
+    }
+}
+
+/// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the least, what
+/// zstd makes of them. Residuals hardly repeat, and zstd takes accidents for repetitions.
+fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
+    let frequencies = [
+        CParameter::Strategy(Strategy::ZSTD_fast),
+        CParameter::MinMatch(7),
+        CParameter::HashLog(6),
+    ];
+    let coded = pack(run, 1, &frequencies);
+    let packed = match level {
+        ..=1 => coded,
+        _ => coded.and_then(|coded| {
+            let searched = pack(run, level, &[])?;
+            Ok(if searched.len() < coded.len() { searched } else { coded })
+        }),
+    };
+    packed.map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
+}
+
+/// One frame of zstd that states its length. A section ends its block, so that the next has tables of its
+/// own.
+fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
+    parameters.iter().try_for_each(|&parameter| encoder.set_parameter(parameter))?;
+    encoder.include_contentsize(true)?;
+    encoder.set_pledged_src_size(Some(run.bytes.len() as u64))?;
+    let mut left = &run.bytes[..];
+    let mut start = 0;
+    for &end in &run.sections {
+        let (section, rest) = left.split_at_checked(end - start).unwrap_or((left, &[]));
+        encoder.write_all(section)?;
+        (left, start) = (rest, end);
+        if !section.is_empty() && !left.is_empty() {
+            encoder.flush()?;
+        }
+    }
+    encoder.finish()
+}
+
 impl EncodedAtlas {
     /// An atlas of these runs, in order.
     pub fn new(frames_per_run: usize, runs: Vec<CompressedRun>) -> Result<Self> {
         let stored = runs.iter().map(|run| run.stored).collect();
         let frames_per_run = fits_u32(frames_per_run)?;
         Ok(Self { frames_per_run, stored, runs: runs.into_iter().map(|run| run.bytes).collect() })
+    }
+
+    /// Bytes of all runs.
+    pub fn bytes(&self) -> u64 {
+        self.runs.iter().map(|run| run.len() as u64).sum()
     }
 
     /// The chunk's bytes, in pieces.
@@ -131,9 +147,22 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     }
 }
 
+/// Inflates a run, which states its length, of at most `most` bytes.
+fn decompress_run(bytes: &[u8], most: usize, place: &Place) -> Result<Vec<u8>> {
+    let stated = zstd::zstd_safe::get_frame_content_size(bytes).ok().flatten();
+    let stated = stated.and_then(|length| usize::try_from(length).ok());
+    match stated.filter(|&length| length <= most) {
+        Some(length) => decompress(bytes, length, place),
+        None => {
+            let found = format!("a run that states {stated:?} bytes");
+            Err(Error::malformed(place.clone(), found, format!("one of at most {most} bytes")))
+        }
+    }
+}
+
 /// Decodes an atlas chunk that starts at `offset` in its file and holds `frames` frames.
 pub fn decode(
-    codec: RunCodec,
+    shape: FrameShape,
     encoding: &Encoding,
     frames: usize,
     chunk: &[u8],
@@ -141,42 +170,57 @@ pub fn decode(
     offset: u64,
     budget: &mut Budget,
 ) -> Result<Codes> {
-    let runs = split(codec, frames, chunk, place, offset)?;
+    let runs = split(frames, chunk, place, offset)?;
     let values = limits::product(
-        &[frames as u64, codec.channels as u64, codec.edge.pow(3) as u64],
+        &[frames as u64, shape.channels as u64, shape.edge.pow(3) as u64],
         "code count",
         place,
     )?;
-    budget.spend(values as u64 * codec.number.bytes() as u64, "bytes of codes", place)?;
+    budget.spend(values as u64 * shape.number.bytes() as u64, "bytes of codes", place)?;
+    Ok(match shape.number {
+        NumberType::U8 => Codes::U8(decode_runs(shape, encoding, &runs, values, place)?),
+        NumberType::U16 | NumberType::F16 => {
+            Codes::U16(decode_runs(shape, encoding, &runs, values, place)?)
+        }
+        NumberType::F32 => Codes::U32(decode_runs(shape, encoding, &runs, values, place)?),
+    })
+}
+
+fn decode_runs<T: Code>(
+    shape: FrameShape,
+    encoding: &Encoding,
+    runs: &[Run],
+    values: usize,
+    place: &Place,
+) -> Result<Vec<T>> {
     let allowed = encoding.codes();
-    let decoded = parallel::map(runs.len(), |i| {
-        let Some(run) = runs.get(i) else { return Ok(Vec::new()) };
-        let length = run.frames * codec.frame_bytes();
+    let (least, most) = (T::narrow(*allowed.start()), T::narrow(*allowed.end()));
+    let mut codes = vec![T::default(); values];
+    let full = runs.first().map_or(1, |run| run.frames * shape.channels * shape.nodes());
+    let mut parts: Vec<&mut [T]> = codes.chunks_mut(full.max(1)).collect();
+    parallel::map_mut(&mut parts, |i, codes| {
+        let Some(run) = runs.get(i) else { return Ok(()) };
         let inflated;
         let bytes = if run.stored {
             run.bytes
         } else {
-            inflated = decompress(run.bytes, length, place)?;
+            let most = shape.most_bytes(run.frames).unwrap_or(usize::MAX);
+            inflated = decompress_run(run.bytes, most, place)?;
             &inflated
         };
-        let codes = run_codes(codec, run.frames, bytes);
-        match codes.iter().position(|code| !allowed.contains(code)) {
-            None => Ok(codes),
-            Some(at) => Err(Error::malformed(
-                place.clone(),
-                format!("code {} at value {at} of run {i}", codes.get(at).copied().unwrap_or(0)),
-                format!("codes from {} to {}", allowed.start(), allowed.end()),
-            )),
+        run_codes(shape, bytes, codes, place)?;
+        let ends = |(low, high): (T, T), &code: &T| (low.min(code), high.max(code));
+        let (low, high) = codes.iter().fold((most, least), ends);
+        if (least..=most).contains(&low) && (least..=most).contains(&high) {
+            return Ok(());
         }
+        Err(Error::malformed(
+            place.clone(),
+            format!("codes from {} to {} in run {i}", low.code(), high.code()),
+            format!("codes from {} to {}", allowed.start(), allowed.end()),
+        ))
     })?;
-    let codes = decoded.iter().flatten().copied();
-    // Codes were made from, or checked against, the width that they are narrowed to.
-    #[allow(clippy::cast_possible_truncation)]
-    Ok(match codec.number {
-        NumberType::U8 => Codes::U8(codes.map(|code| code as u8).collect()),
-        NumberType::U16 | NumberType::F16 => Codes::U16(codes.map(|code| code as u16).collect()),
-        NumberType::F32 => Codes::U32(codes.collect()),
-    })
+    Ok(codes)
 }
 
 struct Run<'a> {
@@ -186,13 +230,7 @@ struct Run<'a> {
 }
 
 /// Finds the runs of a chunk and holds their lengths against the chunk's.
-fn split<'a>(
-    codec: RunCodec,
-    frames: usize,
-    chunk: &'a [u8],
-    place: &Place,
-    offset: u64,
-) -> Result<Vec<Run<'a>>> {
+fn split<'a>(frames: usize, chunk: &'a [u8], place: &Place, offset: u64) -> Result<Vec<Run<'a>>> {
     let mut reader = ByteReader::new(chunk, offset);
     let per_run = reader.u32()? as usize;
     let count = reader.u32()? as usize;
@@ -207,11 +245,6 @@ fn split<'a>(
         let bytes = reader.take((length & !STORED) as usize)?;
         let run =
             Run { frames: per_run.min(frames - i * per_run), stored: length & STORED != 0, bytes };
-        if run.stored && run.frames.checked_mul(codec.frame_bytes()) != Some(bytes.len()) {
-            let found = format!("{} stored bytes in run {i}", bytes.len());
-            let expected = format!("{} frames of {} bytes", run.frames, codec.frame_bytes());
-            return Err(Error::malformed(place.clone(), found, expected));
-        }
         runs.push(run);
     }
     if reader.left() > 0 {
@@ -219,22 +252,6 @@ fn split<'a>(
         return Err(Error::malformed(reader.place(), found, "the end of the chunk"));
     }
     Ok(runs)
-}
-
-/// The codes of a run, `[frame][channel][node]`.
-fn run_codes(codec: RunCodec, frames: usize, bytes: &[u8]) -> Vec<u32> {
-    let nodes = codec.edge.pow(3);
-    let width = codec.number.bytes();
-    let mut codes = vec![0; frames * codec.channels * nodes];
-    for (i, codes) in codes.chunks_exact_mut(nodes).enumerate() {
-        let (frame, channel) = (i / codec.channels, i % codec.channels);
-        let plane = |byte: usize| {
-            let at = ((channel * width + byte) * frames + frame) * nodes;
-            bytes.get(at..at + nodes).unwrap_or_default()
-        };
-        unpredict(codec.number, codec.edge, plane, codes);
-    }
-    codes
 }
 
 pub(super) fn fits_u32(count: usize) -> Result<u32> {

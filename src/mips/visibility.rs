@@ -34,10 +34,9 @@ const LEAST_SEEN: f32 = 1e-4;
 const LEAST: f32 = 1e-9;
 /// See [`LEAST`].
 const MOST_DEPTH: f32 = 30.0;
-/// Steps along each axis of directions that are summed together, in parts that are summed at once: fixed, so
-/// that sums are too.
-const PARTS: [&[[usize; 3]]; 4] =
-    [&[[1, 0, 0], [0, 1, 0], [0, 0, 1]], &[[1, 1, 0], [0, 1, 1]], &[[1, 0, 1]], &[[1, 1, 1]]];
+/// Steps along each axis of the 26 directions, whatever their signs.
+const STEPS: [[usize; 3]; 7] =
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
 
 /// Matter that is in the way of light.
 #[derive(Debug)]
@@ -85,24 +84,21 @@ impl Occluders {
 
     /// What can be seen past them.
     pub fn visibility(&self) -> Result<Visibility> {
-        let parts = parallel::map(PARTS.len(), |part| {
-            let mut sums = vec![0.0; self.nodes.count()];
-            let mut passing = vec![0.0; self.nodes.count()];
-            for &steps in PARTS[part] {
-                let squares =
-                    [0, 1, 2].map(|axis| (steps[axis] as f32 * self.spacing[axis]).powi(2));
-                let length = (squares[0] + squares[1] + squares[2]).sqrt();
-                transmittances(&self.depths, length, &mut passing);
-                for direction in directions(steps) {
-                    self.follow(direction, &passing, &mut sums);
-                }
+        let mut seen = vec![0.0; self.nodes.count()];
+        let mut passing = vec![0.0; self.nodes.count()];
+        let plane = self.nodes.0[1] * self.nodes.0[2];
+        for steps in STEPS {
+            let squares = [0, 1, 2].map(|axis| (steps[axis] as f32 * self.spacing[axis]).powi(2));
+            let length = (squares[0] + squares[1] + squares[2]).sqrt();
+            let mut planes: Vec<_> =
+                passing.chunks_mut(plane).zip(self.depths.chunks(plane)).collect();
+            parallel::map_mut(&mut planes, |_, (passing, depths)| {
+                transmittances(depths, length, passing);
+                Ok(())
+            })?;
+            for direction in directions(steps) {
+                self.follow(direction, &passing, &mut seen)?;
             }
-            Ok(sums)
-        })?;
-        let mut parts = parts.into_iter();
-        let mut seen = parts.next().unwrap_or_default();
-        for part in parts {
-            add(&mut seen, &part);
         }
         for seen in &mut seen {
             let mean = *seen / 26.0;
@@ -113,44 +109,71 @@ impl Occluders {
 
     /// Adds to each node the light that gets there along `direction`, of which a node lets through what
     /// `passing` says.
-    fn follow(&self, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) {
+    fn follow(&self, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) -> Result<()> {
         let [nx, ny, nz] = self.nodes.0;
         let [dx, dy, dz] = direction;
-        // Light behind each node of the plane before and of this one.
-        let mut before = vec![1.0; ny * nz];
-        let mut behind = vec![1.0; ny * nz];
-        let unhindered = vec![1.0; nz];
-        let mut light = vec![1.0; nz];
-        for x in 0..nx {
-            let x = if dx < 0 { nx - 1 - x } else { x };
-            std::mem::swap(&mut before, &mut behind);
-            for y in 0..ny {
-                let y = if dy < 0 { ny - 1 - y } else { y };
-                let row = (x * ny + y) * nz..(x * ny + y + 1) * nz;
-                let (passing, sums) = (&passing[row.clone()], &mut sums[row]);
-                if [dx, dy] == [0, 0] {
-                    along_row(passing, dz < 0, &mut light);
-                    add(sums, &light);
-                    continue;
-                }
-                let from = y.checked_add_signed(-dy).filter(|&from| from < ny);
-                let planes = if dx == 0 { &behind } else { &before };
-                let source = from.map_or(&unhindered[..], |from| &planes[from * nz..][..nz]);
-                match dz {
-                    0 => light.copy_from_slice(source),
-                    1 => {
-                        light[0] = 1.0;
-                        light[1..].copy_from_slice(&source[..nz - 1]);
-                    }
-                    _ => {
-                        light[nz - 1] = 1.0;
-                        light[..nz - 1].copy_from_slice(&source[1..]);
-                    }
-                }
-                add(sums, &light);
-                weaken(&light, passing, &mut behind[y * nz..][..nz]);
-            }
+        // Light goes from row to row; rows that it goes through one after the other are a line.
+        let line_of = |x: usize, y: usize| match [dx, dy] {
+            [0, 0] => x * ny + y,
+            [0, _] => x,
+            _ => (y as isize - dx * dy * x as isize + nx as isize) as usize,
+        };
+        let count = if [dx, dy] == [0, 0] { nx * ny } else { nx + ny + nx };
+        let mut lines: Vec<Line> = (0..count).map(|_| Line::new()).collect();
+        let rows = passing.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
+        for (row, pair) in rows.enumerate() {
+            lines[line_of(row / ny, row % ny)].push(pair);
         }
+        let backwards = if dx == 0 { dy < 0 } else { dx < 0 };
+        parallel::map_mut(&mut lines, |_, line| {
+            if backwards {
+                line.reverse();
+            }
+            match ([dx, dy], line.as_mut_slice()) {
+                ([0, 0], [(passing, sums)]) => follow_row(dz < 0, passing, sums),
+                (_, line) => follow_line(dz, line),
+            }
+            Ok(())
+        })?;
+        Ok(())
+    }
+}
+
+/// Rows along z that light goes through one after the other: what their nodes let through, and the sums of
+/// the light that gets there.
+type Line<'a> = Vec<(&'a [f32], &'a mut [f32])>;
+
+/// Follows light from row to row; along z it moves by `dz` nodes a row.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn follow_line(dz: isize, line: &mut [(&[f32], &mut [f32])]) {
+    let nz = line.first().map_or(0, |(passing, _)| passing.len());
+    let mut light = vec![1.0; nz];
+    for (passing, sums) in line {
+        match dz {
+            1 => {
+                light.copy_within(..nz - 1, 1);
+                light[0] = 1.0;
+            }
+            -1 => {
+                light.copy_within(1.., 0);
+                light[nz - 1] = 1.0;
+            }
+            _ => {}
+        }
+        for ((light, sum), passing) in light.iter_mut().zip(sums.iter_mut()).zip(*passing) {
+            *sum += *light;
+            *light = behind(*light, *passing);
+        }
+    }
+}
+
+/// Follows light along z, through the nodes of one row.
+fn follow_row(backwards: bool, passing: &[f32], sums: &mut [f32]) {
+    let mut light = 1.0;
+    for z in 0..passing.len() {
+        let z = if backwards { passing.len() - 1 - z } else { z };
+        sums[z] += light;
+        light = behind(light, passing[z]);
     }
 }
 
@@ -174,30 +197,6 @@ fn optical_depths(values: &mut [f32], matter: &Matter) {
 fn transmittances(depths: &[f32], length: f32, passing: &mut [f32]) {
     for (passing, depth) in passing.iter_mut().zip(depths) {
         *passing = lanes::exp(-(depth * length).min(MOST_DEPTH));
-    }
-}
-
-/// Light at each node of a row along z.
-fn along_row(passing: &[f32], backwards: bool, light: &mut [f32]) {
-    let mut left = 1.0;
-    for z in 0..passing.len() {
-        let z = if backwards { passing.len() - 1 - z } else { z };
-        light[z] = left;
-        left = behind(left, passing[z]);
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add(sums: &mut [f32], light: &[f32]) {
-    for (sum, light) in sums.iter_mut().zip(light) {
-        *sum += light;
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn weaken(light: &[f32], passing: &[f32], behind: &mut [f32]) {
-    for ((behind, light), passing) in behind.iter_mut().zip(light).zip(passing) {
-        *behind = self::behind(*light, *passing);
     }
 }
 

@@ -132,18 +132,12 @@ pub fn prune(
 }
 
 impl Pruned {
-    /// Drops what lies outside `cells` of level 0, the only ones that are ever looked at. In coarser levels
-    /// a cell around them stays: filters spread matter.
+    /// Drops what lies outside `cells` of level 0, the only ones that are ever looked at, and the cells
+    /// around them: coarser levels' matter spreads into those, and takes a part of its colour from there.
     pub fn keep_cells(&mut self, cells: &NodeMask) -> Result<()> {
-        for (number, level) in self.levels.iter_mut().enumerate() {
-            let kept = match number {
-                0 => cells.corners()?,
-                _ => {
-                    let overlapping = overlapping_cells(cells, level.needed.nodes())?.corners()?;
-                    overlapping.cells_with_a_corner()?.corners()?
-                }
-            };
-            level.needed.intersect(&kept);
+        for level in &mut self.levels {
+            let cells = overlapping_cells(cells, level.needed.nodes())?;
+            level.needed.intersect(&cells.corners()?.cells_with_a_corner()?.corners()?);
         }
         Ok(())
     }

@@ -1,8 +1,10 @@
-//! One block of a slab to residual bytes.
+//! One block of a slab to codes.
 
+use super::coarsen::{Coarsening, coarsen};
 use super::code::Quantizer;
-use super::predict::{for_each_node, predicted, residual_bytes};
-use crate::baked::Encoding;
+use super::run::{Frame, FrameShape};
+use super::wide::Code;
+use crate::baked::{Codes, Encoding, NumberType};
 use crate::field::Activation;
 use crate::grid::{NodeMask, mask};
 use crate::mips::Slab;
@@ -22,17 +24,18 @@ pub struct BlockSource<'a> {
 #[derive(Debug, Clone)]
 pub struct BlockEncoder {
     quantizer: Quantizer,
-    edge: usize,
-    /// Nodes that nobody needs get at most this code: they must not become visible.
+    shape: FrameShape,
     unneeded_limit: u32,
 }
 
 impl BlockEncoder {
-    /// For blocks of `edge` nodes. Nodes that nobody needs get at most the value `unneeded`.
-    pub fn new(encoding: Encoding, edge: usize, unneeded: f32) -> Self {
+    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get at most the value
+    /// `unneeded`.
+    pub fn new(encoding: Encoding, channels: usize, edge: usize, unneeded: f32) -> Self {
+        let shape = FrameShape { number: encoding.number, channels, edge };
         let quantizer = Quantizer::new(encoding);
         let unneeded_limit = highest_code_up_to(&quantizer, unneeded);
-        Self { quantizer, edge, unneeded_limit }
+        Self { quantizer, shape, unneeded_limit }
     }
 
     /// The encoding of every block.
@@ -40,21 +43,51 @@ impl BlockEncoder {
         self.quantizer.encoding()
     }
 
-    /// Appends the residual bytes of one channel of a block.
-    pub fn encode(&self, source: BlockSource, channel: usize, out: &mut Vec<u8>) {
-        let (edge, number) = (self.edge, self.encoding().number);
-        let mut codes = vec![0; edge.pow(3)];
-        let mut needed = vec![false; edge.pow(3)];
-        self.gather(source, channel, &mut codes, &mut needed);
-        if needed.iter().any(|needed| !needed) {
-            for_each_node(edge, |at, place| {
-                if !needed[at] {
-                    let predicted = predicted(number, edge, place, &codes);
-                    codes[at] = predicted.min(self.unneeded_limit);
-                }
-            });
+    /// The shape of every frame.
+    pub fn shape(&self) -> FrameShape {
+        self.shape
+    }
+
+    /// The highest code of nodes that nobody needs: they must not become visible.
+    pub fn unneeded_limit(&self) -> u32 {
+        self.unneeded_limit
+    }
+
+    /// The codes of a block whose channels start at `first_channel` of the slab; coarser ones where `shifts`
+    /// are given. Codes of nodes that the grid does not have are 0.
+    pub fn frame(&self, source: BlockSource, first_channel: usize, shifts: Option<&[u8]>) -> Frame {
+        let mut needed = vec![false; self.shape.nodes()];
+        let mut codes = match self.shape.number {
+            NumberType::U8 => Codes::U8(self.codes(source, first_channel, &mut needed)),
+            NumberType::U16 | NumberType::F16 => {
+                Codes::U16(self.codes(source, first_channel, &mut needed))
+            }
+            NumberType::F32 => Codes::U32(self.codes(source, first_channel, &mut needed)),
+        };
+        if let Some(shifts) = shifts {
+            let last = *self.encoding().codes().end();
+            let coarsening = Coarsening { shifts, unneeded_limit: self.unneeded_limit, last };
+            match &mut codes {
+                Codes::U8(codes) => coarsen(self.shape, codes, &needed, coarsening),
+                Codes::U16(codes) => coarsen(self.shape, codes, &needed, coarsening),
+                Codes::U32(codes) => coarsen(self.shape, codes, &needed, coarsening),
+            }
         }
-        residual_bytes(number, edge, &codes, out);
+        Frame { codes, needed }
+    }
+
+    fn codes<T: Code>(
+        &self,
+        source: BlockSource,
+        first_channel: usize,
+        needed: &mut [bool],
+    ) -> Vec<T> {
+        let nodes = self.shape.nodes();
+        let mut codes = vec![T::default(); self.shape.channels * nodes];
+        for (channel, codes) in codes.chunks_exact_mut(nodes).enumerate() {
+            self.gather(source, first_channel + channel, codes, needed);
+        }
+        codes
     }
 
     /// Whether what every needed value of one channel of a block comes to is moved by no more than
@@ -67,29 +100,34 @@ impl BlockEncoder {
         activation: &Activation,
     ) -> bool {
         let BlockSource { slab, needed: mask, place } = source;
-        let (edge, encoding) = (self.edge, self.encoding());
-        let (mut codes, mut needed) = (vec![0; edge.pow(3)], vec![false; edge.pow(3)]);
+        let (edge, encoding) = (self.shape.edge, self.encoding());
+        let (mut codes, mut needed) = (vec![0u32; edge.pow(3)], vec![false; edge.pow(3)]);
         self.gather(source, channel, &mut codes, &mut needed);
         let mut decoded = vec![0.0; edge.pow(3)];
         super::code::decode_values(encoding, codes.into_iter(), &mut decoded);
         let [_, _, nz] = mask.nodes().0;
         let activated = |value: f32| encoding.decode.activated(value.into(), activation);
         let mut kept = true;
-        for_each_node(edge, |at, [x, y, z]| {
-            if needed[at] {
-                let plane = slab.plane(place[0] * edge + x - slab.first, channel);
-                let value = plane[(place[1] * edge + y) * nz + place[2] * edge + z];
-                let error = || (activated(decoded[at]) - activated(value)).abs();
-                kept &= decoded[at] == value || error() <= bound.into();
-            }
-        });
+        for at in (0..needed.len()).filter(|&at| needed[at]) {
+            let [x, y, z] = [at / (edge * edge), at / edge % edge, at % edge];
+            let plane = slab.plane(place[0] * edge + x - slab.first, channel);
+            let value = plane[(place[1] * edge + y) * nz + place[2] * edge + z];
+            let error = || (activated(decoded[at]) - activated(value)).abs();
+            kept &= decoded[at] == value || error() <= bound.into();
+        }
         kept
     }
 
     /// Quantizes the nodes that the grid has; the others stay unneeded.
-    fn gather(&self, source: BlockSource, channel: usize, codes: &mut [u32], needed: &mut [bool]) {
+    fn gather<T: Code>(
+        &self,
+        source: BlockSource,
+        channel: usize,
+        codes: &mut [T],
+        needed: &mut [bool],
+    ) {
         let BlockSource { slab, needed: mask, place } = source;
-        let edge = self.edge;
+        let edge = self.shape.edge;
         let sizes = mask.nodes().0;
         let [start, end] =
             [0, 1].map(|up| [0, 1, 2].map(|axis| ((place[axis] + up) * edge).min(sizes[axis])));
@@ -111,7 +149,7 @@ impl BlockEncoder {
 
 /// The highest code whose value is at most `limit`; the lowest of all if none is.
 fn highest_code_up_to(quantizer: &Quantizer, limit: f32) -> u32 {
-    let (mut codes, mut values) = ([0], [0.0]);
+    let (mut codes, mut values) = ([0u32], [0.0]);
     quantizer.encode(&[limit], &mut codes);
     // The nearest code may lie above the limit; the one below it cannot.
     super::code::decode_values(quantizer.encoding(), codes.into_iter(), &mut values);

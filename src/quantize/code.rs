@@ -1,5 +1,6 @@
 //! Values to codes and back, row by row.
 
+use super::wide::Code;
 use crate::baked::{Codes, Encoding, NumberType};
 
 /// Finds codes of values: the nearest for integers, emptiness being one of the candidates where it
@@ -7,21 +8,30 @@ use crate::baked::{Codes, Encoding, NumberType};
 #[derive(Debug, Clone)]
 pub struct Quantizer {
     encoding: Encoding,
-    /// Between the values of neighbouring integer codes; what is on a border gets the upper code.
+    /// Between the values of neighbouring integer codes; what is on a border gets the upper code. NaN
+    /// after the last, which nothing reaches.
     borders: Vec<f32>,
     /// The code of each bin's lower end, bins being equally wide from the lowest border to the
     /// highest.
-    bins: Vec<u32>,
+    bins: Vec<u16>,
     bins_per_unit: f32,
+    /// Borders in a bin at most.
+    steps: u32,
 }
 
 impl Quantizer {
     /// For values of this encoding.
     pub fn new(encoding: Encoding) -> Self {
         if encoding.number.is_float() {
-            return Self { encoding, borders: Vec::new(), bins: Vec::new(), bins_per_unit: 0.0 };
+            return Self {
+                encoding,
+                borders: Vec::new(),
+                bins: Vec::new(),
+                bins_per_unit: 0.0,
+                steps: 0,
+            };
         }
-        let borders = borders(&encoding);
+        let mut borders = borders(&encoding);
         // Most bins are narrower than the narrowest codes, so the search after them is short.
         let count = 16 * borders.len();
         let (first, last) = (borders[0], borders[borders.len() - 1]);
@@ -29,10 +39,14 @@ impl Quantizer {
         // A whole bin lower: rounding can put a value one bin too high, never two. In f64, because bins
         // can be narrower than the spacing of f32 numbers there.
         let wide = |number: f32| f64::from(number);
-        let lower_end = |bin: usize| wide(first) + (bin as f64 - 1.0) / wide(bins_per_unit);
-        let code = |bin| borders.partition_point(|&border| wide(border) <= lower_end(bin)) as u32;
-        let bins = (0..=count).map(code).collect();
-        Self { encoding, borders, bins, bins_per_unit }
+        let end = |bin: f64| wide(first) + bin / wide(bins_per_unit);
+        let code = |end| borders.partition_point(|&border| wide(border) <= end) as u16;
+        let bins: Vec<u16> = (0..=count).map(|bin| code(end(bin as f64 - 1.0))).collect();
+        let upper = |bin: usize| if bin == count { wide(last) } else { end(bin as f64 + 2.0) };
+        let steps = |(bin, &low): (usize, &u16)| u32::from(code(upper(bin)) - low);
+        let steps = bins.iter().enumerate().map(steps).max().unwrap_or(0);
+        borders.push(f32::NAN);
+        Self { encoding, borders, bins, bins_per_unit, steps }
     }
 
     /// The encoding.
@@ -41,23 +55,23 @@ impl Quantizer {
     }
 
     /// The code of each value.
-    pub fn encode(&self, values: &[f32], codes: &mut [u32]) {
+    pub fn encode<T: Code>(&self, values: &[f32], codes: &mut [T]) {
         match self.encoding.number {
             NumberType::F32 => {
                 for (code, value) in codes.iter_mut().zip(values) {
-                    *code = float_code(value.to_bits(), 32);
+                    *code = T::narrow(float_code(value.to_bits(), 32));
                 }
             }
             NumberType::F16 => {
                 for (code, value) in codes.iter_mut().zip(values) {
                     let largest = half::f16::MAX.to_f32();
                     let nearest = half::f16::from_f32(value.clamp(-largest, largest));
-                    *code = float_code(nearest.to_bits().into(), 16);
+                    *code = T::narrow(float_code(nearest.to_bits().into(), 16));
                 }
             }
             NumberType::U8 | NumberType::U16 => {
                 for (code, &value) in codes.iter_mut().zip(values) {
-                    *code = self.nearest(value);
+                    *code = T::narrow(self.nearest(value));
                 }
             }
         }
@@ -66,9 +80,10 @@ impl Quantizer {
     fn nearest(&self, value: f32) -> u32 {
         // Conversion saturates: what is below the first border is in bin 0, what is above in the last.
         let bin = ((value - self.borders[0]) * self.bins_per_unit) as usize;
-        let mut code = self.bins[bin.min(self.bins.len() - 1)] as usize;
-        while code < self.borders.len() && self.borders[code] <= value {
-            code += 1;
+        let mut code = usize::from(self.bins[bin.min(self.bins.len() - 1)]);
+        // Always as many steps as the fullest bin takes: branches that nothing predicts cost more.
+        for _ in 0..self.steps {
+            code += usize::from(self.borders[code] <= value);
         }
         code as u32
     }
@@ -177,7 +192,7 @@ mod tests {
             let bits = Bits::Integer(bits);
             for encoding in encodings(bits) {
                 let values: Vec<f32> = encoding.values().collect();
-                let mut codes = vec![0; values.len()];
+                let mut codes = vec![0u32; values.len()];
                 Quantizer::new(encoding.clone()).encode(&values, &mut codes);
                 assert!(codes.iter().enumerate().all(|(i, &code)| code as usize == i), "{bits}");
             }
@@ -192,7 +207,7 @@ mod tests {
                 let quantizer = Quantizer::new(encoding);
                 let mut value = -120.0f32;
                 while value < 120.0 {
-                    let mut code = [0];
+                    let mut code = [0u32];
                     quantizer.encode(&[value], &mut code);
                     let error = (values[code[0] as usize] - value).abs();
                     let least = values.iter().map(|v| (v - value).abs()).fold(f32::MAX, f32::min);

@@ -1,19 +1,29 @@
-//! Values to codes, block by block.
+//! Values to codes, block by block, and codes to bytes that compress well.
 //!
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`search`] the one with the
 //! fewest bits within an error, [`code`] turns
-//! values into integer codes and back, [`predict`] turns a block's codes into residuals that
-//! compress well. Nodes that nobody needs hold what costs least, the predicted code, but density
+//! values into integer codes and back, [`coarsen`] gives up some of them where little is seen, [`run`] turns the codes of many blocks into a run of residuals and back ([`write_run`],
+//! [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it ([`fit`]). Nodes that nobody needs hold what costs least, the mean of
+//! their neighbours, but density
 //! far below the opacity threshold ([`crate::field::Activation::unseen_raw`]).
 
 mod block;
+mod coarsen;
 mod code;
+mod fit;
+mod lanes;
 mod predict;
 mod range;
+mod read_run;
+mod run;
 mod search;
+mod wide;
+mod write_run;
 
 pub use block::{BlockEncoder, BlockSource};
+pub use coarsen::{coarsened_error, shift};
 pub use code::decode_codes;
-pub use predict::{residual_bytes, unpredict};
 pub use range::{Bits, color_encoding, density_encoding};
+pub use run::{Frame, FrameShape, RunBytes, run_bytes, run_codes};
 pub use search::{ValueSpan, encoding_within};
+pub use wide::Code;

@@ -1,110 +1,269 @@
-//! Prediction inside a block: trained values vary smoothly in all three directions, so what is
-//! left after the mean of a node's three lower neighbours compresses better than the codes.
+//! Prediction inside a block, many blocks at a time.
 //!
-//! The prediction of a node is the mean, rounded down, of the codes of its lower neighbours along
-//! x, y and z, those that the block has; of the block's first node it is the origin: 0 for
-//! integers, the code of +0 for floats. Residuals are differences modulo the code's width.
+//! ```text
+//! mean       = floor(mean of the lower neighbours along x, y and z that the block has); the origin at its first node
+//! prediction = mean + floor((w0 e + w1 k + w2 d1 + w3 d2 + w4 d3 + 16) / 32)
+//! ```
+//!
+//! with `e` the sum of the differences from the mean of the three lower neighbours along two axes, `k` that of the one
+//! along all three, and `d1`, `d2`, `d3` the differences of code and mean that the three channels before have at the same
+//! node; what a block does not have counts as 0. Trained values vary smoothly in all directions, but their noise is shared
+//! by channels: what the channels before miss by says most about what this one will.
+//!
+//! A node needs those before it, so nothing along a block is parallel. Blocks are: the same node of [`Lanes`] is
+//! worked on together, in vector instructions.
 
-use crate::baked::NumberType;
+use multiversion::multiversion;
 
-/// The prediction of a block's first node.
-fn origin(number: NumberType) -> u32 {
-    match number {
-        NumberType::U8 | NumberType::U16 => 0,
-        NumberType::F16 => 1 << 15,
-        NumberType::F32 => 1 << 31,
-    }
+use super::wide::{Code, Wide};
+
+/// Channels before one that its predictions look at.
+pub const CHANNELS_BEFORE: usize = 3;
+/// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
+pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
+/// Weights are in 32nds.
+const SHIFT: u32 = 5;
+
+/// A number for each of `L` blocks, for each node.
+pub type Lanes<T, const L: usize> = Vec<[T; L]>;
+
+/// What is known of one channel of some blocks.
+#[derive(Debug, Clone, Default)]
+pub struct Channel<T, const L: usize> {
+    /// Its codes.
+    pub codes: Lanes<T, L>,
+    /// The means of lower neighbours.
+    pub means: Lanes<T, L>,
 }
 
-/// The prediction of node `at` (its number in the block), whose lower neighbours are known.
-pub(super) fn predicted(
-    number: NumberType,
+/// Where a node is in its block.
+#[derive(Debug, Clone, Copy)]
+pub struct At {
+    /// Its number, z fastest.
+    pub node: usize,
     edge: usize,
-    [x, y, z]: [usize; 3],
-    codes: &[u32],
-) -> u32 {
-    let at = (x * edge + y) * edge + z;
-    let (mut sum, mut count) = (0u64, 0u64);
-    for (lower, distance) in [(x, edge * edge), (y, edge), (z, 1)] {
-        if lower > 0 {
-            sum += u64::from(codes[at - distance]);
-            count += 1;
-        }
-    }
-    sum.checked_div(count).map_or_else(|| origin(number), |mean| mean as u32)
+    /// Whether the block has lower neighbours along x, y and z.
+    has: [bool; 3],
 }
 
-/// A block's residuals as bytes: all lowest bytes first, then the next.
-pub fn residual_bytes(number: NumberType, edge: usize, codes: &[u32], out: &mut Vec<u8>) {
-    let nodes = edge.pow(3);
-    let start = out.len();
-    out.resize(start + nodes * number.bytes(), 0);
-    let bytes = &mut out[start..];
-    for_each_node(edge, |at, place| {
-        let residual = codes[at].wrapping_sub(predicted(number, edge, place, codes));
-        for (plane, byte) in residual.to_le_bytes().into_iter().take(number.bytes()).enumerate() {
-            bytes[plane * nodes + at] = byte;
-        }
-    });
-}
-
-/// The inverse of [`residual_bytes`]. `bytes(plane)` is one byte plane of the block.
-pub fn unpredict<'a>(
-    number: NumberType,
-    edge: usize,
-    bytes: impl Fn(usize) -> &'a [u8],
-    codes: &mut [u32],
-) {
-    let planes: Vec<&[u8]> = (0..number.bytes()).map(bytes).collect();
-    let all = u32::MAX >> (32 - 8 * number.bytes());
-    for_each_node(edge, |at, place| {
-        let residual = planes.iter().rev().fold(0, |code, plane| code << 8 | u32::from(plane[at]));
-        codes[at] = predicted(number, edge, place, codes).wrapping_add(residual) & all;
-    });
-}
-
-/// Calls `visit` with each node's number and place, z fastest.
-pub(super) fn for_each_node(edge: usize, mut visit: impl FnMut(usize, [usize; 3])) {
-    let mut at = 0;
+/// Calls `visit` with each node of a block, z fastest.
+#[inline(always)]
+pub fn for_each_node(edge: usize, mut visit: impl FnMut(At)) {
+    let mut node = 0;
     for x in 0..edge {
         for y in 0..edge {
             for z in 0..edge {
-                visit(at, [x, y, z]);
-                at += 1;
+                visit(At { node, edge, has: [x > 0, y > 0, z > 0] });
+                node += 1;
             }
         }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn residuals_are_reversible() {
-        let mut state = 1u64;
-        for number in [NumberType::U8, NumberType::U16, NumberType::F16, NumberType::F32] {
-            for edge in [1, 2, 5, 8] {
-                let nodes = edge * edge * edge;
-                let codes: Vec<u32> = (0..nodes)
-                    .map(|_| {
-                        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-                        (state >> 32) as u32 >> (32 - 8 * number.bytes())
-                    })
-                    .collect();
-                let mut bytes = Vec::new();
-                residual_bytes(number, edge, &codes, &mut bytes);
-                let mut back = vec![0; nodes];
-                unpredict(number, edge, |plane| &bytes[plane * nodes..][..nodes], &mut back);
-                assert_eq!(back, codes);
+/// The means of the lower neighbours.
+#[inline(always)]
+pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T; L] {
+    let below = |axis: usize| &codes[at.node - [at.edge * at.edge, at.edge, 1][axis]];
+    let two = |a: &[T; L], b: &[T; L]| {
+        let mut out = [origin; L];
+        for lane in 0..L {
+            out[lane] = T::wrap((a[lane].wide() + b[lane].wide()) >> 1);
+        }
+        out
+    };
+    match at.has {
+        [false, false, false] => [origin; L],
+        [true, false, false] => *below(0),
+        [false, true, false] => *below(1),
+        [false, false, true] => *below(2),
+        [true, true, false] => two(below(0), below(1)),
+        [true, false, true] => two(below(0), below(2)),
+        [false, true, true] => two(below(1), below(2)),
+        [true, true, true] => {
+            let (a, b, c) = (below(0), below(1), below(2));
+            let mut out = [origin; L];
+            for lane in 0..L {
+                out[lane] = T::third(a[lane].wide() + b[lane].wide() + c[lane].wide());
             }
+            out
         }
     }
+}
 
-    #[test]
-    fn constant_blocks_leave_one_residual() {
-        let mut bytes = Vec::new();
-        residual_bytes(NumberType::U8, 4, &[77; 64], &mut bytes);
-        assert_eq!((bytes[0], bytes[1..].iter().max()), (77, Some(&0)));
+/// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where the block has none.
+#[inline(always)]
+fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) -> [&'a [T; L]; 4] {
+    let steps = [at.edge * at.edge, at.edge, 1];
+    [[true, true, false], [true, false, true], [false, true, true], [true; 3]].map(|axes| {
+        let has = (0..3).all(|axis| !axes[axis] || at.has[axis]);
+        let step = |axis: usize| if axes[axis] { steps[axis] } else { 0 };
+        if has { &codes[at.node - step(0) - step(1) - step(2)] } else { mean }
+    })
+}
+
+/// Codes and means of the channels before at a node, the nearest first. Where there is none they are equal.
+#[inline(always)]
+fn others<'a, T, const L: usize>(
+    before: &'a [Channel<T, L>],
+    node: usize,
+    none: &'a [T; L],
+) -> [(&'a [T; L], &'a [T; L]); CHANNELS_BEFORE] {
+    std::array::from_fn(|i| match before.len().checked_sub(i + 1) {
+        Some(channel) => (&before[channel].codes[node], &before[channel].means[node]),
+        None => (none, none),
+    })
+}
+
+/// The terms of a prediction.
+#[inline(always)]
+fn terms<T: Code, const L: usize>(
+    lane: usize,
+    mean: T::Wide,
+    [xy, xz, yz, corner]: [&[T; L]; 4],
+    others: [(&[T; L], &[T; L]); CHANNELS_BEFORE],
+) -> [T::Wide; WEIGHTS] {
+    let e = xy[lane].wide() + xz[lane].wide() + yz[lane].wide() - (mean + mean + mean);
+    let k = corner[lane].wide() - mean;
+    let [d1, d2, d3] = others.map(|(codes, means)| codes[lane].wide() - means[lane].wide());
+    [e, k, d1, d2, d3]
+}
+
+/// The predictions of a node, not reduced to the width.
+#[inline(always)]
+fn predictions<T: Code, const L: usize>(
+    codes: &[[T; L]],
+    before: &[Channel<T, L>],
+    at: At,
+    mean: &[T; L],
+    weights: &[[T::Wide; L]; WEIGHTS],
+) -> [T::Wide; L] {
+    let (beyond, others) = (beyond(codes, at, mean), others(before, at.node, mean));
+    let mut out = [T::Wide::default(); L];
+    for lane in 0..L {
+        let mean = mean[lane].wide();
+        let [e, k, d1, d2, d3] = terms::<T, L>(lane, mean, beyond, others);
+        let near = weights[0][lane] * e + weights[1][lane] * k;
+        let far = weights[2][lane] * d1 + weights[3][lane] * d2 + weights[4][lane] * d3;
+        out[lane] = mean + ((near + far + T::Wide::from_i8(1 << (SHIFT - 1))) >> SHIFT);
     }
+    out
+}
+
+/// Residuals to codes of one channel; `live` has all bits of nodes that have a residual and none of others, which are
+/// their mean. `before` are the channels before, the nearest last.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn restore<T: Code, const L: usize>(
+    edge: usize,
+    origin: T,
+    live: &[[T; L]],
+    residuals: &[[T; L]],
+    before: &[Channel<T, L>],
+    weights: &[[T::Wide; L]; WEIGHTS],
+    channel: &mut Channel<T, L>,
+) {
+    for_each_node(edge, |at| {
+        let mean = mean(&channel.codes, at, origin);
+        let predicted = predictions(&channel.codes, before, at, &mean, weights);
+        let (live, residuals) = (&live[at.node], &residuals[at.node]);
+        let codes = &mut channel.codes[at.node];
+        for lane in 0..L {
+            let code = T::wrap(predicted[lane] + residuals[lane].wide() - T::bias());
+            codes[lane] = code.choose(mean[lane], live[lane]);
+        }
+        channel.means[at.node] = mean;
+    });
+}
+
+/// Gives codes that nobody needs their mean, or `most` where that is lower, finds the means, and sets all bits in `live`
+/// of nodes whose code is another. `needed` has all bits of what is needed.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn fill<T: Code, const L: usize>(
+    edge: usize,
+    origin: T,
+    most: T,
+    needed: &[[T; L]],
+    channel: &mut Channel<T, L>,
+    live: &mut [[T; L]],
+) {
+    for_each_node(edge, |at| {
+        let mean = mean(&channel.codes, at, origin);
+        let (needed, codes) = (&needed[at.node], &mut channel.codes[at.node]);
+        let live = &mut live[at.node];
+        for lane in 0..L {
+            let filler = if mean[lane] < most { mean[lane] } else { most };
+            codes[lane] = codes[lane].choose(filler, needed[lane]);
+            live[lane] = live[lane].with_all_if(codes[lane] != mean[lane]);
+        }
+        channel.means[at.node] = mean;
+    });
+}
+
+/// Codes to residuals, biased: what [`restore`] takes.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn residuals<T: Code, const L: usize>(
+    edge: usize,
+    before: &[Channel<T, L>],
+    weights: &[[T::Wide; L]; WEIGHTS],
+    channel: &Channel<T, L>,
+    out: &mut [[T; L]],
+) {
+    for_each_node(edge, |at| {
+        let (codes, mean) = (&channel.codes[at.node], &channel.means[at.node]);
+        let predicted = predictions(&channel.codes, before, at, mean, weights);
+        let out = &mut out[at.node];
+        for lane in 0..L {
+            out[lane] = T::wrap(codes[lane].wide() - predicted[lane] + T::bias());
+        }
+    });
+}
+
+/// Sums over the live nodes of each block.
+#[derive(Debug, Clone)]
+pub struct Sums<const L: usize> {
+    /// Of the difference's size.
+    pub sizes: [f64; L],
+    /// Of products of each two terms, the lower triangle row by row; the last row is that of the difference itself.
+    pub products: [[f64; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2],
+}
+
+/// Adds up what weights are fitted from: every fifth node is enough.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn sums<T: Code, const L: usize>(
+    edge: usize,
+    live: &[[T; L]],
+    before: &[Channel<T, L>],
+    channel: &Channel<T, L>,
+) -> Sums<L> {
+    let mut sums =
+        Sums { sizes: [0.0; L], products: [[0.0; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2] };
+    for_each_node(edge, |at| {
+        if !at.has.contains(&true) || at.node % 5 != 0 {
+            return;
+        }
+        let (codes, mean) = (&channel.codes[at.node], &channel.means[at.node]);
+        let (beyond, others) = (beyond(&channel.codes, at, mean), others(before, at.node, mean));
+        let mut all = [[0.0; L]; WEIGHTS + 1];
+        for lane in 0..L {
+            // Of what is not live the mean is right, whatever the weights.
+            let live = live[at.node][lane] != T::default();
+            let mean = mean[lane].wide();
+            let terms = terms::<T, L>(lane, mean, beyond, others);
+            for (all, term) in all.iter_mut().zip(terms) {
+                all[lane] = if live { term.to_f64() } else { 0.0 };
+            }
+            all[WEIGHTS][lane] = if live { (codes[lane].wide() - mean).to_f64() } else { 0.0 };
+        }
+        for (size, own) in sums.sizes.iter_mut().zip(&all[WEIGHTS]) {
+            *size += own.abs();
+        }
+        let mut products = sums.products.iter_mut();
+        for row in 0..=WEIGHTS {
+            for (column, product) in products.by_ref().take(row + 1).enumerate() {
+                for ((product, a), b) in product.iter_mut().zip(&all[row]).zip(&all[column]) {
+                    *product += a * b;
+                }
+            }
+        }
+    });
+    sums
 }

@@ -16,7 +16,7 @@ mod path;
 mod route;
 mod view;
 
-pub use exposure::exposed_cells;
+pub use exposure::{Exposure, exposure};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
 pub use route::Route;
 pub use view::{Field, TrainedLevels, View};

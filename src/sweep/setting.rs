@@ -37,6 +37,8 @@ pub struct Grid {
     pub zstd_levels: Vec<i32>,
     /// Least weights in a pixel of the sweep's cameras; 0 keeps all matter.
     pub min_weights: Vec<f32>,
+    /// Coarseness of colours by the same cameras.
+    pub coarsenesses: Vec<f32>,
     /// Settings of their own beside the combinations.
     pub presets: Vec<Preset>,
 }
@@ -81,6 +83,9 @@ impl Grid {
         vary(&mut combined, &self.zstd_levels, |options, &level| options.zstd_level = level);
         vary(&mut combined, &self.min_weights, |options, &weight| {
             options.min_weight = Some(weight).filter(|&weight| weight != 0.0);
+        });
+        vary(&mut combined, &self.coarsenesses, |options, &coarseness| {
+            options.coarseness = coarseness;
         });
         let mut settings: Vec<Setting> = Vec::new();
         for options in combined {
@@ -135,6 +140,7 @@ fn name(options: &BakeOptions) -> String {
         fit_seconds,
         fit_cameras,
         min_weight,
+        coarseness,
         // A sweep's own cameras.
         seen_from: _,
         nonfinite,
@@ -163,6 +169,9 @@ fn name(options: &BakeOptions) -> String {
     }
     if let Some(weight) = min_weight {
         name += &format!("-w{weight:e}");
+    }
+    if *coarseness > 0.0 {
+        name += &format!("-i{coarseness:e}");
     }
     if *nonfinite == Nonfinite::Empty {
         name += "-empty";
@@ -226,6 +235,7 @@ mod tests {
             block_sizes: vec![4, 8],
             zstd_levels: vec![1, 12],
             min_weights: vec![0.0, 1e-3],
+            coarsenesses: vec![0.0, 2.5],
             presets: Vec::new(),
         };
         let all = names(&grid);

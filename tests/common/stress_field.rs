@@ -2,11 +2,13 @@
 
 use mipvog_bake::bake::Filter;
 use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
+use mipvog_bake::error::Place;
 use mipvog_bake::grid::{NodeMask, Nodes};
 use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settler};
 use mipvog_bake::mips::{Slab, Visibility, level_sizes, taps::AxisTaps};
 use mipvog_bake::quantize::{
-    Bits, BlockEncoder, BlockSource, color_encoding, decode_codes, density_encoding, unpredict,
+    Bits, BlockEncoder, BlockSource, Code, FrameShape, color_encoding, decode_codes,
+    density_encoding, run_bytes, run_codes,
 };
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
@@ -327,20 +329,24 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     };
     let needed = NodeMask::full(Nodes([edge; 3]));
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
-    let (mut bytes, mut codes) = (Vec::new(), vec![0; edge.pow(3)]);
-    BlockEncoder::new(encoding.clone(), edge, 0.0).encode(source, 0, &mut bytes);
-    let plane = |plane: usize| &bytes[plane * edge.pow(3)..][..edge.pow(3)];
-    unpredict(encoding.number, edge, plane, &mut codes);
+    let encoder = BlockEncoder::new(encoding.clone(), 1, edge, 0.0);
+    let frame = encoder.frame(source, 0, None);
+    let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
     let codes = match encoding.number {
-        NumberType::U8 => Codes::U8(codes.into_iter().map(|code| code as u8).collect()),
-        NumberType::U16 | NumberType::F16 => {
-            Codes::U16(codes.into_iter().map(|code| code as u16).collect())
-        }
-        NumberType::F32 => Codes::U32(codes),
+        NumberType::U8 => Codes::U8(restored(encoder.shape(), &bytes)),
+        NumberType::U16 | NumberType::F16 => Codes::U16(restored(encoder.shape(), &bytes)),
+        NumberType::F32 => Codes::U32(restored(encoder.shape(), &bytes)),
     };
     let mut back = vec![0.0; values.len()];
     decode_codes(encoding, &codes, 0..values.len(), &mut back);
     back
+}
+
+/// The codes of a run of one frame.
+fn restored<T: Code>(shape: FrameShape, bytes: &[u8]) -> Vec<T> {
+    let mut codes = vec![T::default(); shape.nodes()];
+    run_codes(shape, bytes, &mut codes, &Place::File).expect("a run that was just made");
+    codes
 }
 
 /// Values to store: those that hurt, and of integers every border's neighbourhood.

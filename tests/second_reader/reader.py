@@ -264,49 +264,92 @@ def mask(data):
     return {"free_space.map": table, "free_space.values" if lookup else "free_space.inside": values}
 
 
-def residuals(data, stored, channels, width, nodes, what):
-    """All residuals of an atlas as uint64 [channels, frames, nodes]; `width` is in bytes."""
+def codes_of(data, stored, channels, width, first, b, what):
+    """All codes of an atlas as uint64 [channels, frames, nodes]; `width` is in bytes."""
     need(len(data) >= 8, f"{what} is too short")
     full, runs = struct.unpack_from("<II", data)
     need(full >= 1 and runs == -(-stored // full), f"{what}: {runs} runs of {full} frames for {stored} blocks")
     at = 8 + 4 * runs
     need(len(data) >= at, f"{what} is too short")
-    out = np.zeros((channels, stored, nodes), np.uint64)
+    out = np.zeros((channels, stored, b**3), np.uint64)
     for run, word in enumerate(struct.unpack_from(f"<{runs}I", data, 8)):
         piece, at = data[at : at + (word & 0x7FFFFFFF)], at + (word & 0x7FFFFFFF)
         need(at <= len(data), f"{what}: run {run} goes beyond the chunk")
-        frames = min(full, stored - run * full)
-        size = channels * width * frames * nodes
         if not word >> 31:
+            try:
+                size = zstandard.frame_content_size(piece)
+            except zstandard.ZstdError as error:
+                raise Refused(f"{what}, run {run}: {error}") from None
+            frames = min(full, stored - run * full)
+            most = 1 + 255 * 5 * channels + frames * (1 + b**3 * (1 + channels * width))
+            need(0 <= size <= most, f"{what}, run {run}: states {size} bytes")
             piece = inflate(piece, size, f"{what}, run {run}")
-        need(len(piece) == size, f"{what}: run {run} has {len(piece)} bytes, not {size}")
-        planes = np.frombuffer(piece, np.uint8).reshape(channels, width, frames, nodes)
-        for byte in range(width):  # planes of bytes, lowest first
-            out[:, run * full : run * full + frames] |= planes[:, byte].astype(np.uint64) << np.uint64(8 * byte)
+        part = slice(run * full, min((run + 1) * full, stored))
+        out[:, part] = run_of(piece, part.stop - part.start, channels, width, first, b, f"{what}, run {run}")
     need(at == len(data), f"{what}: bytes after the last run")
     return out
 
 
-def codes_of(residual, b, width, first):
-    """Undo the prediction. A node needs only nodes of smaller x + y + z, so one such diagonal goes at a time, in every
-    frame and channel at once."""
-    channels, frames, _ = residual.shape
-    residual = residual.transpose(2, 0, 1).reshape(b**3, channels * frames)
-    # One plane of zeros before each axis: the neighbours that a block does not have add nothing.
-    codes = np.zeros(((b + 1) ** 3, channels * frames), np.uint64)
+def run_of(data, frames, channels, width, first, b, what):
+    """The codes of one run, [channels, frames, nodes]."""
+    nodes, at = b**3, 0
+
+    def take(count):
+        nonlocal at
+        need(at + count <= len(data), f"{what} is too short")
+        at += count
+        return np.frombuffer(data, np.uint8, count, at - count)
+
+    modes = int(take(1)[0])
+    need(modes >= 1, f"{what} has no modes")
+    weights = np.zeros((modes, channels, 5), np.int64)
+    for mode in range(modes):
+        for channel in range(channels):
+            count = 2 + min(channel, 3)
+            weights[mode, channel, :count] = take(count).view(np.int8)
+    mode_of = take(frames)
+    need(mode_of.max() < modes, f"{what}: a mode that it does not have")
+    bits = np.unpackbits(take(frames * -(-nodes // 8)).reshape(frames, -1), axis=1, bitorder="little")
+    need(not bits[:, nodes:].any(), f"{what}: a live bit beyond the last node")
+    live = bits[:, :nodes] == 1
+    residual = np.zeros((channels, frames, nodes), np.int64)
+    for channel in range(channels):
+        for byte in range(width):
+            for mode in range(modes):
+                for frame in np.flatnonzero(mode_of == mode):
+                    here = live[frame]
+                    residual[channel, frame, here] |= take(here.sum()).astype(np.int64) << (8 * byte)
+    need(at == len(data), f"{what}: bytes after the last residual")
+    residual -= sum(0x80 << (8 * byte) for byte in range(width))
+    # Nodes of the same x + y + z need only those of smaller sums, so one such diagonal goes at a time, in every frame at once.
     x, y, z = np.indices((b, b, b)).reshape(3, -1)
-    have = ((x > 0).astype(np.uint64) + (y > 0) + (z > 0)).astype(np.uint64)[:, None]
-    sx, sy = (b + 1) ** 2, b + 1
-    place = (x + 1) * sx + (y + 1) * sy + z + 1
-    for diagonal in range(3 * b - 2):
-        node = np.flatnonzero(x + y + z == diagonal)
-        at = place[node]
-        if diagonal:
-            mean = (codes[at - sx] + codes[at - sy] + codes[at - 1]) // have[node]
-        else:
-            mean = np.uint64(first)
-        codes[at] = (mean + residual[node]) & np.uint64((1 << 8 * width) - 1)
-    return codes[place].reshape(b**3, channels, frames).transpose(1, 2, 0)
+    codes = np.zeros((channels, frames, nodes), np.int64)
+    difference = np.zeros_like(codes)
+    for channel in range(channels):
+        w = weights[mode_of, channel].T[:, :, None]
+        for diagonal in range(3 * b - 2):
+            node = np.flatnonzero(x + y + z == diagonal)
+
+            def neighbour(dx, dy, dz):
+                has = (x[node] >= dx) & (y[node] >= dy) & (z[node] >= dz)
+                lower = np.where(has, node - (dx * b + dy) * b - dz, 0)
+                return has, codes[channel][:, lower]
+
+            lower = [neighbour(*axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+            count = sum(has.astype(np.int64) for has, _ in lower)
+            mean = sum(np.where(has, code, 0) for has, code in lower) // count if diagonal else np.full((frames, 1), first)
+
+            def beyond(*offset):
+                has, code = neighbour(*offset)
+                return np.where(has, code - mean, 0)
+
+            terms = [beyond(1, 1, 0) + beyond(1, 0, 1) + beyond(0, 1, 1), beyond(1, 1, 1)]
+            terms += [difference[channel - j][:, node] for j in (1, 2, 3) if j <= channel]
+            prediction = mean + ((sum(a * t for a, t in zip(w, terms)) + 16) >> 5)
+            whole = (prediction + residual[channel][:, node]) & ((1 << 8 * width) - 1)
+            codes[channel][:, node] = np.where(live[:, node], whole, mean)
+            difference[channel][:, node] = codes[channel][:, node] - mean
+    return codes.astype(np.uint64)
 
 
 def values_of(codes, encoding):
@@ -326,7 +369,7 @@ def atlas(data, channels, level, occupied, encoding, what):
     """The dense array [channels, Nx, Ny, Nz] of one atlas."""
     b = level["block_size"]
     width, first, _, _ = NUMBERS[encoding["number"]]
-    codes = codes_of(residuals(data, level["blocks_stored"], channels, width, b**3, what), b, width, first)
+    codes = codes_of(data, level["blocks_stored"], channels, width, first, b, what)
     # Of nodes beyond the grid's end too: their values are arbitrary, their codes are codes.
     need(not (codes >> np.uint64(encoding["bits"])).any(), f"{what}: a code has more than its bits")
     blocks = np.full((channels, *occupied.shape, b, b, b), np.float32(encoding["empty"]), np.float32)

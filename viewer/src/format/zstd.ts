@@ -27,8 +27,8 @@ export function inflate(bytes: Uint8Array, length: number, name: string): Uint8A
   throw wrong();
 }
 
-/** What a frame's header says it inflates to; null where it says nothing. */
-function contentSize(frame: Uint8Array): number | null {
+/** What a frame's header says it inflates to; null where it says nothing, NaN where it is no header. */
+export function contentSize(frame: Uint8Array): number | null {
   const data = new DataView(frame.buffer, frame.byteOffset, frame.byteLength);
   if (frame.length < 6 || data.getUint32(0, true) !== 0xfd2fb528) return NaN;
   const flags = frame[4];

@@ -1,0 +1,127 @@
+//! What a bake would take and give, without baking all of it.
+//!
+//! Pruning is done for real: it says how many nodes of each level are needed, and costs and bytes follow
+//! those. Then two windows along x, an eighth of the box each, are encoded for real, with all levels. What
+//! they take and give a needed node, all of them will, nearly.
+
+use std::time::Instant;
+
+use super::report::{BakeReport, StageReport, prune_reports};
+use super::stream::Stream;
+use super::{
+    BakeOptions, Filter, encode_levels, expose, fit_encodings, level_reports, metadata,
+    prune_field, tables,
+};
+use crate::container::EncodedLevel;
+use crate::error::{Error, Result};
+use crate::field::RadianceField;
+use crate::grid::{NodeMask, Nodes};
+use crate::progress::Progress;
+
+/// Where windows start, and how long they are, in 16ths of the box.
+const WINDOWS: [usize; 2] = [4, 10];
+const LENGTH: usize = 2;
+
+/// What a bake would take and give.
+#[derive(Debug, Clone)]
+pub struct Forecast {
+    /// As a bake would report it. Sizes of levels leave tables and metadata out.
+    pub report: BakeReport,
+    /// Wall-clock time of all stages.
+    pub seconds: f64,
+    /// Bytes that will be held at once beyond those that were held for the windows: what levels are
+    /// compressed to waits until the coarsest is there.
+    pub more_memory_bytes: u64,
+}
+
+/// Forecasts [`super::bake`].
+///
+/// # Errors
+///
+/// Fits are not forecast: they end when nothing is gained any more. Otherwise as a bake's.
+pub fn forecast(
+    field: &RadianceField,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<Forecast> {
+    options.check()?;
+    if options.filter == Filter::Fit {
+        return Err(Error::usage(
+            "--dry-run does not know when a fit will end; take another filter",
+        ));
+    }
+    let mut clock = Instant::now();
+    let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
+    let (planes, sizes, mut pruned) = prune_field(field, options, progress)?;
+    let mut stages =
+        vec![StageReport { name: "prune", seconds: lap(), bytes: field.density.bytes() }];
+    let seen = expose(field, options, &mut pruned, progress)?;
+    if seen.is_some() {
+        stages.push(StageReport { name: "expose", seconds: lap(), bytes: 0 });
+    }
+    let whole: Vec<u64> = pruned.levels.iter().map(|level| level.needed.count()).collect();
+    let all_tables = tables(&pruned, options.block_size)?;
+    let mut metadata = metadata(field, options, &sizes, &all_tables, pruned.keeps_mask);
+    let reports = prune_reports(&pruned);
+    for level in &mut pruned.levels {
+        level.needed.intersect(&windows(level.needed.nodes(), options.block_size));
+    }
+    let part: Vec<u64> = pruned.levels.iter().map(|level| level.needed.count()).collect();
+    let times = whole.iter().sum::<u64>() as f64 / part.iter().sum::<u64>().max(1) as f64;
+    let part_tables = tables(&pruned, options.block_size)?;
+    lap();
+    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: None };
+    let scaled = |bytes: u64| (bytes as f64 * times) as u64;
+    if let Some(max_error) = options.max_error {
+        let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
+        stages.push(StageReport { name: "ranges", seconds: lap() * times, bytes: scaled(bytes) });
+    }
+    let importance = seen.as_ref().and_then(|seen| options.importance(seen));
+    let (encoded, streamed) = encode_levels(&stream, &metadata, part_tables, importance, progress)?;
+    let seconds = lap() * times;
+    stages.push(StageReport { name: "encode", seconds, bytes: scaled(streamed.bytes_read) });
+    let bytes =
+        |level: &EncodedLevel| level.atlases.iter().flatten().map(|a| a.bytes()).sum::<u64>();
+    let mut levels = level_reports(&metadata, &[]);
+    let mut of_finer = 0.0;
+    let mut held = 0;
+    for (number, level) in levels.iter_mut().enumerate() {
+        let bytes = bytes(&encoded[number]);
+        held += bytes;
+        // A level that no window meets takes for a node what the next finer one does.
+        of_finer = if part[number] > 0 { bytes as f64 / part[number] as f64 } else { of_finer };
+        level.stored_bytes = (whole[number] as f64 * of_finer) as u64;
+    }
+    let output_bytes: u64 = levels.iter().map(|level| level.stored_bytes).sum();
+    Ok(Forecast {
+        seconds: stages.iter().map(|stage| stage.seconds).sum(),
+        more_memory_bytes: output_bytes.saturating_sub(held),
+        report: BakeReport {
+            output_bytes,
+            levels,
+            pruned: reports,
+            unchanged: false,
+            fitted: None,
+            free_space_stored: pruned.keeps_mask,
+            nonfinite_values: pruned.nonfinite,
+            stages,
+        },
+    })
+}
+
+/// The nodes inside the windows, whole rows of blocks; all of a box that is too short for windows.
+fn windows(nodes: Nodes, edge: usize) -> NodeMask {
+    let [nx, ny, _] = nodes.0;
+    let full = NodeMask::full(nodes);
+    let rows = nx.div_ceil(edge);
+    if rows < 16 {
+        return full;
+    }
+    let inside = |x: usize| {
+        let place = x / edge * 16 / rows;
+        WINDOWS.iter().any(|&start| (start..start + LENGTH).contains(&place))
+    };
+    let empty = vec![0; ny * full.row_words()];
+    let plane = |x: usize| if inside(x) { full.plane(x).to_vec() } else { empty.clone() };
+    NodeMask::from_planes(nodes, (0..nx).map(plane).collect())
+}

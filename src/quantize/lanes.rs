@@ -1,0 +1,107 @@
+//! Numbers of several blocks, block by block or node by node.
+//!
+//! Rows hold a block each, lanes the same node of `L` blocks. Tiles of eight nodes are turned at a time: compilers make
+//! shuffles of loops over them, where strides through memory take one number at a time.
+
+use multiversion::multiversion;
+
+use super::wide::Code;
+
+/// Nodes of a tile.
+const TILE: usize = 8;
+
+/// Rows of `nodes` numbers to lanes; there are at most `L`, and what has no row stays.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn spread<T: Code, const L: usize>(rows: &[T], nodes: usize, lanes: &mut [[T; L]]) {
+    let mut tile = [[T::default(); TILE]; L];
+    for (i, lanes) in lanes.chunks_mut(TILE).enumerate() {
+        for (tile, row) in tile.iter_mut().zip(rows.chunks_exact(nodes)) {
+            let row = &row[i * TILE..];
+            match row.first_chunk() {
+                Some(whole) => *tile = *whole,
+                None => tile[..row.len()].copy_from_slice(row),
+            }
+        }
+        match lanes.as_chunks_mut::<TILE>() {
+            ([lanes], _) => to_lanes(&tile, lanes),
+            (_, lanes) => {
+                let mut whole = [[T::default(); L]; TILE];
+                to_lanes(&tile, &mut whole);
+                lanes.copy_from_slice(&whole[..lanes.len()]);
+            }
+        }
+    }
+}
+
+/// Lanes to rows of `nodes` numbers, `stride` apart; there are at most `L`.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn gather<T: Code, const L: usize>(
+    lanes: &[[T; L]],
+    rows: &mut [T],
+    stride: usize,
+    nodes: usize,
+) {
+    let mut tile = [[T::default(); TILE]; L];
+    for (i, lanes) in lanes.chunks(TILE).enumerate() {
+        match lanes.as_chunks::<TILE>() {
+            ([lanes], _) => to_rows(lanes, &mut tile),
+            (_, lanes) => {
+                let mut whole = [[T::default(); L]; TILE];
+                whole[..lanes.len()].copy_from_slice(lanes);
+                to_rows(&whole, &mut tile);
+            }
+        }
+        for (tile, row) in tile.iter().zip(rows.chunks_mut(stride)) {
+            let row = &mut row[i * TILE..nodes];
+            match row.first_chunk_mut() {
+                Some(whole) => *whole = *tile,
+                None => row.copy_from_slice(&tile[..row.len()]),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn to_lanes<T: Code, const L: usize>(rows: &[[T; TILE]; L], lanes: &mut [[T; L]; TILE]) {
+    for lane in 0..L {
+        for node in 0..TILE {
+            lanes[node][lane] = rows[lane][node];
+        }
+    }
+}
+
+#[inline(always)]
+fn to_rows<T: Code, const L: usize>(lanes: &[[T; L]; TILE], rows: &mut [[T; TILE]; L]) {
+    for lane in 0..L {
+        for node in 0..TILE {
+            rows[lane][node] = lanes[node][lane];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_are_rows_turned() {
+        for (nodes, rows) in [(1, 1), (7, 4), (8, 3), (27, 4), (64, 2)] {
+            let numbers: Vec<u16> = (0..nodes * rows).map(|i| i as u16).collect();
+            let mut lanes = vec![[u16::MAX; 4]; nodes];
+            spread(&numbers, nodes, &mut lanes);
+            for (node, lanes) in lanes.iter().enumerate() {
+                for (row, &number) in lanes[..rows].iter().enumerate() {
+                    assert_eq!(usize::from(number), row * nodes + node);
+                }
+            }
+            let stride = nodes + 3;
+            let mut back = vec![u16::MAX; (rows - 1) * stride + nodes];
+            gather(&lanes, &mut back, stride, nodes);
+            for (i, &number) in back.iter().enumerate() {
+                let inside = i % stride < nodes;
+                let want = if inside { numbers[i / stride * nodes + i % stride] } else { u16::MAX };
+                assert_eq!(number, want);
+            }
+        }
+    }
+}

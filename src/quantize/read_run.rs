@@ -1,0 +1,151 @@
+//! The bytes of a run to codes.
+
+use super::lanes::{gather, spread};
+use super::predict::{self, CHANNELS_BEFORE, Channel, WEIGHTS};
+use super::run::{FrameShape, before, lane_weights, terms};
+use super::wide::Code;
+
+/// A run whose parts are found.
+pub struct RunParts<'a> {
+    shape: FrameShape,
+    /// Of each mode's channels.
+    weights: Vec<Vec<[i8; WEIGHTS]>>,
+    modes: &'a [u8],
+    live: &'a [u8],
+    /// Live nodes before each frame, in the order of modes.
+    starts: Vec<usize>,
+    /// Live nodes in all.
+    count: usize,
+    residuals: &'a [u8],
+}
+
+impl<'a> RunParts<'a> {
+    /// Finds the parts; the error says what was expected.
+    pub fn read(
+        shape: FrameShape,
+        frames: usize,
+        bytes: &'a [u8],
+    ) -> std::result::Result<Self, &'static str> {
+        let mut left = bytes;
+        let mut take = |count: usize| {
+            let (taken, rest) = left.split_at_checked(count).ok_or("more bytes")?;
+            left = rest;
+            Ok::<_, &'static str>(taken)
+        };
+        let count = usize::from(take(1)?[0]);
+        if count == 0 {
+            return Err("at least one mode");
+        }
+        let mut weights = vec![vec![[0; WEIGHTS]; shape.channels]; count];
+        for weights in &mut weights {
+            for (channel, weights) in weights.iter_mut().enumerate() {
+                for (weight, byte) in weights.iter_mut().zip(take(terms(channel))?) {
+                    *weight = byte.cast_signed();
+                }
+            }
+        }
+        let modes = take(frames)?;
+        if modes.iter().any(|&mode| usize::from(mode) >= count) {
+            return Err("modes that the run has");
+        }
+        let live = take(frames.saturating_mul(shape.live_bytes()))?;
+        let spare = shape.nodes() % 8;
+        let (mut counts, mut by_mode) = (Vec::with_capacity(frames), vec![0; count]);
+        for (live, &mode) in live.chunks_exact(shape.live_bytes()).zip(modes) {
+            if spare > 0 && live[live.len() - 1] >> spare != 0 {
+                return Err("no live bits of nodes that a block does not have");
+            }
+            let count: usize = live.iter().map(|byte| byte.count_ones() as usize).sum();
+            by_mode[usize::from(mode)] += count;
+            counts.push(count);
+        }
+        let mut next = 0;
+        for start in &mut by_mode {
+            next += std::mem::replace(start, next);
+        }
+        let start = |(count, &mode): (usize, &u8)| {
+            let next = by_mode[usize::from(mode)] + count;
+            std::mem::replace(&mut by_mode[usize::from(mode)], next)
+        };
+        let starts = counts.into_iter().zip(modes).map(start).collect();
+        if left.len() != next * shape.channels * shape.number.bytes() {
+            return Err("a residual of each live node and channel");
+        }
+        Ok(Self { shape, weights, modes, live, starts, count: next, residuals: left })
+    }
+
+    /// Codes of up to `L` frames from `first` on.
+    pub fn restore<T: Code, const L: usize>(&self, first: usize, codes: &mut [T]) {
+        let FrameShape { number, channels, edge } = self.shape;
+        let nodes = self.shape.nodes();
+        let frames = codes.len() / (channels * nodes);
+        let modes = &self.modes[first..][..frames];
+        let empty = || vec![[T::default(); L]; nodes];
+        let (mut live, mut residuals) = (empty(), empty());
+        let mut rows = vec![T::default(); frames * nodes];
+        let bits = self.live.chunks_exact(self.shape.live_bytes()).skip(first);
+        for (row, bits) in rows.chunks_exact_mut(nodes).zip(bits) {
+            for (row, &byte) in row.chunks_mut(8).zip(bits) {
+                for (i, live) in row.iter_mut().enumerate() {
+                    *live = T::default().with_all_if(byte >> i & 1 == 1);
+                }
+            }
+        }
+        spread(&rows, nodes, &mut live);
+        // The channel that is made, after those that its predictions look at.
+        let mut known: Vec<Channel<T, L>> = Vec::with_capacity(CHANNELS_BEFORE + 1);
+        for channel in 0..channels {
+            for (lane, row) in rows.chunks_exact_mut(nodes).enumerate() {
+                self.take_residuals(first + lane, channel, row);
+            }
+            spread(&rows, nodes, &mut residuals);
+            let weights =
+                lane_weights::<T, L>(modes, |mode| self.weights[usize::from(mode)][channel]);
+            let mut made = match known.len() > CHANNELS_BEFORE {
+                true => known.remove(0),
+                false => Channel { codes: empty(), means: empty() },
+            };
+            let before = before(&known, known.len());
+            let origin = T::origin(number);
+            predict::restore(edge, origin, &live, &residuals, before, &weights, &mut made);
+            gather(&made.codes, &mut codes[channel * nodes..], channels * nodes, nodes);
+            known.push(made);
+        }
+    }
+
+    /// Residuals of one frame and channel. What is not live may get anything.
+    fn take_residuals<T: Code>(&self, frame: usize, channel: usize, row: &mut [T]) {
+        let planes = self.residuals.get(channel * T::BYTES * self.count + self.starts[frame]..);
+        let planes = planes.unwrap_or_default();
+        let bits = &self.live[frame * self.shape.live_bytes()..];
+        let (whole, rest) = row.as_chunks_mut::<8>();
+        let mut at = 0;
+        for (row, &live) in whole.iter_mut().zip(bits) {
+            at += self.take_eight(planes, at, live, row);
+        }
+        if let Some(&live) = bits.get(whole.len()) {
+            self.take_eight(planes, at, live, rest);
+        }
+    }
+
+    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are live.
+    #[inline(always)]
+    fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
+        // The next bytes of each plane. After the last live node there may be fewer than eight, and none is needed.
+        let mut next = [[0; 8]; 4];
+        for (byte, next) in next.iter_mut().enumerate().take(T::BYTES) {
+            let left = planes.get(byte * self.count + at..).unwrap_or_default();
+            match left.first_chunk() {
+                Some(eight) => *next = *eight,
+                None => next[..left.len()].copy_from_slice(left),
+            }
+        }
+        let mut taken = 0;
+        for (i, residual) in row.iter_mut().enumerate() {
+            let byte = |byte: usize| u32::from(next[byte][taken & 7]) << (8 * byte);
+            *residual = T::narrow((0..T::BYTES).fold(0, |number, i| number | byte(i)));
+            taken += usize::from(live >> i & 1);
+        }
+        taken
+    }
+}

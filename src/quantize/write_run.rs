@@ -1,0 +1,188 @@
+//! Frames to the bytes of a run.
+
+use super::fit;
+use super::lanes::{gather, spread};
+use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
+use super::run::{Frame, FrameShape, RunBytes, Typed, before, lane_weights, terms};
+use super::wide::Code;
+
+/// Frames that a mode has at least, so that its weights and tables pay.
+const FRAMES_OF_A_MODE: usize = 24;
+/// Modes of a run at most.
+const MOST_MODES: usize = 8;
+
+/// Frames that are encoded together, lane by lane.
+struct Batch<T, const L: usize> {
+    channels: Vec<Channel<T, L>>,
+    live: Lanes<T, L>,
+}
+
+/// A run's frames, filled.
+pub struct Encoder<T, const L: usize> {
+    shape: FrameShape,
+    frames: usize,
+    batches: Vec<Batch<T, L>>,
+    /// The live bits of each frame.
+    live: Vec<Vec<u8>>,
+}
+
+impl<T: Typed, const L: usize> Encoder<T, L> {
+    /// Takes frames, and gives codes that nobody needs their mean, or `most` where that is lower.
+    pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
+        let nodes = shape.nodes();
+        let origin = T::origin(shape.number);
+        let mut rows: Vec<T> = Vec::with_capacity(L * nodes);
+        let (mut batches, mut bits) = (Vec::new(), Vec::with_capacity(frames.len()));
+        for frames in frames.chunks(L) {
+            let empty = || vec![[T::default(); L]; nodes];
+            let (mut needed, mut live) = (empty(), empty());
+            rows.clear();
+            let all = frames.iter().flat_map(|frame| &frame.needed);
+            rows.extend(all.map(|&needed| T::default().with_all_if(needed)));
+            spread(&rows, nodes, &mut needed);
+            let mut channels = Vec::with_capacity(shape.channels);
+            for channel in 0..shape.channels {
+                rows.clear();
+                for frame in frames {
+                    rows.extend(&T::of(&frame.codes)[channel * nodes..][..nodes]);
+                }
+                let mut lanes = Channel { codes: empty(), means: empty() };
+                spread(&rows, nodes, &mut lanes.codes);
+                let most = T::narrow(most);
+                predict::fill(shape.edge, origin, most, &needed, &mut lanes, &mut live);
+                channels.push(lanes);
+            }
+            gather(&live, &mut rows, nodes, nodes);
+            bits.extend(rows.chunks_exact(nodes).map(live_bits));
+            batches.push(Batch { channels, live });
+        }
+        let live = bits;
+        Self { shape, frames: frames.len(), batches, live }
+    }
+
+    /// The run.
+    pub fn run(self) -> RunBytes {
+        let FrameShape { channels, edge, .. } = self.shape;
+        let sums: Vec<Vec<Sums<L>>> = self
+            .batches
+            .iter()
+            .map(|batch| {
+                let sums = |c: usize| {
+                    let before = before(&batch.channels, c);
+                    predict::sums(edge, &batch.live, before, &batch.channels[c])
+                };
+                (0..channels).map(sums).collect()
+            })
+            .collect();
+        let (modes, order) = self.modes(&sums);
+        let count = modes.iter().max().map_or(1, |&mode| mode + 1);
+        let weights = self.weights(&sums, &modes, count);
+        let mut bytes = vec![count];
+        for of_mode in &weights {
+            for (channel, weights) in of_mode.iter().enumerate() {
+                bytes.extend(weights[..terms(channel)].iter().map(|weight| weight.cast_unsigned()));
+            }
+        }
+        bytes.extend(&modes);
+        self.live.iter().for_each(|live| bytes.extend(live));
+        let mut sections = vec![bytes.len()];
+        let start = bytes.len();
+        let live: usize = (0..self.frames).map(|frame| self.live_count(frame)).sum();
+        // More, so that bytes can be written before it is known whether they count.
+        bytes.resize(start + live * channels * T::BYTES + 8, 0);
+        let mut at = start;
+        let nodes = self.shape.nodes();
+        let mut lanes = vec![[T::default(); L]; nodes];
+        let mut residuals = vec![T::default(); self.frames * nodes];
+        for channel in 0..channels {
+            let batches = self.batches.iter().zip(residuals.chunks_mut(L * nodes));
+            for ((batch, residuals), modes) in batches.zip(modes.chunks(L)) {
+                let weights = lane_weights::<T, L>(modes, |mode| weights[mode as usize][channel]);
+                let before = before(&batch.channels, channel);
+                predict::residuals(edge, before, &weights, &batch.channels[channel], &mut lanes);
+                gather(&lanes, residuals, nodes, nodes);
+            }
+            for byte in 0..T::BYTES {
+                let mut mode = 0;
+                for &frame in &order {
+                    if modes[frame] != mode {
+                        mode = modes[frame];
+                        sections.push(at);
+                    }
+                    let (whole, rest) = residuals[frame * nodes..][..nodes].as_chunks::<8>();
+                    for (nodes, &live) in whole.iter().zip(&self.live[frame]) {
+                        at += put_eight(nodes, live, byte, &mut bytes[at..]);
+                    }
+                    if let Some(&live) = self.live[frame].get(whole.len()) {
+                        at += put_eight(rest, live, byte, &mut bytes[at..]);
+                    }
+                }
+                sections.push(at);
+            }
+        }
+        bytes.truncate(at);
+        RunBytes { bytes, sections }
+    }
+
+    /// The mode of each frame, and frames in the order of their modes.
+    fn modes(&self, sums: &[Vec<Sums<L>>]) -> (Vec<u8>, Vec<usize>) {
+        let activity = |frame: usize| {
+            let sizes: f64 = sums[frame / L].iter().map(|sums| sums.sizes[frame % L]).sum();
+            sizes / self.live_count(frame).max(1) as f64
+        };
+        let mut order: Vec<usize> = (0..self.frames).collect();
+        let activities: Vec<f64> = order.iter().map(|&frame| activity(frame)).collect();
+        order.sort_by(|&a, &b| activities[a].total_cmp(&activities[b]).then(a.cmp(&b)));
+        let count = (self.frames / FRAMES_OF_A_MODE).clamp(1, MOST_MODES);
+        let mut modes = vec![0; self.frames];
+        for (rank, &frame) in order.iter().enumerate() {
+            modes[frame] = (rank * count / self.frames) as u8;
+        }
+        order.sort_by_key(|&frame| (modes[frame], frame));
+        (modes, order)
+    }
+
+    /// The weights of each mode's channels.
+    fn weights(&self, sums: &[Vec<Sums<L>>], modes: &[u8], count: u8) -> Vec<Vec<[i8; WEIGHTS]>> {
+        let mut products =
+            vec![vec![[0.0; fit::PRODUCTS]; self.shape.channels]; usize::from(count)];
+        for (frame, &mode) in modes.iter().enumerate() {
+            for (total, sums) in products[usize::from(mode)].iter_mut().zip(&sums[frame / L]) {
+                for (total, lanes) in total.iter_mut().zip(&sums.products) {
+                    *total += lanes[frame % L];
+                }
+            }
+        }
+        let of_mode = |products: Vec<[f64; fit::PRODUCTS]>| {
+            let all = products.iter().enumerate();
+            all.map(|(channel, products)| fit::weights(products, terms(channel))).collect()
+        };
+        products.into_iter().map(of_mode).collect()
+    }
+
+    fn live_count(&self, frame: usize) -> usize {
+        self.live[frame].iter().map(|bits| bits.count_ones() as usize).sum()
+    }
+}
+
+/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live.
+#[inline(always)]
+fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
+    let mut taken = 0;
+    if let Some(out) = out.first_chunk_mut::<8>() {
+        for (i, residual) in nodes.iter().enumerate() {
+            out[taken & 7] = residual.byte(byte);
+            taken += usize::from(live >> i & 1);
+        }
+    }
+    taken
+}
+
+/// The live bits of a frame.
+fn live_bits<T: Code>(live: &[T]) -> Vec<u8> {
+    let byte = |nodes: &[T]| {
+        let bits = nodes.iter().enumerate().map(|(i, live)| (live.byte(0) & 1) << i);
+        bits.fold(0, |byte, bit| byte | bit)
+    };
+    live.chunks(8).map(byte).collect()
+}
