@@ -9,7 +9,6 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use fs4::FileExt;
 use tempfile::NamedTempFile;
 
 /// How names of temporary files start.
@@ -39,7 +38,7 @@ pub fn remove(folder: &Path) {
 /// Removes a file unless somebody has it locked.
 fn remove_unlocked(path: &Path) {
     let Ok(file) = File::options().read(true).write(true).open(path) else { return };
-    if FileExt::try_lock(&file).is_ok() {
+    if file.try_lock().is_ok() {
         // The lock is held until the name is gone, so that nobody claims it in between.
         std::fs::remove_file(path).ok();
     }
@@ -48,5 +47,5 @@ fn remove_unlocked(path: &Path) {
 /// Locks a new temporary file. `false` if somebody removed it before.
 pub fn claim(temporary: &NamedTempFile) -> bool {
     // Without locks nobody removes anything.
-    FileExt::lock(temporary.as_file()).is_err() || temporary.path().exists()
+    temporary.as_file().lock().is_err() || temporary.path().exists()
 }
