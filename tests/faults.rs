@@ -289,7 +289,7 @@ fn outputs_are_locked_while_they_are_written() {
     let folder = folder();
     let output = bytes::Output::create(&folder.path().join("x"), false).expect("writable");
     let other = std::fs::File::open(output.written()).expect("there");
-    assert!(fs4::FileExt::try_lock(&other).is_err());
+    assert!(other.try_lock().is_err());
     drop(output);
-    assert!(fs4::FileExt::try_lock(&other).is_ok());
+    assert!(other.try_lock().is_ok());
 }
