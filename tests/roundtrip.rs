@@ -5,9 +5,10 @@ mod common;
 use common::{
     Random, baked_bytes, field, fixture, masked, open_bytes, plain, random_field, trained, unpack,
 };
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, rebake};
-use mipvog_bake::baked::Group;
+use mipvog_bake::bake::{BakeOptions, Changes, Filter, LevelRule, rebake};
+use mipvog_bake::baked::{Aside, Group, LevelOfDetail};
 use mipvog_bake::bytes::Output;
+use mipvog_bake::container::Container;
 use mipvog_bake::error::ErrorKind;
 use mipvog_bake::field::{FreeSpace, Lookup, Nonfinite};
 use mipvog_bake::grid::Nodes;
@@ -83,6 +84,37 @@ fn changes_to_an_unpacked_container_change_only_what_they_say() {
     assert_eq!(after.metadata(), &expected);
     let (before, after) = (before.read().expect("valid"), after.read().expect("valid"));
     assert_eq!(after.levels, before.levels[..2]);
+}
+
+#[test]
+fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
+    let field = trained("tiny/fine_last.tar");
+    let usual_bytes = baked_bytes(&field, &BakeOptions::default()).expect("a bake");
+    let usual = open_bytes(&usual_bytes).expect("valid");
+    let rules = [
+        (LevelRule::Paper, 1.0 / 3.0, None),
+        (LevelRule::Code, 0.5, Some(4.0)),
+        (LevelRule::Mipmap, 1.0, None),
+    ];
+    for (rule, factor, most) in rules {
+        let mut options = BakeOptions::default();
+        options.lod_rule = Some(rule);
+        options.lod_scale = 2.0;
+        let asked = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+        let changes = Changes { lod_rule: Some(rule), lod_scale: Some(2.0), ..Changes::default() };
+        let changed = open_bytes(&repacked(&usual_bytes, &changes)).expect("valid");
+        let mut expected = usual.metadata().clone();
+        expected.level_of_detail =
+            LevelOfDetail { factor: 2.0 * factor, bias: 0.0, most, aside: Aside::SameDistance };
+        for container in [&asked, &changed] {
+            assert_eq!(container.metadata(), &expected);
+            let levels = |container: &Container| container.read().expect("valid").levels;
+            assert_eq!(levels(container), levels(&usual));
+        }
+        options.filter = Filter::Fit;
+        let refused = baked_bytes(&field, &options).expect_err("a fit finds its own");
+        assert!(matches!(refused.kind(), ErrorKind::Usage { .. }), "{refused}");
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The families of coarser levels that a bake can make.
 
+use super::LevelRule;
 use crate::baked::{Aside, Blend, LevelOfDetail, StepRule};
 use crate::field::{Activation, Scene};
 use crate::grid::Nodes;
@@ -117,22 +118,26 @@ impl Filter {
             Blend::BeforeActivation => Aside::SameIndex,
             Blend::AfterActivation => Aside::SameDistance,
         };
-        let level_of_detail = self.level_of_detail(aside, 1.0);
+        let level_of_detail = self.level_of_detail(aside);
         TrainedLevels { levels, level_of_detail, blend, step_rule }
     }
 
     /// The rule that says which level a sample reads. Training measured footprints to the sample of
     /// the same index; containers measure them at the same distance, which does not depend on where
     /// rays enter the box.
-    pub fn level_of_detail(self, aside: Aside, scale: f32) -> LevelOfDetail {
+    pub fn level_of_detail(self, aside: Aside) -> LevelOfDetail {
+        let published = |rule: LevelRule| {
+            let (factor, most) = rule.constants();
+            (factor, 0.0, most)
+        };
         let (factor, bias, most) = match self {
-            Self::Code => (0.5, 0.0, Some(4.0)),
-            Self::Paper | Self::Kernel(_) => (1.0 / 3.0, 0.0, None),
+            Self::Code => published(LevelRule::Code),
+            Self::Paper | Self::Kernel(_) => published(LevelRule::Paper),
             Self::RateTent => (0.55, -0.15, None),
             Self::Coverage => (0.5, -0.1, None),
             Self::Fit => (0.5, 0.1, None),
         };
-        LevelOfDetail { factor: factor * scale, bias, aside, most }
+        LevelOfDetail { factor, bias, aside, most }
     }
 }
 

@@ -15,6 +15,7 @@ mod current;
 mod encode;
 mod filter;
 mod forecast;
+mod level_rule;
 mod options;
 mod origin;
 mod preset;
@@ -31,6 +32,7 @@ pub use current::is_current;
 pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
 pub use forecast::{Forecast, forecast};
+pub use level_rule::LevelRule;
 pub use options::BakeOptions;
 pub use origin::Origin;
 pub use preset::Preset;
@@ -42,9 +44,7 @@ pub use report::{
 };
 use stream::{Stream, Streamed};
 
-use crate::baked::{
-    Aside, ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
-};
+use crate::baked::{ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata};
 use crate::bytes::Output;
 use crate::container::{self, EncodedLevel, Head};
 use crate::error::Result;
@@ -157,7 +157,7 @@ fn fit_levels(
 ) -> Result<Fitted> {
     let mut levels = options.filter.trained_levels(&field.scene);
     levels.levels.most = sizes.len();
-    levels.level_of_detail = options.filter.level_of_detail(Aside::SameDistance, options.lod_scale);
+    levels.level_of_detail = options.level_of_detail();
     let needed: Vec<&NodeMask> = pruned.levels.iter().map(|level| &level.needed).collect();
     let fit_options = FitOptions {
         steps: options.fit_steps,
@@ -250,7 +250,7 @@ fn metadata(
         activation: scene.activation,
         march: scene.march,
         step_rule,
-        level_of_detail: options.filter.level_of_detail(Aside::SameDistance, options.lod_scale),
+        level_of_detail: options.level_of_detail(),
         blend,
         background: scene.background,
         color_space: ColorSpace::SrgbDisplay,

@@ -3,8 +3,8 @@
 use serde_json::json;
 
 use super::ranges::check_max_error;
-use super::{Filter, Importance};
-use crate::baked::Metadata;
+use super::{Filter, Importance, LevelRule};
+use crate::baked::{Aside, LevelOfDetail, Metadata};
 use crate::bytes::hex;
 use crate::camera::{Camera, digest};
 use crate::container::LARGEST_BLOCK;
@@ -41,7 +41,9 @@ pub struct BakeOptions {
     pub block_size: usize,
     /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
-    /// Multiplies the filter's level-of-detail factor. Default: 1
+    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds its own
+    pub lod_rule: Option<LevelRule>,
+    /// Multiplies the rule's factor. Default: 1
     pub lod_scale: f32,
     /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
     pub fit_steps: usize,
@@ -71,6 +73,7 @@ impl Default for BakeOptions {
             alpha_threshold: 1e-3,
             block_size: 8,
             zstd_level: DEFAULT_ZSTD_LEVEL,
+            lod_rule: None,
             lod_scale: 1.0,
             fit_steps: 150,
             fit_seconds: None,
@@ -113,6 +116,13 @@ impl BakeOptions {
         Some(importance).filter(|_| self.coarseness > 0.0)
     }
 
+    /// The rule that says which level a sample reads.
+    pub(super) fn level_of_detail(&self) -> LevelOfDetail {
+        let own = self.filter.level_of_detail(Aside::SameDistance);
+        let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
+        LevelOfDetail { factor: rule.factor * self.lod_scale, ..rule }
+    }
+
     /// Refuses values that no bake can follow.
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {
@@ -135,6 +145,10 @@ impl BakeOptions {
                 "--min-weight must be above 0 and at most 1",
             ),
             ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
+            (
+                self.lod_rule.is_none() || self.filter != Filter::Fit,
+                "--lod-rule and --filter fit exclude each other: a fit finds its own rule",
+            ),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
         ];
         rules
@@ -159,6 +173,9 @@ impl BakeOptions {
                 Nonfinite::Empty => "empty",
             },
         });
+        if let Some(rule) = self.lod_rule {
+            options["lod_rule"] = rule.name().into();
+        }
         if let Some(max_error) = self.max_error {
             options["max_error"] = max_error.into();
         }

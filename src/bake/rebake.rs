@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
+use super::LevelRule;
 use super::encode::{Check, EncodeOptions, LevelEncoder};
 use super::ranges::{LevelSpans, check_max_error, encodings_within};
 use super::report::{BakeReport, StageReport, level_reports};
@@ -35,7 +36,9 @@ pub struct Changes {
     pub levels: Option<usize>,
     /// Another compression level of zstd. Default: as the provenance says, else the bake's
     pub zstd_level: Option<i32>,
-    /// Multiplies the level-of-detail factor.
+    /// Another rule of levels.
+    pub lod_rule: Option<LevelRule>,
+    /// Multiplies the rule's factor.
     pub lod_scale: Option<f32>,
     /// Where rays start.
     pub near: Option<f32>,
@@ -72,6 +75,9 @@ impl Changes {
             }
         }
         metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));
+        if let Some(rule) = self.lod_rule {
+            metadata.level_of_detail = rule.applied_to(metadata.level_of_detail);
+        }
         metadata.level_of_detail.factor *= self.lod_scale.unwrap_or(1.0);
         self.apply_to_march(&mut metadata.march);
         metadata.background = self.background.unwrap_or(metadata.background);
@@ -90,6 +96,9 @@ impl Changes {
             "background": self.background,
             "color_threshold": self.color_threshold,
         });
+        if let Some(rule) = self.lod_rule {
+            changes["lod_rule"] = rule.name().into();
+        }
         if let Some(max_error) = self.max_error {
             changes["max_error"] = max_error.into();
         }

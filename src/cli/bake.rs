@@ -4,7 +4,6 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
@@ -18,7 +17,8 @@ use super::progress::Bar;
 use super::values::{Background, parse_bits};
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
+    BakeOptions, BakeReport, Changes, Filter, LevelRule, Origin, Preset, StageReport, bake,
+    forecast, rebake,
 };
 use crate::bytes::Output;
 use crate::error::{Error, Result};
@@ -71,7 +71,10 @@ pub struct Arguments {
     /// Compression level of zstd, 1 to 22 [default: 1]
     #[arg(long, value_name = "LEVEL")]
     zstd_level: Option<i32>,
-    /// Multiplies the filter's level-of-detail factor [default: 1]
+    /// Which level a sample reads: a published rule in place of the filter's own [default: the filter's]
+    #[arg(long, value_name = "RULE")]
+    lod_rule: Option<LevelRule>,
+    /// Multiplies the rule's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     lod_scale: Option<f32>,
     /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere, parts may be
@@ -103,16 +106,6 @@ enum NonfiniteChoice {
     Refuse,
     /// Treat their nodes as empty, with a warning.
     Empty,
-}
-
-impl ValueEnum for Preset {
-    fn value_variants<'a>() -> &'a [Self] {
-        &Self::ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.name()).help(self.purpose()))
-    }
 }
 
 /// What a bake did.
@@ -234,6 +227,7 @@ impl Arguments {
         options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
+        options.lod_rule = self.lod_rule.or(options.lod_rule);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
         options.min_weight = self.min_weight;
         options.coarseness = self.coarseness.unwrap_or(options.coarseness);
@@ -372,6 +366,7 @@ impl Arguments {
             max_error: options.max_error.filter(|_| asked(self.max_error.is_some())),
             zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
             levels: self.levels,
+            lod_rule: self.lod_rule,
             lod_scale: self.lod_scale,
             near: self.scene.near,
             far: self.scene.far,

@@ -1,5 +1,9 @@
 //! Values of options, as they are typed.
 
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+
+use crate::bake::{LevelRule, Preset};
 use crate::limits::Limits;
 use crate::quantize::Bits;
 use crate::source::MlpChoice;
@@ -49,4 +53,27 @@ pub fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
         "none" => MlpChoice::None,
         file => MlpChoice::File(file.into()),
     })
+}
+
+impl ValueEnum for Preset {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.name()).help(self.purpose()))
+    }
+}
+
+impl ValueEnum for LevelRule {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let (factor, most) = self.constants();
+        let bound = most.map_or(String::new(), |most| format!(", at most {most}"));
+        let help = format!("{factor:.3} times the footprint's logarithm to base 2{bound}");
+        Some(PossibleValue::new(self.name()).help(help))
+    }
 }

@@ -135,6 +135,7 @@ fn name(options: &BakeOptions) -> String {
         alpha_threshold,
         block_size,
         zstd_level,
+        lod_rule,
         lod_scale,
         fit_steps,
         fit_seconds,
@@ -154,6 +155,9 @@ fn name(options: &BakeOptions) -> String {
         format!("{}-{depth}-t{alpha_threshold:e}-b{block_size}-z{zstd_level}", filter.name());
     if let Some(levels) = levels {
         name += &format!("-l{levels}");
+    }
+    if let Some(rule) = lod_rule {
+        name += &format!("-{}", rule.name());
     }
     if *lod_scale != 1.0 {
         name += &format!("-lod{lod_scale}");

@@ -1,0 +1,43 @@
+//! Published rules that say which level a sample reads.
+
+use crate::baked::LevelOfDetail;
+
+/// A published rule, in place of the one that a filter was measured to look best with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LevelRule {
+    /// A third of the footprint's logarithm.
+    Paper,
+    /// Half of it, at most 4: the research code's.
+    Code,
+    /// The whole of it, as mipmaps of textures are chosen.
+    Mipmap,
+}
+
+impl LevelRule {
+    /// Every rule.
+    pub const ALL: [Self; 3] = [Self::Paper, Self::Code, Self::Mipmap];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Code => "code",
+            Self::Mipmap => "mipmap",
+        }
+    }
+
+    /// Factor of the footprint's logarithm, and the bound of what comes out.
+    pub fn constants(self) -> (f32, Option<f32>) {
+        match self {
+            Self::Paper => (1.0 / 3.0, None),
+            Self::Code => (0.5, Some(4.0)),
+            Self::Mipmap => (1.0, None),
+        }
+    }
+
+    /// `rule` with these constants; how footprints are measured stays.
+    pub fn applied_to(self, rule: LevelOfDetail) -> LevelOfDetail {
+        let (factor, most) = self.constants();
+        LevelOfDetail { factor, bias: 0.0, most, ..rule }
+    }
+}
