@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Upsamples the scene to each size (`--half` in float16) once, in `--scenes` (default
-//! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, stages with bytes and
-//! GB/s, peak resident memory as the operating system counts it, and the ratio to a floor measured in the
+//! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, once with a cold file cache, what
+//! threads gain, stages with bytes and GB/s, peak resident memory as the operating system counts it, and the ratio to a floor measured in the
 //! same run: one pass over the density with all threads, a copy of the colour that was read, and zstd of
 //! the codes at the same level and threads.
 
@@ -48,8 +48,10 @@ fn main() {
     let field = arguments.field();
     let all = sizes("--sizes", "128,256").into_iter().map(|size| (size, Element::F32));
     let all = all.chain(sizes("--half", "").into_iter().map(|size| (size, Element::F16)));
-    println!("| nodes | input | seconds | stages | floor | ratio | peak memory | output |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!(
+        "| nodes | input | seconds | cold | one thread / all | stages | floor | ratio | peak memory | output |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for (side, element) in all {
         let kind = if element == Element::F32 { "f32" } else { "f16" };
         let path = folder.join(format!("scene{side}.{kind}.safetensors"));
@@ -67,9 +69,10 @@ fn default_folder() -> PathBuf {
 /// Bakes one scene and prints its row.
 fn measure(scene: &Path, side: usize, options: &str) {
     let output = scene.with_extension("mipvog");
-    let mut reports: Vec<Value> = (0..ROUNDS).map(|_| bake(scene, &output, options)).collect();
-    reports.sort_by(|a, b| seconds(a).total_cmp(&seconds(b)));
-    let report = &reports[ROUNDS / 2];
+    let report = &median(scene, &output, options);
+    let one_thread = median(scene, &output, &format!("{options} --threads 1"));
+    let cold = forget(scene).then(|| seconds(&bake(scene, &output, options)));
+    let cold = cold.map_or("-".to_owned(), |seconds| format!("{seconds:.3}"));
     let file = SourceFile::open(scene).expect("a scene");
     let element = file.length() / (8 * (side as u64).pow(3));
     let density = element * (side as u64).pow(3);
@@ -84,9 +87,10 @@ fn measure(scene: &Path, side: usize, options: &str) {
         format!("{name} {seconds:.3} ({:.2} GB/s)", bytes / seconds.max(1e-9) / 1e9)
     });
     println!(
-        "| {side} | {:.2} GB | {:.3} | {} | {:.3} + {:.3} + {:.3} | {:.2} | {:.0} MB | {:.2} MB |",
+        "| {side} | {:.2} GB | {:.3} | {cold} | {:.2} | {} | {:.3} + {:.3} + {:.3} | {:.2} | {:.0} MB | {:.2} MB |",
         file.length() as f64 / 1e9,
         seconds(report),
+        seconds(&one_thread) / seconds(report),
         stages.collect::<Vec<_>>().join(", "),
         floors[0],
         floors[1],
@@ -95,6 +99,20 @@ fn measure(scene: &Path, side: usize, options: &str) {
         report["peak_memory_bytes"].as_f64().unwrap_or(0.0) / 1e6,
         report["output_bytes"].as_f64().expect("bytes") / 1e6,
     );
+}
+
+/// The report of the median of some bakes.
+fn median(scene: &Path, output: &Path, options: &str) -> Value {
+    let mut reports: Vec<Value> = (0..ROUNDS).map(|_| bake(scene, output, options)).collect();
+    reports.sort_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+    reports.swap_remove(ROUNDS / 2)
+}
+
+/// Drops what the system keeps of a file in memory. `false` where it cannot be asked to.
+fn forget(file: &Path) -> bool {
+    let mut command = Command::new("dd");
+    command.arg(format!("if={}", file.display())).args(["iflag=nocache", "count=0", "status=none"]);
+    command.status().is_ok_and(|status| status.success())
 }
 
 fn seconds(of: &Value) -> f64 {

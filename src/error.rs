@@ -45,6 +45,13 @@ pub enum ErrorKind {
         /// The most that is allowed.
         allowed: u64,
     },
+    /// More memory would be needed than the user allows.
+    TooLittleMemory {
+        /// Bytes that would do.
+        least: u64,
+        /// Bytes that are allowed.
+        allowed: u64,
+    },
     /// A product of counts does not fit the address space.
     Overflow {
         /// The thing that is counted.
@@ -215,6 +222,9 @@ impl Error {
             ErrorKind::OverLimit { what, .. } => {
                 format!("raise the limit on {what} if this file is trusted: see --limit").into()
             }
+            ErrorKind::TooLittleMemory { least, .. } => {
+                format!("pass --memory {least} or more, or fewer --threads").into()
+            }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
                 "the file is damaged or of another kind: make it again or convert it".into()
             }
@@ -252,6 +262,9 @@ impl fmt::Display for ErrorKind {
             }
             Self::OverLimit { what, asked, allowed } => {
                 write!(f, "found {asked} {what}, expected at most {allowed}")
+            }
+            Self::TooLittleMemory { least, allowed } => {
+                write!(f, "found a need of {least} bytes of memory, expected at most {allowed}")
             }
             Self::Overflow { what } => {
                 write!(f, "found a {what} beyond 2^63, expected one that fits in memory")

@@ -1,5 +1,6 @@
 //! Slabs of a level to compressed runs, as they come.
 
+use super::memory::Room;
 use crate::baked::{Encoding, Group, Table};
 use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::error::{Error, Place, Result};
@@ -10,7 +11,7 @@ use crate::parallel;
 use crate::quantize::{BlockEncoder, BlockSource, Frame, shift};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
-const PENDING_BYTES: usize = 4 << 20;
+pub(super) const PENDING_BYTES: usize = 4 << 20;
 
 /// What all groups of a level share.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +24,8 @@ pub struct EncodeOptions<'a> {
     pub zstd_level: i32,
     /// Where values may be others than the encodings were made for: what is held to.
     pub check: Option<Check>,
+    /// Where compressed runs wait, if not just in memory.
+    pub room: Option<&'a Room>,
     /// How much nodes make up of pictures, where colours may err by it.
     pub importance: Option<Importance<'a>>,
 }
@@ -149,7 +152,10 @@ impl<'a> LevelEncoder<'a> {
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             let encoder = &groups[*number].encoder;
-            CompressedRun::new(encoder.shape(), frames, encoder.unneeded_limit(), level)
+            let most = encoder.unneeded_limit();
+            let mut run = CompressedRun::new(encoder.shape(), frames, most, level)?;
+            self.options.room.map_or(Ok(()), |room| room.keep(&mut run))?;
+            Ok(run)
         })?;
         for ((number, _), run) in runs.into_iter().zip(compressed) {
             self.groups[number].runs.push(run);

@@ -9,7 +9,7 @@ use std::time::Instant;
 use super::report::{BakeReport, StageReport, prune_reports};
 use super::stream::Stream;
 use super::{
-    BakeOptions, Filter, encode_levels, expose, fit_encodings, level_reports, metadata,
+    BakeOptions, Filter, encode_levels, expose, fit_encodings, level_reports, metadata, plan,
     prune_field, tables,
 };
 use crate::container::EncodedLevel;
@@ -52,6 +52,7 @@ pub fn forecast(
     }
     let mut clock = Instant::now();
     let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
+    let plan = plan(field, options)?;
     let (planes, sizes, mut pruned) = prune_field(field, options, progress)?;
     let mut stages =
         vec![StageReport { name: "prune", seconds: lap(), bytes: field.density.bytes() }];
@@ -70,14 +71,16 @@ pub fn forecast(
     let times = whole.iter().sum::<u64>() as f64 / part.iter().sum::<u64>().max(1) as f64;
     let part_tables = tables(&pruned, options.block_size)?;
     lap();
-    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: None };
+    let in_turn = plan.is_some_and(|plan| plan.in_turn);
+    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: None, in_turn };
     let scaled = |bytes: u64| (bytes as f64 * times) as u64;
     if let Some(max_error) = options.max_error {
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stages.push(StageReport { name: "ranges", seconds: lap() * times, bytes: scaled(bytes) });
     }
     let importance = seen.as_ref().and_then(|seen| options.importance(seen));
-    let (encoded, streamed) = encode_levels(&stream, &metadata, part_tables, importance, progress)?;
+    let (encoded, streamed) =
+        encode_levels(&stream, &metadata, part_tables, importance, None, progress)?;
     let seconds = lap() * times;
     stages.push(StageReport { name: "encode", seconds, bytes: scaled(streamed.bytes_read) });
     let bytes =
@@ -93,9 +96,12 @@ pub fn forecast(
         level.stored_bytes = (whole[number] as f64 * of_finer) as u64;
     }
     let output_bytes: u64 = levels.iter().map(|level| level.stored_bytes).sum();
+    let more_held = output_bytes.saturating_sub(held);
+    // Beyond the room there is for them, they wait in a file.
+    let more_held = plan.map_or(more_held, |plan| more_held.min(plan.room.saturating_sub(held)));
     Ok(Forecast {
         seconds: stages.iter().map(|stage| stage.seconds).sum(),
-        more_memory_bytes: output_bytes.saturating_sub(held),
+        more_memory_bytes: more_held,
         report: BakeReport {
             output_bytes,
             levels,

@@ -9,6 +9,8 @@
 //!    finds what each level holds, lowest to highest ([`ranges`]).
 //! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
+//! A bound on memory ([`memory`]) changes where things wait, and when.
+//!
 //! Nothing depends on the number of threads: runs are cut by frame numbers, not by who is free.
 
 mod current;
@@ -16,6 +18,7 @@ mod encode;
 mod filter;
 mod forecast;
 mod level_rule;
+mod memory;
 mod options;
 mod origin;
 mod preset;
@@ -24,6 +27,7 @@ mod rebake;
 mod report;
 mod stream;
 
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -33,6 +37,7 @@ pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
 pub use forecast::{Forecast, forecast};
 pub use level_rule::LevelRule;
+use memory::{Plan, Room};
 pub use options::BakeOptions;
 pub use origin::Origin;
 pub use preset::Preset;
@@ -74,6 +79,7 @@ pub fn bake(
         clock = Instant::now();
     };
 
+    let plan = plan(field, options)?;
     let (planes, sizes, mut pruned) = prune_field(field, options, progress)?;
     stage("prune", field.density.bytes());
     let seen = expose(field, options, &mut pruned, progress)?;
@@ -100,7 +106,9 @@ pub fn bake(
     if let Some(fitted) = &fitted {
         metadata.level_of_detail = fitted.level_of_detail;
     }
-    let stream = Stream { planes: &planes, options, pruned: &pruned, fitted: fitted.as_ref() };
+    let (fitted_levels, in_turn) = (fitted.as_ref(), plan.is_some_and(|plan| plan.in_turn));
+    let stream =
+        Stream { planes: &planes, options, pruned: &pruned, fitted: fitted_levels, in_turn };
     if let Some(max_error) = options.max_error {
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);
@@ -109,7 +117,10 @@ pub fn bake(
     if importance.is_some() {
         allow_coarse_colors(&mut metadata);
     }
-    let (encoded, streamed) = encode_levels(&stream, &metadata, tables, importance, progress)?;
+    let folder = output.written().parent().unwrap_or(Path::new("."));
+    let room = plan.map(|plan| Room::new(plan.room, folder)).transpose()?;
+    let (encoded, streamed) =
+        encode_levels(&stream, &metadata, tables, importance, room.as_ref(), progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
     stage("encode", streamed.bytes_read);
     let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
@@ -146,6 +157,12 @@ pub fn bake(
         nonfinite_values: nonfinite,
         stages,
     })
+}
+
+/// How to keep to a bound on memory, if there is one.
+fn plan(field: &RadianceField, options: &BakeOptions) -> Result<Option<Plan>> {
+    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+    options.memory.map(|bound| Plan::new(field, options, &sizes, bound)).transpose()
 }
 
 fn fit_levels(
@@ -296,6 +313,7 @@ fn encode_levels(
     metadata: &Metadata,
     tables: Vec<Table>,
     importance: Option<Importance>,
+    room: Option<&Room>,
     progress: &dyn Progress,
 ) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
@@ -303,6 +321,7 @@ fn encode_levels(
         activation: metadata.activation,
         zstd_level: stream.options.zstd_level,
         check: None,
+        room,
         importance: None,
     };
     let mut encoders = Vec::new();

@@ -2,6 +2,7 @@
 
 use serde_json::json;
 
+use super::memory;
 use super::ranges::check_max_error;
 use super::{Filter, Importance, LevelRule};
 use crate::baked::{Aside, LevelOfDetail, Metadata};
@@ -59,6 +60,8 @@ pub struct BakeOptions {
     pub coarseness: f32,
     /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
+    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it. Default: no bound
+    pub memory: Option<u64>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
 }
@@ -81,6 +84,7 @@ impl Default for BakeOptions {
             min_weight: None,
             coarseness: 0.0,
             seen_from: Vec::new(),
+            memory: None,
             nonfinite: Nonfinite::Refuse,
         }
     }
@@ -155,6 +159,7 @@ impl BakeOptions {
             .iter()
             .find(|(holds, _)| !holds)
             .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
+        memory::check(self)?;
         check_max_error(self.max_error)
     }
 

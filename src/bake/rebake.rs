@@ -141,6 +141,7 @@ pub fn rebake(
             activation: metadata.activation,
             zstd_level,
             check: Some(Check { most, level: number }),
+            room: None,
             importance: None,
         };
         let needed = stored_nodes(&level.table);

@@ -23,6 +23,8 @@ pub struct Stream<'a> {
     pub pruned: &'a Pruned,
     /// Levels that were fitted.
     pub fitted: Option<&'a Fitted>,
+    /// Whether slabs are taken before the next ones are made.
+    pub in_turn: bool,
 }
 
 /// What a pass read.
@@ -43,7 +45,7 @@ impl Stream<'_> {
         progress: &dyn Progress,
         mut take: impl FnMut(usize, &Slab) -> Result<()> + Send,
     ) -> Result<Streamed> {
-        let Self { planes, options, pruned, fitted } = *self;
+        let Self { planes, options, pruned, fitted, in_turn } = *self;
         let scene = &planes.field().scene;
         let matter = options.filter.matter(&scene.activation);
         let mut needed = Vec::with_capacity(pruned.levels.len());
@@ -66,7 +68,8 @@ impl Stream<'_> {
         let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
         let whole =
             reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(scene.nodes));
-        Cascade::new(&regions, channels, lift, options.block_size).run(
+        let cascade = Cascade::new(&regions, channels, lift, options.block_size).in_turn(in_turn);
+        cascade.run(
             |x, channel, region, plane| {
                 let Some(color) = channel.checked_sub(1) else {
                     let read = planes.read(channel, x, region, plane)?;

@@ -5,6 +5,7 @@ mod digest;
 mod file;
 mod output;
 mod reader;
+mod spill;
 mod stale;
 mod storage;
 
@@ -12,4 +13,5 @@ pub use digest::{hex, sha256};
 pub use file::SourceFile;
 pub use output::Output;
 pub use reader::ByteReader;
+pub use spill::Spill;
 pub use storage::Storage;

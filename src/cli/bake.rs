@@ -14,7 +14,7 @@ use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
 use super::progress::Bar;
-use super::values::{Background, parse_bits};
+use super::values::{Background, parse_bits, parse_bytes};
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
     BakeOptions, BakeReport, Changes, Filter, LevelRule, Origin, Preset, StageReport, bake,
@@ -85,6 +85,10 @@ pub struct Arguments {
     /// codes at the mean, 0 to 64 [default: 0]
     #[arg(long, value_name = "STEPS")]
     coarseness: Option<f32>,
+    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the output is the
+    /// same [default: no bound]
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    memory: Option<u64>,
     /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
@@ -231,6 +235,12 @@ impl Arguments {
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
         options.min_weight = self.min_weight;
         options.coarseness = self.coarseness.unwrap_or(options.coarseness);
+        options.memory = self.memory;
+        if self.memory.is_some() && self.gate.measures()? {
+            let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
+                           the whole field; use compare afterwards";
+            return Err(Error::usage(message));
+        }
         options.nonfinite = match self.nonfinite {
             NonfiniteChoice::Refuse => Nonfinite::Refuse,
             NonfiniteChoice::Empty => Nonfinite::Empty,
@@ -352,9 +362,10 @@ impl Arguments {
             || self.scene.coarse.is_some()
             || self.scene.mlp != MlpChoice::Auto
             || self.gate.measures()?
+            || self.memory.is_some()
         {
-            let message = "--stepsize, --coarse, --mlp and --cameras belong to a trained input, \
-                           not to an unpacked container";
+            let message = "--stepsize, --coarse, --mlp, --cameras and --memory belong to a trained \
+                           input, not to an unpacked container";
             return Err(Error::usage(message));
         }
         let metadata = &unpacked.metadata;

@@ -199,7 +199,7 @@ fn exit_code(kind: &ErrorKind) -> u8 {
         | ErrorKind::NonFinite { .. } => 3,
         ErrorKind::Unsupported { .. } => 4,
         ErrorKind::Io(_) | ErrorKind::Exists => 5,
-        ErrorKind::OverLimit { .. } => 6,
+        ErrorKind::OverLimit { .. } | ErrorKind::TooLittleMemory { .. } => 6,
         ErrorKind::Cancelled => interrupt::cancelled(),
     }
 }

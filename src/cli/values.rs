@@ -24,6 +24,15 @@ pub fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
     }
 }
 
+/// A whole number of bytes, or of K, M or G of them: powers of 1024.
+pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
+    let units = [("K", 10), ("M", 20), ("G", 30)];
+    let unit = units.iter().find_map(|&(unit, bits)| Some((text.strip_suffix(unit)?, bits)));
+    let (number, bits) = unit.unwrap_or((text, 0));
+    let bytes = number.parse::<u64>().ok().and_then(|number| number.checked_mul(1 << bits));
+    bytes.ok_or_else(|| "expected a whole number, with K, M or G after it if need be".to_owned())
+}
+
 /// One number or three.
 pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

@@ -8,12 +8,15 @@
 //! u32 frames of a full run, u32 runs, then for each run u32 length (top bit: stored), then the runs
 //! ```
 
+use std::borrow::Cow;
 use std::io::Write;
+use std::ops::Range;
+use std::sync::Arc;
 
 use zstd::zstd_safe::{CParameter, Strategy};
 
 use crate::baked::{Codes, Encoding, NumberType};
-use crate::bytes::ByteReader;
+use crate::bytes::{ByteReader, Spill};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::limits::{self, Budget};
 use crate::parallel;
@@ -27,11 +30,10 @@ const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 const STORED: u32 = 1 << 31;
 
 /// An atlas as it is written.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct EncodedAtlas {
     frames_per_run: u32,
-    runs: Vec<Vec<u8>>,
-    stored: Vec<bool>,
+    runs: Vec<CompressedRun>,
 }
 
 /// Frames of a full run.
@@ -40,10 +42,18 @@ pub fn frames_per_run(shape: FrameShape) -> usize {
 }
 
 /// A run as it is written.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct CompressedRun {
-    bytes: Vec<u8>,
+    bytes: Held,
+    length: u32,
     stored: bool,
+}
+
+/// Where bytes wait until they are written.
+#[derive(Debug)]
+enum Held {
+    InMemory(Vec<u8>),
+    Spilled(Arc<Spill>, Range<u64>),
 }
 
 impl CompressedRun {
@@ -52,7 +62,29 @@ impl CompressedRun {
         let run = run_bytes(shape, frames, most);
         let packed = compress_sections(&run, level)?;
         let stored = packed.len() >= run.bytes.len();
-        Ok(Self { bytes: if stored { run.bytes } else { packed }, stored })
+        let mut bytes = if stored { run.bytes } else { packed };
+        bytes.shrink_to_fit();
+        Ok(Self { length: fits_u32(bytes.len())?, bytes: Held::InMemory(bytes), stored })
+    }
+
+    /// Bytes of the run.
+    pub fn length(&self) -> u64 {
+        self.length.into()
+    }
+
+    /// Lets the run's bytes wait in a file instead of in memory.
+    pub fn spill(&mut self, to: &Arc<Spill>) -> Result<()> {
+        if let Held::InMemory(bytes) = &self.bytes {
+            self.bytes = Held::Spilled(Arc::clone(to), to.append(bytes)?);
+        }
+        Ok(())
+    }
+
+    fn bytes(&self) -> Result<Cow<'_, [u8]>> {
+        match &self.bytes {
+            Held::InMemory(bytes) => Ok(Cow::Borrowed(bytes)),
+            Held::Spilled(spill, range) => Ok(Cow::Owned(spill.read(range.clone())?)),
+        }
     }
 }
 
@@ -98,28 +130,24 @@ fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Resul
 impl EncodedAtlas {
     /// An atlas of these runs, in order.
     pub fn new(frames_per_run: usize, runs: Vec<CompressedRun>) -> Result<Self> {
-        let stored = runs.iter().map(|run| run.stored).collect();
-        let frames_per_run = fits_u32(frames_per_run)?;
-        Ok(Self { frames_per_run, stored, runs: runs.into_iter().map(|run| run.bytes).collect() })
+        Ok(Self { frames_per_run: fits_u32(frames_per_run)?, runs })
     }
 
     /// Bytes of all runs.
     pub fn bytes(&self) -> u64 {
-        self.runs.iter().map(|run| run.len() as u64).sum()
+        self.runs.iter().map(CompressedRun::length).sum()
     }
 
-    /// The chunk's bytes, in pieces.
-    pub fn chunk(&self) -> Result<Vec<Vec<u8>>> {
+    /// Calls `take` with the chunk's bytes, piece by piece.
+    pub fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let mut head = Vec::new();
         head.extend(self.frames_per_run.to_le_bytes());
         head.extend(fits_u32(self.runs.len())?.to_le_bytes());
-        for (run, &stored) in self.runs.iter().zip(&self.stored) {
-            let flag = if stored { STORED } else { 0 };
-            head.extend((fits_u32(run.len())? | flag).to_le_bytes());
+        for run in &self.runs {
+            head.extend((run.length | if run.stored { STORED } else { 0 }).to_le_bytes());
         }
-        let mut pieces = vec![head];
-        pieces.extend(self.runs.iter().cloned());
-        Ok(pieces)
+        take(&head)?;
+        self.runs.iter().try_for_each(|run| take(&run.bytes()?))
     }
 }
 

@@ -39,10 +39,24 @@ pub struct Head<'a> {
     pub zstd_level: i32,
 }
 
-struct Chunk {
+struct Chunk<'a> {
     kind: ChunkKind,
     level: Option<u32>,
-    pieces: Vec<Vec<u8>>,
+    content: Content<'a>,
+}
+
+enum Content<'a> {
+    Bytes(Vec<u8>),
+    Atlas(&'a EncodedAtlas),
+}
+
+impl Content<'_> {
+    fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        match self {
+            Self::Bytes(bytes) => take(bytes),
+            Self::Atlas(atlas) => atlas.for_each_piece(take),
+        }
+    }
 }
 
 /// Writes a container of these levels, finest first, to `output` and returns its directory.
@@ -52,9 +66,12 @@ pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Resul
     let mut entries = Vec::with_capacity(chunks.len());
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
     for chunk in &chunks {
-        let mut sum = crc32fast::Hasher::new();
-        chunk.pieces.iter().for_each(|piece| sum.update(piece));
-        let length = chunk.pieces.iter().map(|piece| piece.len() as u64).sum();
+        let (mut sum, mut length) = (crc32fast::Hasher::new(), 0);
+        chunk.content.for_each_piece(|piece| {
+            sum.update(piece);
+            length += piece.len() as u64;
+            Ok(())
+        })?;
         let entry = Entry {
             kind: chunk.kind,
             level: chunk.level,
@@ -71,9 +88,7 @@ pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Resul
     entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
     output.append(&Header::with_directory(offset, &entries)?)?;
     for chunk in &chunks {
-        for piece in &chunk.pieces {
-            output.append(piece)?;
-        }
+        chunk.content.for_each_piece(|piece| output.append(piece))?;
         output.pad(ALIGNMENT)?;
     }
     Ok(entries)
@@ -104,8 +119,8 @@ fn check(head: &Head) -> Result<()> {
     Err(Error::malformed(place, "a number that is not finite", "finite numbers"))
 }
 
-fn chunks(head: &Head, levels: &[EncodedLevel]) -> Result<Vec<Chunk>> {
-    let global = |kind, bytes| Chunk { kind, level: None, pieces: vec![bytes] };
+fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>> {
+    let global = |kind, bytes| Chunk { kind, level: None, content: Content::Bytes(bytes) };
     let mut chunks = vec![global(META, to_canonical(head.metadata)?.into_bytes())];
     if let Some(view_mlp) = head.view_mlp {
         chunks.push(global(VMLP, network::to_bytes(view_mlp)));
@@ -117,12 +132,12 @@ fn chunks(head: &Head, levels: &[EncodedLevel]) -> Result<Vec<Chunk>> {
     for (number, level) in levels.iter().enumerate().rev() {
         let number = u32::try_from(number)
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
-        let of_level = |kind, pieces| Chunk { kind, level: Some(number), pieces };
+        let of_level = |kind, content| Chunk { kind, level: Some(number), content };
         let occupancy: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
-        chunks.push(of_level(TABLE, vec![compress(&occupancy, head.zstd_level)?]));
+        chunks.push(of_level(TABLE, Content::Bytes(compress(&occupancy, head.zstd_level)?)));
         for ((_, kind), atlas) in Group::ALL.iter().zip(ATLASES).zip(&level.atlases) {
             if let Some(atlas) = atlas {
-                chunks.push(of_level(kind, atlas.chunk()?));
+                chunks.push(of_level(kind, Content::Atlas(atlas)));
             }
         }
     }

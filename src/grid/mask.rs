@@ -23,6 +23,11 @@ impl NodeMask {
         Self { nodes, words, bits: vec![0; nodes.0[0] * nodes.0[1] * words] }
     }
 
+    /// Bytes that any set of nodes of this grid takes.
+    pub fn bytes(nodes: Nodes) -> u64 {
+        8 * (nodes.0[0] * nodes.0[1] * row_words(nodes)) as u64
+    }
+
     /// Every node.
     pub fn full(nodes: Nodes) -> Self {
         let mut mask = Self::empty(nodes);

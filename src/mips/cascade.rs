@@ -77,11 +77,11 @@ impl Stage<'_> {
             mask::for_each_span(self.outputs.row(x, y), GAP, |start, end| {
                 let (low, high) = z_taps.reach(start, end);
                 let sums = &mut sums[low..high];
-                sums.fill(0.0);
-                for (plane, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                let row = |plane: usize| {
                     let ring = &self.ring[first + plane - self.ring_first][channel];
-                    add_scaled(sums, &ring[y * nz + low..y * nz + high], weight);
-                }
+                    &ring[y * nz + low..y * nz + high]
+                };
+                sum_rows(weights, row, sums);
                 z_taps.apply(sums, low, start, &mut out[start..end]);
             });
         }
@@ -98,11 +98,8 @@ impl Stage<'_> {
             mask::for_each_span(wanted, GAP, |start, end| {
                 let (low, high) = z_taps.reach(start, end);
                 let sums = &mut sums[low..high];
-                sums.fill(0.0);
-                for (row, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                    let at = (first + row) * nz;
-                    add_scaled(sums, &plane[at + low..at + high], weight);
-                }
+                let row = |row: usize| &plane[(first + row) * nz + low..(first + row) * nz + high];
+                sum_rows(weights, row, sums);
                 round_to_f32(sums, &mut out[y * nz + low..y * nz + high]);
             });
         }
@@ -116,6 +113,8 @@ pub struct Cascade<'a> {
     lift: Lift<'a>,
     /// Planes of a full slab.
     thickness: usize,
+    /// Whether slabs are taken before the next ones are made.
+    in_turn: bool,
     stages: Vec<Stage<'a>>,
     slabs: Vec<Slab>,
     /// Planes to be used again: touching fresh memory costs more than filtering it.
@@ -139,7 +138,12 @@ impl<'a> Cascade<'a> {
             planes: Vec::new(),
         });
         let (stages, slabs) = (stages.collect(), slabs.collect());
-        Self { regions, lift, thickness, stages, slabs, spare: Vec::new() }
+        Self { regions, lift, thickness, in_turn: false, stages, slabs, spare: Vec::new() }
+    }
+
+    /// Takes slabs before the next ones are made, where `in_turn`: slower, with half as many in memory.
+    pub fn in_turn(self, in_turn: bool) -> Self {
+        Self { in_turn, ..self }
     }
 
     /// Streams the whole field. `read(x, channel, region, plane)` fills the nodes in `region` (rows
@@ -154,10 +158,14 @@ impl<'a> Cascade<'a> {
         let mut full: Vec<(usize, Slab)> = Vec::new();
         for start in (0..planes).step_by(self.thickness) {
             let end = planes.min(start + self.thickness);
-            let (taken, made) = parallel::join(
-                || full.iter().try_for_each(|(level, slab)| take(*level, slab)),
-                || self.advance(start, end, &read),
-            );
+            let mut take_all = || full.iter().try_for_each(|(level, slab)| take(*level, slab));
+            if self.in_turn {
+                take_all()?;
+                full.drain(..).for_each(|(_, slab)| self.spare.extend(slab.planes));
+                full = self.advance(start, end, &read)?;
+                continue;
+            }
+            let (taken, made) = parallel::join(take_all, || self.advance(start, end, &read));
             // What was made first is wrong first.
             taken?;
             let used = std::mem::replace(&mut full, made?);
@@ -246,7 +254,7 @@ impl<'a> Cascade<'a> {
     /// Filters planes of a level, from plane `start` on, along y into the next level's ring.
     fn feed(&mut self, level: usize, start: usize, planes: &[Vec<f32>]) -> Result<()> {
         let Some(stage) = self.stages.get(level) else { return Ok(()) };
-        let [_, ny, nz] = self.regions.levels[level].nodes().0;
+        let [_, _, nz] = self.regions.levels[level].nodes().0;
         let channels = self.slabs[level].channels;
         let count = planes.len() / channels;
         let wanted =
@@ -261,41 +269,50 @@ impl<'a> Cascade<'a> {
         let stage = &self.stages[level];
         let coarse_y = stage.outputs.nodes().0[1];
         let up = lifted.channels();
-        let mut tasks: Vec<_> = (0..count * up)
-            .map(|_| {
-                let scratch = lifted.scratch(&mut self.spare, ny * nz);
-                (scratch, spare_plane(&mut self.spare, coarse_y * nz))
-            })
-            .collect();
-        parallel::map_mut(&mut tasks, |task, (scratch, filtered)| {
+        let mut filtered: Vec<_> =
+            (0..count * up).map(|_| spare_plane(&mut self.spare, coarse_y * nz)).collect();
+        parallel::map_mut(&mut filtered, |task, filtered| {
             let (i, channel) = (task / up, task % up);
             let planes = &planes[i * channels..(i + 1) * channels];
-            stage.filter_plane(
-                &wanted[i],
-                lifted.plane(start + i, i, channel, planes, scratch),
-                filtered,
-            );
+            lifted.with_plane(start + i, i, channel, planes, |plane| {
+                stage.filter_plane(&wanted[i], plane, filtered);
+            });
             Ok(())
         })?;
-        let mut rows = Vec::with_capacity(up);
-        for (scratch, filtered) in tasks {
-            self.spare.extend(Some(scratch).filter(|scratch| !scratch.is_empty()));
-            rows.push(filtered);
-            if rows.len() == up
-                && let Some(stage) = self.stages.get_mut(level)
-            {
-                stage.ring.push_back(std::mem::take(&mut rows));
-            }
+        if let Some(stage) = self.stages.get_mut(level) {
+            let mut filtered = filtered.into_iter();
+            stage.ring.extend((0..count).map(|_| filtered.by_ref().take(up).collect()));
         }
         lifted.retire(&mut self.spare);
         Ok(())
     }
 }
 
+/// Sums rows times weights, in their order. Rows without weight may not be there.
+fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f64]) {
+    sums.fill(0.0);
+    let mut weighted =
+        weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
+    while let Some(first) = weighted.next() {
+        // As many at once as the default filter has: sums then stay in registers.
+        let [second, third, fourth] = [(); 3].map(|()| weighted.next());
+        match (second, third, fourth) {
+            (Some(second), Some(third), Some(fourth)) => {
+                add_scaled([first, second, third, fourth], sums);
+            }
+            (Some(second), Some(third), None) => add_scaled([first, second, third], sums),
+            (Some(second), ..) => add_scaled([first, second], sums),
+            (None, ..) => add_scaled([first], sums),
+        }
+    }
+}
+
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_scaled(sums: &mut [f64], row: &[f32], weight: f64) {
-    for (sum, &value) in sums.iter_mut().zip(row) {
-        *sum += weight * f64::from(value);
+fn add_scaled<const N: usize>(rows: [(&[f32], f64); N], sums: &mut [f64]) {
+    let rows = rows.map(|(row, weight)| (&row[..sums.len()], weight));
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let add = |sum, (row, weight): &(&[f32], f64)| sum + weight * f64::from(row[i]);
+        *sum = rows.iter().fold(*sum, add);
     }
 }
 

@@ -1,6 +1,7 @@
 //! What goes up from level 0 to coarser levels.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use super::{Matter, Visibility};
 use crate::error::Result;
@@ -53,6 +54,8 @@ pub(super) enum Lifted<'a> {
         colors: usize,
         matter: Matter,
         region: &'a NodeMask,
+        /// Planes for weighted colours, as many as there are at once.
+        scratch: Mutex<Vec<Vec<f32>>>,
     },
 }
 
@@ -91,7 +94,9 @@ impl<'a> Lifted<'a> {
             }
             Ok(())
         })?;
-        Ok(Self::Weighted { weights, colors: channels - 1, matter, region })
+        let scratch = spare.extract_if(.., |plane| plane.len() == ny * nz).collect();
+        let scratch = Mutex::new(scratch);
+        Ok(Self::Weighted { weights, colors: channels - 1, matter, region, scratch })
     }
 
     pub(super) fn channels(&self) -> usize {
@@ -104,35 +109,32 @@ impl<'a> Lifted<'a> {
         }
     }
 
-    /// A plane for weighted colours, where there will be some.
-    pub(super) fn scratch(&self, spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
-        match self {
-            Self::AsTheyAre(_) => Vec::new(),
-            Self::Weighted { .. } => spare_plane(spare, length),
-        }
-    }
-
-    /// One channel of plane `x`, the `i`th, whose own channels are `planes`.
-    pub(super) fn plane<'p>(
-        &'p self,
+    /// Calls `visit` with one channel of plane `x`, the `i`th, whose own channels are `planes`.
+    pub(super) fn with_plane(
+        &self,
         x: usize,
         i: usize,
         channel: usize,
-        planes: &'p [Vec<f32>],
-        scratch: &'p mut [f32],
-    ) -> &'p [f32] {
+        planes: &[Vec<f32>],
+        visit: impl FnOnce(&[f32]),
+    ) {
         match self {
-            Self::AsTheyAre(range) => &planes[range.start + channel],
-            Self::Weighted { weights, matter, region, .. } => match (channel, &weights[i]) {
-                (0, (amounts, _)) | (_, (amounts, None)) => amounts,
-                (1, (_, Some(seen))) => seen,
+            Self::AsTheyAre(range) => visit(&planes[range.start + channel]),
+            Self::Weighted { weights, matter, region, scratch, .. } => match (channel, &weights[i])
+            {
+                (0, (amounts, _)) | (_, (amounts, None)) => visit(amounts),
+                (1, (_, Some(seen))) => visit(seen),
                 (_, (_, Some(seen))) => {
                     let raw = &planes[channel - 1];
+                    let scratch = || scratch.lock().unwrap_or_else(PoisonError::into_inner);
+                    let used = scratch().pop();
+                    let mut weighted = used.unwrap_or_else(|| vec![0.0; raw.len()]);
                     for_each_span(region, x, |span| {
-                        let weighted = &mut scratch[span.clone()];
+                        let weighted = &mut weighted[span.clone()];
                         matter.lift_color(&raw[span.clone()], &seen[span], weighted);
                     });
-                    scratch
+                    visit(&weighted);
+                    scratch().push(weighted);
                 }
             },
         }
@@ -140,7 +142,8 @@ impl<'a> Lifted<'a> {
 
     /// Gives its planes back.
     pub(super) fn retire(self, spare: &mut Vec<Vec<f32>>) {
-        if let Self::Weighted { weights, .. } = self {
+        if let Self::Weighted { weights, scratch, .. } = self {
+            spare.extend(scratch.into_inner().unwrap_or_else(PoisonError::into_inner));
             for (amounts, seen) in weights {
                 spare.push(amounts);
                 spare.extend(seen);

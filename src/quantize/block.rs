@@ -1,5 +1,7 @@
 //! One block of a slab to codes.
 
+use std::ops::Range;
+
 use super::coarsen::{Coarsening, coarsen};
 use super::code::Quantizer;
 use super::run::{Frame, FrameShape};
@@ -18,6 +20,52 @@ pub struct BlockSource<'a> {
     pub needed: &'a NodeMask,
     /// The block's place along x, y and z.
     pub place: [usize; 3],
+}
+
+impl<'a> BlockSource<'a> {
+    /// First and end node of a block of `edge` along each axis, as far as the grid goes.
+    fn span(&self, edge: usize) -> [Range<usize>; 3] {
+        let sizes = self.needed.nodes().0;
+        [0, 1, 2].map(|axis| {
+            let start = self.place[axis] * edge;
+            start.min(sizes[axis])..(start + edge).min(sizes[axis])
+        })
+    }
+
+    /// Rows of the block along z that the grid has: x, y, and where in the block they start.
+    fn places(&self, edge: usize) -> impl Iterator<Item = (usize, usize, usize)> + Clone {
+        let [xs, ys, _] = self.span(edge);
+        let first = [xs.start, ys.start];
+        let at = move |x, y| ((x - first[0]) * edge + y - first[1]) * edge;
+        xs.flat_map(move |x| ys.clone().map(move |y| (x, y, at(x, y))))
+    }
+
+    /// The same rows with their values in a channel of the slab.
+    fn rows(
+        &self,
+        edge: usize,
+        channel: usize,
+    ) -> impl Iterator<Item = (usize, &'a [f32])> + Clone {
+        let (slab, nz) = (self.slab, self.needed.nodes().0[2]);
+        let [_, _, zs] = self.span(edge);
+        self.places(edge).map(move |(x, y, at)| {
+            let plane = slab.plane(x - slab.first, channel);
+            (at, &plane[y * nz + zs.start..y * nz + zs.end])
+        })
+    }
+
+    /// Whose values count, of the nodes of a block of `edge`.
+    fn needed_nodes(&self, edge: usize) -> Vec<bool> {
+        let mut needed = vec![false; edge.pow(3)];
+        let [_, _, zs] = self.span(edge);
+        for (x, y, at) in self.places(edge) {
+            let row = self.needed.row(x, y);
+            for (needed, z) in needed[at..].iter_mut().zip(zs.clone()) {
+                *needed = mask::get(row, z);
+            }
+        }
+        needed
+    }
 }
 
 /// Encodes blocks of one group of one level.
@@ -56,13 +104,11 @@ impl BlockEncoder {
     /// The codes of a block whose channels start at `first_channel` of the slab; coarser ones where `shifts`
     /// are given. Codes of nodes that the grid does not have are 0.
     pub fn frame(&self, source: BlockSource, first_channel: usize, shifts: Option<&[u8]>) -> Frame {
-        let mut needed = vec![false; self.shape.nodes()];
+        let needed = source.needed_nodes(self.shape.edge);
         let mut codes = match self.shape.number {
-            NumberType::U8 => Codes::U8(self.codes(source, first_channel, &mut needed)),
-            NumberType::U16 | NumberType::F16 => {
-                Codes::U16(self.codes(source, first_channel, &mut needed))
-            }
-            NumberType::F32 => Codes::U32(self.codes(source, first_channel, &mut needed)),
+            NumberType::U8 => Codes::U8(self.codes(source, first_channel)),
+            NumberType::U16 | NumberType::F16 => Codes::U16(self.codes(source, first_channel)),
+            NumberType::F32 => Codes::U32(self.codes(source, first_channel)),
         };
         if let Some(shifts) = shifts {
             let last = *self.encoding().codes().end();
@@ -76,16 +122,13 @@ impl BlockEncoder {
         Frame { codes, needed }
     }
 
-    fn codes<T: Code>(
-        &self,
-        source: BlockSource,
-        first_channel: usize,
-        needed: &mut [bool],
-    ) -> Vec<T> {
+    /// Codes of all channels, channel by channel.
+    fn codes<T: Code>(&self, source: BlockSource, first_channel: usize) -> Vec<T> {
         let nodes = self.shape.nodes();
         let mut codes = vec![T::default(); self.shape.channels * nodes];
+        let mut values = vec![0.0; nodes];
         for (channel, codes) in codes.chunks_exact_mut(nodes).enumerate() {
-            self.gather(source, first_channel + channel, codes, needed);
+            self.gather(source, first_channel + channel, &mut values, codes);
         }
         codes
     }
@@ -99,50 +142,37 @@ impl BlockEncoder {
         channel: usize,
         activation: &Activation,
     ) -> bool {
-        let BlockSource { slab, needed: mask, place } = source;
         let (edge, encoding) = (self.shape.edge, self.encoding());
-        let (mut codes, mut needed) = (vec![0u32; edge.pow(3)], vec![false; edge.pow(3)]);
-        self.gather(source, channel, &mut codes, &mut needed);
-        let mut decoded = vec![0.0; edge.pow(3)];
+        let (mut values, mut codes) = (vec![0.0; edge.pow(3)], vec![0u32; edge.pow(3)]);
+        self.gather(source, channel, &mut values, &mut codes);
+        let mut decoded = values;
         super::code::decode_values(encoding, codes.into_iter(), &mut decoded);
-        let [_, _, nz] = mask.nodes().0;
+        let needed = source.needed_nodes(edge);
         let activated = |value: f32| encoding.decode.activated(value.into(), activation);
         let mut kept = true;
-        for at in (0..needed.len()).filter(|&at| needed[at]) {
-            let [x, y, z] = [at / (edge * edge), at / edge % edge, at % edge];
-            let plane = slab.plane(place[0] * edge + x - slab.first, channel);
-            let value = plane[(place[1] * edge + y) * nz + place[2] * edge + z];
-            let error = || (activated(decoded[at]) - activated(value)).abs();
-            kept &= decoded[at] == value || error() <= bound.into();
+        for (at, row) in source.rows(edge, channel) {
+            for ((&value, &decoded), needed) in row.iter().zip(&decoded[at..]).zip(&needed[at..]) {
+                let error = || (activated(decoded) - activated(value)).abs();
+                kept &= !needed || decoded == value || error() <= bound.into();
+            }
         }
         kept
     }
 
-    /// Quantizes the nodes that the grid has; the others stay unneeded.
+    /// Quantizes the nodes that the grid has; codes of the others stay. `values` has a block's length.
     fn gather<T: Code>(
         &self,
         source: BlockSource,
         channel: usize,
+        values: &mut [f32],
         codes: &mut [T],
-        needed: &mut [bool],
     ) {
-        let BlockSource { slab, needed: mask, place } = source;
-        let edge = self.shape.edge;
-        let sizes = mask.nodes().0;
-        let [start, end] =
-            [0, 1].map(|up| [0, 1, 2].map(|axis| ((place[axis] + up) * edge).min(sizes[axis])));
-        let count = end[2] - start[2];
-        for x in start[0]..end[0] {
-            let plane = slab.plane(x - slab.first, channel);
-            for y in start[1]..end[1] {
-                let at = ((x - start[0]) * edge + y - start[1]) * edge;
-                let values = &plane[y * sizes[2] + start[2]..][..count];
-                self.quantizer.encode(values, &mut codes[at..at + count]);
-                let row = mask.row(x, y);
-                for (z, needed) in needed[at..at + count].iter_mut().enumerate() {
-                    *needed = mask::get(row, start[2] + z);
-                }
-            }
+        let rows = source.rows(self.shape.edge, channel);
+        if rows.clone().map(|(_, row)| row.len()).sum::<usize>() == values.len() {
+            rows.for_each(|(at, row)| values[at..at + row.len()].copy_from_slice(row));
+            self.quantizer.encode(values, codes);
+        } else {
+            rows.for_each(|(at, row)| self.quantizer.encode(row, &mut codes[at..at + row.len()]));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Values to codes and back, row by row.
 
+use super::nearest::Nearest;
 use super::wide::Code;
 use crate::baked::{Codes, Encoding, NumberType};
 
@@ -8,45 +9,15 @@ use crate::baked::{Codes, Encoding, NumberType};
 #[derive(Debug, Clone)]
 pub struct Quantizer {
     encoding: Encoding,
-    /// Between the values of neighbouring integer codes; what is on a border gets the upper code. NaN
-    /// after the last, which nothing reaches.
-    borders: Vec<f32>,
-    /// The code of each bin's lower end, bins being equally wide from the lowest border to the
-    /// highest.
-    bins: Vec<u16>,
-    bins_per_unit: f32,
-    /// Borders in a bin at most.
-    steps: u32,
+    /// Of integers.
+    nearest: Option<Nearest>,
 }
 
 impl Quantizer {
     /// For values of this encoding.
     pub fn new(encoding: Encoding) -> Self {
-        if encoding.number.is_float() {
-            return Self {
-                encoding,
-                borders: Vec::new(),
-                bins: Vec::new(),
-                bins_per_unit: 0.0,
-                steps: 0,
-            };
-        }
-        let mut borders = borders(&encoding);
-        // Most bins are narrower than the narrowest codes, so the search after them is short.
-        let count = 16 * borders.len();
-        let (first, last) = (borders[0], borders[borders.len() - 1]);
-        let bins_per_unit = count as f32 / (last - first);
-        // A whole bin lower: rounding can put a value one bin too high, never two. In f64, because bins
-        // can be narrower than the spacing of f32 numbers there.
-        let wide = |number: f32| f64::from(number);
-        let end = |bin: f64| wide(first) + bin / wide(bins_per_unit);
-        let code = |end| borders.partition_point(|&border| wide(border) <= end) as u16;
-        let bins: Vec<u16> = (0..=count).map(|bin| code(end(bin as f64 - 1.0))).collect();
-        let upper = |bin: usize| if bin == count { wide(last) } else { end(bin as f64 + 2.0) };
-        let steps = |(bin, &low): (usize, &u16)| u32::from(code(upper(bin)) - low);
-        let steps = bins.iter().enumerate().map(steps).max().unwrap_or(0);
-        borders.push(f32::NAN);
-        Self { encoding, borders, bins, bins_per_unit, steps }
+        let nearest = (!encoding.number.is_float()).then(|| Nearest::new(&encoding));
+        Self { encoding, nearest }
     }
 
     /// The encoding.
@@ -56,48 +27,22 @@ impl Quantizer {
 
     /// The code of each value.
     pub fn encode<T: Code>(&self, values: &[f32], codes: &mut [T]) {
-        match self.encoding.number {
-            NumberType::F32 => {
-                for (code, value) in codes.iter_mut().zip(values) {
-                    *code = T::narrow(float_code(value.to_bits(), 32));
-                }
-            }
-            NumberType::F16 => {
+        match (&self.nearest, self.encoding.number) {
+            (Some(nearest), _) => nearest.codes(values, codes),
+            (None, NumberType::F16) => {
                 for (code, value) in codes.iter_mut().zip(values) {
                     let largest = half::f16::MAX.to_f32();
                     let nearest = half::f16::from_f32(value.clamp(-largest, largest));
                     *code = T::narrow(float_code(nearest.to_bits().into(), 16));
                 }
             }
-            NumberType::U8 | NumberType::U16 => {
-                for (code, &value) in codes.iter_mut().zip(values) {
-                    *code = T::narrow(self.nearest(value));
+            (None, _) => {
+                for (code, value) in codes.iter_mut().zip(values) {
+                    *code = T::narrow(float_code(value.to_bits(), 32));
                 }
             }
         }
     }
-
-    fn nearest(&self, value: f32) -> u32 {
-        // Conversion saturates: what is below the first border is in bin 0, what is above in the last.
-        let bin = ((value - self.borders[0]) * self.bins_per_unit) as usize;
-        let mut code = usize::from(self.bins[bin.min(self.bins.len() - 1)]);
-        // Always as many steps as the fullest bin takes: branches that nothing predicts cost more.
-        for _ in 0..self.steps {
-            code += usize::from(self.borders[code] <= value);
-        }
-        code as u32
-    }
-}
-
-/// The values between those of neighbouring integer codes, ascending.
-fn borders(encoding: &Encoding) -> Vec<f32> {
-    let values: Vec<f32> = encoding.values().collect();
-    values.windows(2).map(|pair| border(pair[0], pair[1])).collect()
-}
-
-/// The value between those of two neighbouring codes.
-pub(super) fn border(low: f32, high: f32) -> f32 {
-    0.5 * low + 0.5 * high
 }
 
 /// The values of codes.

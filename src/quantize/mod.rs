@@ -12,6 +12,7 @@ mod coarsen;
 mod code;
 mod fit;
 mod lanes;
+mod nearest;
 mod predict;
 mod range;
 mod read_run;

@@ -14,7 +14,7 @@
 //! activation ends there: what is between borders is cut off at both, and codes whose values would
 //! all lie beyond count for nothing.
 
-use super::code::border;
+use super::nearest::border;
 use crate::activate;
 use crate::baked::{Decode, Encoding, NumberType};
 use crate::field::{Activation, EMPTY_DENSITY};

@@ -144,6 +144,8 @@ fn name(options: &BakeOptions) -> String {
         coarseness,
         // A sweep's own cameras.
         seen_from: _,
+        // Says nothing about what comes out.
+        memory: _,
         nonfinite,
     } = options;
     let depth = match (max_error, bits) {

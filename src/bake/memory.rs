@@ -1,0 +1,190 @@
+//! How a bake keeps to a bound on memory.
+//!
+//! What a bake holds at once follows from sizes and the number of threads, but for what levels are compressed
+//! to. So all else is counted beforehand, as if no plane were empty: planes on their way through the levels, bits
+//! for nodes, what can be seen. What is left of the bound is [`Room`] for compressed runs; those that find none
+//! wait in a nameless file on the output's disk. Where even that is too much, slabs are encoded in turn with the
+//! making of the next ones, which halves the planes. Neither changes a byte of what is written.
+//!
+//! Memory is that of the process as the operating system counts it, with the program itself.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::encode::PENDING_BYTES;
+use super::{BakeOptions, Filter};
+use crate::bytes::{Spill, Storage};
+use crate::container::CompressedRun;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::field::RadianceField;
+use crate::grid::{BlockGrid, NodeMask, Nodes};
+use crate::mips::Occluders;
+use crate::parallel;
+use crate::quantize::Bits;
+
+/// The program, its libraries, and what the allocator keeps for itself.
+const PROGRAM_BYTES: u64 = 24 << 20;
+/// What a thread needs to compress a run, and its stack.
+const THREAD_BYTES: u64 = 8 << 20;
+/// Planes of a slab while what can be seen is found.
+const PRUNE_SLAB: u64 = 8;
+/// Planes that a plane of the next level is made of, at most.
+const WINDOW: u64 = 8;
+
+/// How a bake keeps to its bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Plan {
+    /// Whether slabs are encoded in turn with the making of the next ones.
+    pub in_turn: bool,
+    /// Bytes of compressed runs that may stay in memory.
+    pub room: u64,
+}
+
+impl Plan {
+    /// For a bake with options whose bound is `bound`.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::TooLittleMemory`] with the least bound that would do.
+    pub fn new(
+        field: &RadianceField,
+        options: &BakeOptions,
+        sizes: &[Nodes],
+        bound: u64,
+    ) -> Result<Self> {
+        let needs = Needs { field, options, sizes, threads: parallel::threads() as u64 };
+        let plan = |in_turn| {
+            let room = bound.checked_sub(needs.bytes(in_turn))?;
+            Some(Self { in_turn, room })
+        };
+        plan(false).or_else(|| plan(true)).ok_or_else(|| {
+            let kind = ErrorKind::TooLittleMemory { least: needs.bytes(true), allowed: bound };
+            Error::new(kind, Place::File)
+        })
+    }
+}
+
+/// What a bake needs beside compressed runs.
+struct Needs<'a> {
+    field: &'a RadianceField,
+    options: &'a BakeOptions,
+    sizes: &'a [Nodes],
+    threads: u64,
+}
+
+impl Needs<'_> {
+    fn bytes(&self, in_turn: bool) -> u64 {
+        let common = PROGRAM_BYTES + self.threads * THREAD_BYTES + self.inputs() + self.masks();
+        common + self.pruning().max(self.encoding(in_turn))
+    }
+
+    /// What the input holds in memory: entries that had to be inflated, the free-space mask.
+    fn inputs(&self) -> u64 {
+        let volumes = std::iter::once(&self.field.density).chain(&self.field.color);
+        let inflated = volumes.map(|volume| match &volume.storage {
+            Storage::Memory(bytes) => bytes.len() as u64,
+            Storage::File { .. } => 0,
+        });
+        let free_space = self.field.free_space.as_ref();
+        let free_space = free_space
+            .map_or(0, |mask| 4 * mask.nodes.count() as u64 + 3 * NodeMask::bytes(self.sizes[0]));
+        inflated.sum::<u64>() + free_space
+    }
+
+    /// Bits of nodes: what is needed, what that reads, and those that these are made of.
+    fn masks(&self) -> u64 {
+        let all: u64 = self.sizes.iter().map(|&nodes| NodeMask::bytes(nodes)).sum();
+        3 * all + 6 * NodeMask::bytes(self.sizes[0])
+    }
+
+    /// One channel of a plane.
+    fn plane(nodes: Nodes) -> u64 {
+        4 * (nodes.0[1] * nodes.0[2]) as u64
+    }
+
+    /// Planes of density on their way through the levels, and the light that is followed.
+    fn pruning(&self) -> u64 {
+        // Two slabs at once, what is lifted, what waits for the next level; each level a fourth of the last.
+        let planes = (4 * PRUNE_SLAB + WINDOW) * Self::plane(self.sizes[0]) * 4 / 3;
+        // Depths, what passes and what is seen.
+        planes + 3 * self.visibility()
+    }
+
+    fn visibility(&self) -> u64 {
+        let matter = self.options.filter.matter(&self.field.scene.activation);
+        let seen = |_| 4 * self.sizes[Occluders::level(self.sizes)].count() as u64;
+        matter.map_or(0, seen)
+    }
+
+    /// Planes of all channels on their way through the levels, and codes that are not compressed yet.
+    fn encoding(&self, in_turn: bool) -> u64 {
+        let channels = 1 + self.field.color_channels() as u64;
+        let matter = self.options.filter.matter(&self.field.scene.activation).is_some();
+        let rising = channels + u64::from(matter);
+        let thickness = self.options.block_size as u64;
+        let slabs = if in_turn { 1 } else { 2 };
+        let of_level = |level: usize| {
+            let slab = if level == 0 { channels } else { rising } * thickness;
+            // Matter and how much of it is seen, colours on their way, and what conversions need.
+            let lifted = if level == 0 { 2 * thickness + 2 * self.threads } else { 0 };
+            // Half as long along y.
+            let ring = rising * (thickness + WINDOW).div_ceil(2);
+            // What waits for the plane after it, and what it becomes.
+            let settled = if matter && level > 0 { rising * (2 * thickness + 1) } else { 0 };
+            (slabs * slab + lifted + ring + settled) * Self::plane(self.sizes[level])
+        };
+        let levels = 0..self.sizes.len();
+        levels.map(|level| of_level(level) + self.codes(level, channels)).sum::<u64>()
+            + self.visibility()
+    }
+
+    /// Codes of a level that wait until there are enough to compress, and what they become.
+    fn codes(&self, level: usize, channels: u64) -> u64 {
+        let grid = BlockGrid { nodes: self.sizes[level], edge: self.options.block_size };
+        let bytes_per_code = match (self.options.max_error, self.options.bits) {
+            (None, Bits::F32) => 4,
+            (None, Bits::Integer(..=8)) => 1,
+            _ => 2,
+        };
+        // With each group go flags of the nodes that count.
+        let frame = (grid.edge as u64).pow(3) * (channels * bytes_per_code + 3);
+        let [rows, by, bz] = grid.counts().map(|count| count as u64);
+        let slab = by * bz * frame;
+        2 * (PENDING_BYTES as u64 + slab).min(rows * slab)
+    }
+}
+
+/// Memory for compressed runs, and a file for those that find none.
+#[derive(Debug)]
+pub struct Room {
+    left: Mutex<u64>,
+    spill: Arc<Spill>,
+}
+
+impl Room {
+    /// For this many bytes in memory; others go to the disk of `folder`.
+    pub fn new(bytes: u64, folder: &Path) -> Result<Self> {
+        Ok(Self { left: Mutex::new(bytes), spill: Arc::new(Spill::new(folder)?) })
+    }
+
+    /// Finds a place for a run.
+    pub fn keep(&self, run: &mut CompressedRun) -> Result<()> {
+        let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
+        match left.checked_sub(run.length()) {
+            Some(rest) => *left = rest,
+            None => run.spill(&self.spill)?,
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a bound where something is asked for that holds a whole field at once.
+pub fn check(options: &BakeOptions) -> Result<()> {
+    let holds_all = options.filter == Filter::Fit || options.sees();
+    if options.memory.is_some() && holds_all {
+        let message = "--memory excludes --filter fit, --min-weight and --coarseness: they hold \
+                       the whole field at once";
+        return Err(Error::usage(message));
+    }
+    Ok(())
+}

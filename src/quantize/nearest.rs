@@ -1,0 +1,205 @@
+//! The nearest integer codes of values, many at a time.
+//!
+//! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is near the root of a
+//! cubic: Newton's method finds it, and comparing with the borders of the two codes beside it settles it. Borders are
+//! computed as they are defined, in the same order, so which code comes out follows from the encoding alone and not
+//! from how the root was found. Wherever a code is not confirmed by its borders (values that are no numbers, encodings
+//! whose steps are below the spacing of numbers), codes are searched for one by one.
+
+use multiversion::multiversion;
+
+use super::wide::Code;
+use crate::baked::Encoding;
+
+/// Values that are looked at together.
+const RUN: usize = 64;
+/// From the start that they get, three steps leave less than 2e-6 of the root.
+const NEWTON_STEPS: usize = 3;
+/// Makes the cube root's exponent of a third of the number's.
+const CUBE_ROOT_BIAS: u32 = 0x2a51_19f2;
+/// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other conversion that
+/// Rust's rules for what is out of range do not spoil.
+const WHOLE: f32 = (1u32 << 23) as f32;
+
+/// Finds the nearest codes of an encoding of integers: what is on the border between two gets the upper.
+#[derive(Debug, Clone)]
+pub struct Nearest {
+    spacing: Spacing,
+    /// Between the values of neighbouring codes.
+    borders: Vec<f32>,
+}
+
+/// How values lie over codes, as [`Encoding::value`] says.
+#[derive(Debug, Clone, Copy)]
+struct Spacing {
+    center: f32,
+    step: f32,
+    curve: f32,
+    /// Codes a unit of value, at the middle.
+    codes_per_unit: f32,
+    /// Of `curve` to `step`.
+    ratio: f32,
+    /// One over it.
+    per_ratio: f32,
+    /// The value of code 0.
+    lowest: f32,
+    /// The value of the last code.
+    highest: f32,
+    /// The middle code.
+    middle: f32,
+    /// The last code.
+    last: f32,
+}
+
+impl Nearest {
+    /// For the codes of `encoding`.
+    pub fn new(encoding: &Encoding) -> Self {
+        let values: Vec<f32> = encoding.values().collect();
+        let spacing = Spacing {
+            center: encoding.center,
+            step: encoding.step,
+            curve: encoding.curve,
+            codes_per_unit: 1.0 / encoding.step,
+            ratio: encoding.curve / encoding.step,
+            per_ratio: encoding.step / encoding.curve,
+            lowest: encoding.value(0),
+            highest: encoding.value(encoding.last_code()),
+            middle: (1u32 << (encoding.bits - 1)) as f32,
+            last: encoding.last_code() as f32,
+        };
+        Self { spacing, borders: values.windows(2).map(|pair| border(pair[0], pair[1])).collect() }
+    }
+
+    /// The code of each value.
+    pub fn codes<T: Code>(&self, values: &[f32], codes: &mut [T]) {
+        for (values, codes) in values.chunks(RUN).zip(codes.chunks_mut(RUN)) {
+            let mut run = [self.spacing.center; RUN];
+            run[..values.len()].copy_from_slice(values);
+            let mut found = [0; RUN];
+            if nearest(&self.spacing, &run, &mut found) {
+                for (code, &found) in codes.iter_mut().zip(&found) {
+                    *code = T::narrow(found);
+                }
+            } else {
+                for (code, value) in codes.iter_mut().zip(values) {
+                    *code = T::narrow(self.search(*value));
+                }
+            }
+        }
+    }
+
+    /// The code of one value.
+    fn search(&self, value: f32) -> u32 {
+        self.borders.partition_point(|&border| border <= value) as u32
+    }
+}
+
+/// The value between those of two neighbouring codes.
+pub(super) fn border(low: f32, high: f32) -> f32 {
+    0.5 * low + 0.5 * high
+}
+
+impl Spacing {
+    /// The value of a code.
+    #[inline(always)]
+    fn value(&self, code: f32) -> f32 {
+        let x = code - self.middle;
+        let value = self.center + x * (self.step + self.curve * (x * x));
+        if code > 0.0 { value } else { self.lowest }
+    }
+
+    /// Between the values of a code and the next.
+    #[inline(always)]
+    fn border(&self, code: f32) -> f32 {
+        border(self.value(code), self.value(code + 1.0))
+    }
+
+    /// A code that is mostly right, and else beside the right one.
+    #[inline(always)]
+    fn guess(&self, value: f32) -> f32 {
+        let from_center = value.max(self.lowest).min(self.highest) - self.center;
+        // In steps: |x| + ratio |x|^3 = distance.
+        let (distance, ratio) = (from_center.abs() * self.codes_per_unit, self.ratio);
+        let cube_root = f32::from_bits((distance * self.per_ratio).to_bits() / 3 + CUBE_ROOT_BIAS);
+        // Both are too large, by half where they are equal.
+        let mut x = 0.8 * distance.min(cube_root);
+        for _ in 0..NEWTON_STEPS {
+            let slope = ratio * (x * x);
+            x = (2.0 * slope * x + distance) / (1.0 + 3.0 * slope);
+        }
+        let code = self.middle + x.copysign(from_center);
+        code.max(0.0).min(self.last) + WHOLE - WHOLE
+    }
+}
+
+/// Codes of values. `false` if not all of them are certain.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn nearest(spacing: &Spacing, values: &[f32; RUN], codes: &mut [u32; RUN]) -> bool {
+    let mut uncertain = 0;
+    for (code, &value) in codes.iter_mut().zip(values) {
+        let guess = spacing.guess(value);
+        let up = (value >= spacing.border(guess)) & (guess < spacing.last);
+        let down = (value < spacing.border(guess - 1.0)) & (guess > 0.0);
+        let moved = guess + if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
+        let below = (value < spacing.border(moved - 1.0)) & (moved > 0.0);
+        let above = (value >= spacing.border(moved)) & (moved < spacing.last);
+        uncertain |= u32::from(below | above | value.is_nan());
+        *code = (moved + WHOLE).to_bits() - WHOLE.to_bits();
+    }
+    uncertain == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::baked::Decode;
+    use crate::field::{Activation, ActivationOrder};
+    use crate::quantize::{Bits, color_encoding, density_encoding};
+
+    /// Holds codes to a search through all borders, for values on and around each and far from all.
+    fn hold(encoding: &Encoding) {
+        let nearest = Nearest::new(encoding);
+        let mut values = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-40];
+        values.extend([1e30, -1e30, 1e5, -1e5, 300.0, -300.0]);
+        for &border in &nearest.borders {
+            values.extend([border.next_down(), border, border.next_up(), border + 0.1]);
+        }
+        // Values that are no numbers spoil a run; both with and without.
+        for values in [&values[..], &values[3..]] {
+            let mut codes = vec![0u32; values.len()];
+            nearest.codes(values, &mut codes);
+            for (value, code) in values.iter().zip(codes) {
+                assert_eq!(code, nearest.search(*value), "{value} in {encoding:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn codes_are_those_of_a_search() {
+        let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
+        for bits in 4..=16 {
+            let bits = Bits::Integer(bits);
+            for decode in [Decode::RawDensity, Decode::SqrtOpticalDepth, Decode::Opacity] {
+                hold(&density_encoding(bits, decode, &activation));
+            }
+            hold(&color_encoding(bits));
+        }
+    }
+
+    #[test]
+    fn codes_of_encodings_that_others_laid_are_those_of_a_search() {
+        let sound = color_encoding(Bits::Integer(8));
+        let spacings = [
+            (0.0, 0.125, 0.0),
+            (1000.0, 1e-4, 0.0),
+            (0.0, 0.0, 1e-3),
+            (0.0, 1e-30, 1e20),
+            (-3.0, 1.0, -1e-5),
+        ];
+        for (center, step, curve) in spacings {
+            for (empty, empty_code) in [(sound.empty, false), (-1e6, true)] {
+                hold(&Encoding { center, step, curve, empty, empty_code, ..sound.clone() });
+            }
+        }
+    }
+}
