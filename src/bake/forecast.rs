@@ -65,7 +65,7 @@ pub fn forecast(
     let mut metadata = metadata(field, options, &sizes, &all_tables, pruned.keeps_mask);
     let reports = prune_reports(&pruned);
     for level in &mut pruned.levels {
-        level.needed.intersect(&windows(level.needed.nodes(), options.block_size));
+        level.needed.intersect(&windows(level.needed.nodes(), options.block_size)?);
     }
     let part: Vec<u64> = pruned.levels.iter().map(|level| level.needed.count()).collect();
     let times = whole.iter().sum::<u64>() as f64 / part.iter().sum::<u64>().max(1) as f64;
@@ -116,18 +116,20 @@ pub fn forecast(
 }
 
 /// The nodes inside the windows, whole rows of blocks; all of a box that is too short for windows.
-fn windows(nodes: Nodes, edge: usize) -> NodeMask {
-    let [nx, ny, _] = nodes.0;
+fn windows(nodes: Nodes, edge: usize) -> Result<NodeMask> {
     let full = NodeMask::full(nodes);
-    let rows = nx.div_ceil(edge);
+    let rows = nodes.0[0].div_ceil(edge);
     if rows < 16 {
-        return full;
+        return Ok(full);
     }
     let inside = |x: usize| {
         let place = x / edge * 16 / rows;
         WINDOWS.iter().any(|&start| (start..start + LENGTH).contains(&place))
     };
-    let empty = vec![0; ny * full.row_words()];
-    let plane = |x: usize| if inside(x) { full.plane(x).to_vec() } else { empty.clone() };
-    NodeMask::from_planes(nodes, (0..nx).map(plane).collect())
+    NodeMask::of_planes(nodes, |x, plane| {
+        if inside(x) {
+            plane.copy_from_slice(full.plane(x));
+        }
+        Ok(())
+    })
 }

@@ -212,9 +212,10 @@ fn fit_encodings(unpacked: &Unpacked, max_error: f32, metadata: &mut Metadata) -
 /// Every node of a stored block: each value counts as it is, whether anybody sees it or not.
 fn stored_nodes(table: &Table) -> NodeMask {
     let BlockGrid { nodes, edge } = table.grid();
-    let [nx, ny, nz] = nodes.0;
+    let [nx, _, nz] = nodes.0;
     let words = mask::row_words(nodes);
-    let mut planes = vec![vec![0; ny * words]; nx];
+    let mut stored = NodeMask::empty(nodes);
+    let mut planes = stored.planes_mut(0);
     for [i, j, k] in table.stored() {
         for plane in &mut planes[i * edge..nx.min((i + 1) * edge)] {
             for row in plane.chunks_exact_mut(words).take((j + 1) * edge).skip(j * edge) {
@@ -222,7 +223,7 @@ fn stored_nodes(table: &Table) -> NodeMask {
             }
         }
     }
-    NodeMask::from_planes(nodes, planes)
+    stored
 }
 
 /// Calls `take` with every slab of a level, all channels, each a block thick.

@@ -53,12 +53,20 @@ impl NodeMask {
         set(&mut self.bits[start..start + self.words], z);
     }
 
-    /// Joins planes made one by one, each of `ny` rows.
-    pub fn from_planes(nodes: Nodes, planes: Vec<Vec<u64>>) -> Self {
-        let words = row_words(nodes);
-        let bits = planes.concat();
-        assert_eq!(bits.len(), nodes.0[0] * nodes.0[1] * words, "every plane has all its rows");
-        Self { nodes, words, bits }
+    /// The set whose rows of plane `x` are what `fill(x, rows)` makes of empty ones.
+    pub fn of_planes(
+        nodes: Nodes,
+        fill: impl Fn(usize, &mut [u64]) -> Result<()> + Sync + Send,
+    ) -> Result<Self> {
+        let mut mask = Self::empty(nodes);
+        parallel::map_mut(&mut mask.planes_mut(0), |x, rows| fill(x, rows))?;
+        Ok(mask)
+    }
+
+    /// The rows of all x planes from `first` on, plane by plane.
+    pub fn planes_mut(&mut self, first: usize) -> Vec<&mut [u64]> {
+        let length = self.nodes.0[1] * self.words;
+        self.bits[first * length..].chunks_exact_mut(length).collect()
     }
 
     /// The grid's size.
@@ -183,12 +191,10 @@ impl NodeMask {
     }
 
     fn per_plane(&self, fill: impl Fn(usize, &mut [u64]) + Sync + Send) -> Result<Self> {
-        let planes = parallel::map(self.nodes.0[0], |x| {
-            let mut plane = vec![0; self.nodes.0[1] * self.words];
-            fill(x, &mut plane);
-            Ok(plane)
-        })?;
-        Ok(Self::from_planes(self.nodes, planes))
+        Self::of_planes(self.nodes, |x, plane| {
+            fill(x, plane);
+            Ok(())
+        })
     }
 }
 

@@ -21,13 +21,12 @@ pub(super) struct Step {
 }
 
 impl Step {
-    /// Nodes of plane `x` of the finer level that output nodes in `outputs` read, as rows of bits.
-    fn read_rows(&self, x: usize, outputs: &NodeMask) -> Vec<u64> {
+    /// Adds the nodes of plane `x` of the finer level that output nodes in `outputs` read to its rows of bits.
+    fn read_rows(&self, x: usize, outputs: &NodeMask, rows: &mut [u64]) {
         let wanted = self.wanted_rows(x, outputs);
         let words = outputs.row_words();
         let [_, y_taps, z_taps] = &self.axes;
         let fine_words = z_taps.inputs().div_ceil(64);
-        let mut rows = vec![0; y_taps.inputs() * fine_words];
         let mut merged = vec![0; words];
         for (y, row) in rows.chunks_exact_mut(fine_words).enumerate() {
             merged.fill(0);
@@ -37,7 +36,6 @@ impl Step {
             }
             z_taps.spread(&merged, row);
         }
-        rows
     }
 
     /// Nodes that output planes reading plane `x` need: rows of bits at the coarser level's size.
@@ -65,11 +63,12 @@ impl Regions {
             .collect();
         let mut levels = needed;
         for (level, step) in steps.iter().enumerate().rev() {
-            let coarse = &levels[level + 1];
-            let planes =
-                parallel::map(levels[level].nodes().0[0], |x| Ok(step.read_rows(x, coarse)))?;
-            let read = NodeMask::from_planes(levels[level].nodes(), planes);
-            levels[level].unite(&read);
+            let (finer, coarser) = levels.split_at_mut(level + 1);
+            let coarse = &coarser[0];
+            parallel::map_mut(&mut finer[level].planes_mut(0), |x, rows| {
+                step.read_rows(x, coarse, rows);
+                Ok(())
+            })?;
         }
         Ok(Self { steps, levels })
     }

@@ -23,7 +23,7 @@ pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Re
 /// a mask of as many nodes as there are faces.
 pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<NodeMask> {
     let nodes = Nodes([0, 1, 2].map(|axis| faces[axis].len()));
-    gather(&inside_nodes(free_space), nodes, &mask_ranges(free_space, faces))
+    gather(&inside_nodes(free_space)?, nodes, &mask_ranges(free_space, faces))
 }
 
 /// How much would show if the mask were dropped: the opacity, over one interval, of the visible
@@ -39,7 +39,7 @@ pub fn masked_share(
     let field = planes.field();
     let bounds = &field.scene.bounds;
     let nodes = cells.nodes();
-    let outside = inside_nodes(free_space).complement();
+    let outside = inside_nodes(free_space)?.complement();
     let ranges = mask_ranges(free_space, &cell_faces(bounds, nodes));
     let mut partial = gather(&outside, nodes, &ranges)?;
     partial.intersect(cells);
@@ -87,9 +87,8 @@ pub(super) fn gather(
 ) -> Result<NodeMask> {
     let words = mask::row_words(nodes);
     let [x_ranges, y_ranges, z_ranges] = ranges;
-    let planes = parallel::map(nodes.0[0], |x| {
-        let mut plane = vec![0; nodes.0[1] * words];
-        let Some(&(start, end)) = x_ranges.get(x) else { return Ok(plane) };
+    NodeMask::of_planes(nodes, |x, plane| {
+        let Some(&(start, end)) = x_ranges.get(x) else { return Ok(()) };
         let mut merged = vec![0; from.nodes().0[1] * from.row_words()];
         for x in start..end {
             mask::or_into(&mut merged, from.plane(x));
@@ -107,30 +106,27 @@ pub(super) fn gather(
                 }
             }
         }
-        Ok(plane)
-    })?;
-    Ok(NodeMask::from_planes(nodes, planes))
+        Ok(())
+    })
 }
 
 /// The mask's nodes that are inside by themselves.
-fn inside_nodes(free_space: &FreeSpace) -> NodeMask {
+fn inside_nodes(free_space: &FreeSpace) -> Result<NodeMask> {
     let nodes = free_space.nodes;
     let inside = |i: usize| match &free_space.lookup {
         Lookup::Nearest(inside) => inside[i],
         Lookup::Trilinear { values, threshold } => values[i] >= *threshold,
     };
-    let [nx, ny, nz] = nodes.0;
+    let [_, ny, nz] = nodes.0;
     let words = mask::row_words(nodes);
-    let planes = (0..nx).map(|x| {
-        let mut plane = vec![0; ny * words];
+    NodeMask::of_planes(nodes, |x, plane| {
         for (y, row) in plane.chunks_exact_mut(words).enumerate() {
             for z in (0..nz).filter(|z| inside((x * ny + y) * nz + z)) {
                 mask::set(row, z);
             }
         }
-        plane
-    });
-    NodeMask::from_planes(nodes, planes.collect())
+        Ok(())
+    })
 }
 
 /// World positions of a level's nodes along each axis.

@@ -20,7 +20,7 @@ pub use free_space::{inside_cells, masked_share, touched_cells};
 use crate::activate;
 use crate::error::{Error, Result};
 use crate::field::{Nonfinite, Planes, RadianceField, Scene, verify_crc32};
-use crate::grid::{Bounds, NodeMask, Nodes, mask};
+use crate::grid::{Bounds, NodeMask, Nodes};
 use crate::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Visibility};
 use crate::parallel;
 use crate::progress::{Progress, Step};
@@ -196,7 +196,7 @@ fn opaque_nodes(
     let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
     let regions = Regions::new(whole, filter.kernel)?;
     let hashers = Mutex::new(vec![crc32fast::Hasher::new(); sizes[0].0[0]]);
-    let mut rows: Vec<Vec<Vec<u64>>> = vec![Vec::new(); sizes.len()];
+    let mut opaque: Vec<NodeMask> = sizes.iter().map(|&nodes| NodeMask::empty(nodes)).collect();
     progress.begin(Step::Prune, sizes[0].0[0] as u64);
     let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Amounts);
     Cascade::new(&regions, 1, lift, SLAB).run(
@@ -206,9 +206,12 @@ fn opaque_nodes(
             Ok(())
         },
         |level, slab| {
-            rows[level].extend(parallel::map(slab.count(), |i| {
-                Ok(above(slab.plane(i, 0), sizes[level], thresholds[level]))
-            })?);
+            let mut planes = opaque[level].planes_mut(slab.first);
+            planes.truncate(slab.count());
+            parallel::map_mut(&mut planes, |i, rows| {
+                above(slab.plane(i, 0), sizes[level], thresholds[level], rows);
+                Ok(())
+            })?;
             if let Some(occluders) = &mut occluders {
                 occluders.take(level, slab)?;
             }
@@ -221,28 +224,23 @@ fn opaque_nodes(
             Ok(())
         },
     )?;
-    let masks = sizes.iter().zip(rows).map(|(&nodes, rows)| NodeMask::from_planes(nodes, rows));
     let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
     if let Some(expected) = planes.density_crc32() {
         verify_crc32("density", &hashers, expected)?;
     }
     let checksums = hashers.into_iter().map(crc32fast::Hasher::finalize).collect();
-    Ok((masks.collect(), checksums))
+    Ok((opaque, checksums))
 }
 
-/// The nodes of a plane that are above the threshold, as rows of bits.
-fn above(plane: &[f32], nodes: Nodes, threshold: f32) -> Vec<u64> {
-    let mut bits = Vec::with_capacity(nodes.0[1] * mask::row_words(nodes));
-    for row in plane.chunks_exact(nodes.0[2]) {
-        for values in row.chunks(64) {
-            let word = values
-                .iter()
-                .enumerate()
-                .fold(0, |word, (bit, &value)| word | u64::from(value > threshold) << bit);
-            bits.push(word);
-        }
+/// Rows of bits: the nodes of a plane that are above the threshold.
+fn above(plane: &[f32], nodes: Nodes, threshold: f32, rows: &mut [u64]) {
+    let words = plane.chunks_exact(nodes.0[2]).flat_map(|row| row.chunks(64));
+    for (word, values) in rows.iter_mut().zip(words) {
+        *word = values
+            .iter()
+            .enumerate()
+            .fold(0, |word, (bit, &value)| word | u64::from(value > threshold) << bit);
     }
-    bits
 }
 
 /// The cells of a coarser grid over the same box that overlap a cell in `fine`.
@@ -274,9 +272,11 @@ mod tests {
     #[test]
     fn coarse_cells_overlap_what_they_cover() {
         let fine = Nodes([9, 6, 5]);
-        let rows = vec![vec![0b1001; 6]; 9];
-        let mut cells = NodeMask::from_planes(fine, rows);
-        cells = cells.cells_with_a_corner().expect("no error");
+        let cells = NodeMask::of_planes(fine, |_, rows| {
+            rows.fill(0b1001);
+            Ok(())
+        });
+        let cells = cells.and_then(|cells| cells.cells_with_a_corner()).expect("no error");
         let coarse = overlapping_cells(&cells, Nodes([4, 3, 2])).expect("no error");
         assert_eq!(coarse.count(), 3 * 2);
     }
