@@ -14,7 +14,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Instant;
 
 use common::asset::glb;
-use common::{Random, fixture, folder};
+use common::{Random, fixture, folder, program};
 use mipvog_bake::bytes;
 use mipvog_bake::error::ErrorKind;
 use mipvog_bake::limits::Limits;
@@ -38,8 +38,8 @@ fn scene() -> OsString {
 }
 
 fn bake(folder: &Path, bits: &str) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.current_dir(folder).env_clear().stdin(Stdio::null());
+    let mut command = program();
+    command.current_dir(folder).stdin(Stdio::null());
     command.args(["bake", "-o", "x.mipvog", "--force", "--threads", "1", "--bits", bits]);
     command.arg(scene());
     command
@@ -145,8 +145,7 @@ fn killed_verbs_leave_nothing_half_and_the_next_run_cleans_up() {
                 "ROOM" => room.clone().into(),
                 word => word.into(),
             });
-            let mut command = Command::new(PROGRAM);
-            quiet(command.current_dir(here).env_clear().stdin(Stdio::null()).args(words))
+            quiet(program().current_dir(here).stdin(Stdio::null()).args(words))
         };
         let clock = Instant::now();
         assert!(run().wait().expect("ends").success(), "{line}");
@@ -209,11 +208,8 @@ fn of_two_runs_with_one_output_one_wins_whole() {
         let children = ["8", "6", "8", "6"].map(|bits| {
             let mut command = bake(here, bits);
             if !forced {
-                command = Command::new(PROGRAM);
-                command
-                    .current_dir(here)
-                    .env_clear()
-                    .args(["bake", "-o", "x.mipvog", "--bits", bits]);
+                command = program();
+                command.current_dir(here).args(["bake", "-o", "x.mipvog", "--bits", bits]);
                 command.arg(scene());
             }
             quiet(&mut command)

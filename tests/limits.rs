@@ -89,9 +89,8 @@ fn limits_hold_at_their_value_and_one_past_it() {
 fn limits_are_set_on_the_command_line() {
     let folder = folder();
     let run = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
-        command.current_dir(folder.path()).env_clear().args(arguments);
-        let output = command.output().expect("starts");
+        let mut command = common::program();
+        let output = command.current_dir(folder.path()).args(arguments).output().expect("starts");
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     let scene = fixture("trained/dvgo/flat.safetensors").display().to_string();

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
-use common::{fixture, folder};
+use common::{fixture, folder, program};
 
 const MANUAL: &str = include_str!("../docs/manual.md");
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
@@ -103,7 +103,7 @@ fn sections() -> BTreeMap<&'static str, (BTreeSet<&'static str>, Vec<&'static st
 #[test]
 fn the_manual_has_every_option_and_no_other() {
     let help = |arguments: &[&str]| {
-        let output = Command::new(PROGRAM).args(arguments).env_clear().output().expect("starts");
+        let output = program().args(arguments).output().expect("starts");
         assert!(output.status.success(), "{arguments:?}");
         String::from_utf8(output.stdout).expect("text")
     };
