@@ -5,13 +5,12 @@ mod common;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::{assert_schema, fixture, folder};
+use common::{assert_schema, fixture, folder, program};
 use serde_json::Value;
 
 /// Runs the program in `folder`.
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
-    command.current_dir(folder).args(arguments).env_clear().output().expect("starts")
+    program().current_dir(folder).args(arguments).output().expect("starts")
 }
 
 fn stderr(output: &Output) -> String {

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::asset::{NAME, attached, changed, glb, open};
-use common::{Random, fixture, mend_checksums, open_bytes};
+use common::{Random, chunks, fixture, mend_checksums, open_bytes};
 use mipvog_bake::attach::AttachOptions;
 use mipvog_bake::check::check;
 use mipvog_bake::error::Error;
@@ -80,6 +80,24 @@ fn hostile_numbers_behind_good_checksums_are_errors_or_readings() {
         taken += usize::from(reads(&damaged));
     }
     assert!(taken < 3000);
+}
+
+#[test]
+fn ancillary_chunks_belong_to_levels_that_there_are() {
+    let parts = chunks::chunks(&container());
+    let levels = open_bytes(&container()).expect("a container").metadata().levels.len() as u32;
+    let last = parts.iter().rposition(|chunk| chunk.level.is_some()).expect("chunks of levels");
+    let with = |kind: &[u8; 4], level: Option<u32>, at: usize| {
+        let mut parts = parts.clone();
+        parts.insert(at, chunks::Chunk { kind: *kind, level, bytes: b"{}".to_vec() });
+        reads(&chunks::container(&parts))
+    };
+    assert!(with(b"note", None, 1) && with(b"note", None, last + 1));
+    assert!(with(b"note", Some(0), last + 1) && with(b"note", Some(levels - 1), last + 1));
+    assert!(!with(b"note", Some(levels), last + 1) && !with(b"note", Some(levels + 1), 1));
+    // Nothing stands before META; provenance is of no level; what is critical must be known.
+    assert!(!with(b"note", None, 0) && !with(b"prov", Some(0), last + 1));
+    assert!(!with(b"Note", None, last + 1) && !with(b"VMLP", Some(0), last + 1));
 }
 
 #[test]

@@ -5,30 +5,41 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Instant;
 
-use common::{Random, fixture, folder};
+use common::asset::glb;
+use common::{Random, fixture, folder, program};
 use mipvog_bake::bytes;
 use mipvog_bake::error::ErrorKind;
 use mipvog_bake::limits::Limits;
 use mipvog_bake::source;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
-/// Kills in all.
+/// Kills of bakes.
 const KILLS: usize = 200;
+/// Other verbs and how often each is killed.
+const KILLED: [(&str, usize); 6] = [
+    ("bake SCENE -o x.mipvog --gltf x.glb --fallback-triangles 300 --force", 30),
+    ("unpack BAKED -o x.safetensors --force", 40),
+    ("unpack BAKED -o x/ --levels 1,2 --force", 20),
+    ("attach ROOM BAKED -o x.glb --force", 40),
+    ("render BAKED --turntable 2 --size 48x32 --scales 1,2 --exr -o x --force", 20),
+    ("sweep SCENE --turntable 1 --size 24x16 --bits 8,6 --repeat 1 -o x", 30),
+];
 
 fn scene() -> OsString {
     fixture("trained/tiny/fine_last.tar").into()
 }
 
 fn bake(folder: &Path, bits: &str) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.current_dir(folder).env_clear().stdin(Stdio::null());
+    let mut command = program();
+    command.current_dir(folder).stdin(Stdio::null());
     command.args(["bake", "-o", "x.mipvog", "--force", "--threads", "1", "--bits", bits]);
     command.arg(scene());
     command
@@ -92,6 +103,83 @@ fn a_killed_run_leaves_no_half_file_and_the_next_one_cleans_up() {
     assert_eq!(names(here), ["x.mipvog"]);
 }
 
+/// Every file in a folder and those below it, by its name from there.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for name in names(folder).into_iter().map(PathBuf::from) {
+        let path = folder.join(&name);
+        if path.is_dir() {
+            found.extend(contents(&path).into_iter().map(|(below, b)| (name.join(below), b)));
+        } else {
+            found.insert(name, std::fs::read(path).expect("a file"));
+        }
+    }
+    found
+}
+
+/// Whether an output is what an undisturbed run wrote, but for the seconds that reports of a sweep hold.
+fn is_whole(name: &Path, bytes: &[u8], whole: &[u8]) -> bool {
+    let count = |bytes: &[u8], what| bytes.iter().filter(|&&byte| byte == what).count();
+    match name.extension().and_then(|extension| extension.to_str()) {
+        Some("json") => serde_json::from_slice::<serde_json::Value>(bytes).is_ok(),
+        Some("html") => bytes.ends_with(b"</html>\n"),
+        Some("csv") => [b'\n', b','].iter().all(|&c| count(bytes, c) == count(whole, c)),
+        _ => bytes == whole,
+    }
+}
+
+#[test]
+fn killed_verbs_leave_nothing_half_and_the_next_run_cleans_up() {
+    let inputs = folder();
+    let room = inputs.path().join("room.glb");
+    std::fs::write(&room, glb("{\"asset\":{\"version\":\"2.0\"}}", &[])).expect("writable");
+    let mut random = Random::new(5);
+    let mut interrupted = 0;
+    for (line, kills) in KILLED {
+        let folder = folder();
+        let here = folder.path();
+        let run = || {
+            let words = line.split(' ').map(|word| match word {
+                "SCENE" => scene(),
+                "BAKED" => fixture("baked/tiny.rate.mipvog").into(),
+                "ROOM" => room.clone().into(),
+                word => word.into(),
+            });
+            quiet(program().current_dir(here).stdin(Stdio::null()).args(words))
+        };
+        let clock = Instant::now();
+        assert!(run().wait().expect("ends").success(), "{line}");
+        let time = clock.elapsed();
+        let wholes = contents(here);
+        let is_sweep = line.starts_with("sweep");
+        for number in 0..kills {
+            // A sweep goes on where it was, now and then from the start; others find files of somebody else.
+            if !is_sweep {
+                wholes
+                    .keys()
+                    .for_each(|name| std::fs::write(here.join(name), "mine").expect("own"));
+            } else if number % 3 == 0 {
+                std::fs::remove_dir_all(here.join("x")).expect("own");
+            }
+            let mut child = run();
+            std::thread::sleep(time.mul_f32(random.between(0.0, 1.1)));
+            child.kill().expect("a child");
+            interrupted += usize::from(child.wait().expect("ends").signal() == Some(9));
+            for (name, bytes) in contents(here) {
+                if name.to_string_lossy().ends_with(".partial") {
+                    continue;
+                }
+                let whole = wholes.get(&name).unwrap_or_else(|| panic!("{line}: {name:?}"));
+                let good = bytes == b"mine" || is_whole(&name, &bytes, whole);
+                assert!(good, "{line}: run {number} left {name:?} half");
+            }
+        }
+        assert!(run().wait().expect("ends").success(), "{line}");
+        assert!(contents(here).keys().eq(wholes.keys()), "{line}: {:?}", contents(here).keys());
+    }
+    assert!(interrupted > 45, "only {interrupted} runs were still there to be killed");
+}
+
 #[test]
 fn what_others_write_stays_and_what_nobody_writes_goes() {
     let folder = folder();
@@ -120,11 +208,8 @@ fn of_two_runs_with_one_output_one_wins_whole() {
         let children = ["8", "6", "8", "6"].map(|bits| {
             let mut command = bake(here, bits);
             if !forced {
-                command = Command::new(PROGRAM);
-                command
-                    .current_dir(here)
-                    .env_clear()
-                    .args(["bake", "-o", "x.mipvog", "--bits", bits]);
+                command = program();
+                command.current_dir(here).args(["bake", "-o", "x.mipvog", "--bits", bits]);
                 command.arg(scene());
             }
             quiet(&mut command)

@@ -6,10 +6,10 @@ mod common;
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use common::asset::{NAME, attached, changed, document, glb, parts};
-use common::{assert_schema, fixture, folder};
+use common::{assert_schema, fixture, folder, program};
 use jsonschema::Registry;
 use mipvog_bake::attach::{AttachOptions, NodeChoice};
 use mipvog_bake::check::{Report, check};
@@ -236,8 +236,7 @@ fn every_finding_of_an_asset_can_be_reached() {
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
-    command.current_dir(folder).args(arguments).env_clear().output().expect("starts")
+    program().current_dir(folder).args(arguments).output().expect("starts")
 }
 
 /// Runs the program, which must succeed, and holds its report to the verb's schema.

@@ -6,9 +6,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use common::{fixture, folder};
+use mipvog_bake::baked::Group;
 use mipvog_bake::bytes::SourceFile;
 use mipvog_bake::container::Container;
 use mipvog_bake::error::{ErrorKind, Result};
+use mipvog_bake::field::Lookup;
 use mipvog_bake::limits::Limits;
 use mipvog_bake::source::{self, SourceOptions};
 
@@ -84,14 +86,51 @@ fn limits_hold_at_their_value_and_one_past_it() {
     assert_eq!(Limits::default().named().len(), 9);
 }
 
+/// A container under a limit of memory.
+fn opened(name: &str, memory: u64) -> Container {
+    let file = SourceFile::open(&fixture("baked").join(name)).expect("a file");
+    Container::open(Arc::new(file), &with("memory", memory)).expect("little is read")
+}
+
+/// The least memory under which something is read; a byte less is refused as too much.
+fn least_memory(name: &str, read: impl Fn(&Container) -> Result<()>, expected: usize) {
+    let expected = expected as u64;
+    read(&opened(name, expected)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let error = read(&opened(name, expected - 1)).expect_err("a byte too few");
+    assert!(matches!(error.kind(), ErrorKind::OverLimit { .. }), "{name}: {error}");
+}
+
+#[test]
+fn memory_is_counted_to_the_byte() {
+    for name in ["dvgo.mask.mipvog", "dvgo.f32.mipvog", "dvgo.coverage.mipvog", "tiny.code.mipvog"]
+    {
+        let container = opened(name, 1 << 30);
+        let (_, mask) = container.read_head().expect("sound");
+        // What is inflated, and what becomes of it.
+        if let Some(mask) = mask {
+            let width = if matches!(mask.lookup, Lookup::Nearest(_)) { 1 } else { 4 };
+            let bytes = 2 * width * mask.nodes.count();
+            least_memory(name, |container| container.read_head().map(|_| ()), bytes);
+        }
+        for (number, level) in container.metadata().levels.iter().enumerate() {
+            let groups = Group::ALL.into_iter().filter_map(|group| {
+                let channels = group.channels(container.metadata().features);
+                Some(level.encoding(group)?.number.bytes() * channels)
+            });
+            let frame = level.block_size.pow(3) * groups.sum::<usize>();
+            let bytes = 2 * level.grid().total() + level.blocks_stored * frame;
+            least_memory(name, |container| container.read_level(number).map(|_| ()), bytes);
+        }
+    }
+}
+
 #[test]
 #[cfg(feature = "cli")]
 fn limits_are_set_on_the_command_line() {
     let folder = folder();
     let run = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
-        command.current_dir(folder.path()).env_clear().args(arguments);
-        let output = command.output().expect("starts");
+        let mut command = common::program();
+        let output = command.current_dir(folder.path()).args(arguments).output().expect("starts");
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     let scene = fixture("trained/dvgo/flat.safetensors").display().to_string();

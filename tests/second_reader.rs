@@ -5,9 +5,13 @@
 
 #![cfg(feature = "cli")]
 
+mod common;
+
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use common::{chunks, mend_checksums};
 
 const INSTALL: &str = "pip install -r tests/second_reader/requirements.txt";
 
@@ -39,17 +43,25 @@ fn read(arguments: &[&Path]) -> (Option<i32>, String) {
     (output.status.code(), printed)
 }
 
-/// The committed containers; never none.
-fn containers() -> Vec<PathBuf> {
-    let folder = root().join("fixtures/baked");
-    let mut found: Vec<PathBuf> = std::fs::read_dir(&folder)
-        .expect("the folder of containers")
-        .map(|entry| entry.expect("an entry").path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "mipvog"))
-        .collect();
+/// What lies in a folder, in a fixed order.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder of containers");
+    let mut found: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
     found.sort();
-    assert!(!found.is_empty(), "no .mipvog file in {}", folder.display());
     found
+}
+
+/// The committed containers, of this version and of former ones; never none.
+fn containers() -> Vec<PathBuf> {
+    let mut folders = entries(&root().join("fixtures/frozen"));
+    folders.insert(0, root().join("fixtures/baked"));
+    let containers = |folder: &PathBuf| {
+        let mut found = entries(folder);
+        found.retain(|path| path.extension().is_some_and(|extension| extension == "mipvog"));
+        assert!(!found.is_empty(), "no .mipvog file in {}", folder.display());
+        found
+    };
+    folders.iter().flat_map(containers).collect()
 }
 
 fn unpack(container: &Path, output: &Path) {
@@ -71,6 +83,25 @@ fn both_readers_decode_the_same_bits() {
         assert_eq!(status, Some(0), "{printed}");
         std::fs::remove_file(&unpacked).expect("the unpacked file");
     }
+}
+
+/// What `formats/compatibility.md` lets a later minor version add.
+#[test]
+fn the_second_reader_takes_a_later_minor_version() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let container = root().join("fixtures/frozen/0.1/dvgo.mask.mipvog");
+    let unpacked = folder.path().join("unpacked.safetensors");
+    unpack(&container, &unpacked);
+    let mut parts = chunks::chunks(&std::fs::read(&container).expect("a container"));
+    let ahead = chunks::Chunk { kind: *b"ahea", level: None, bytes: b"of its time".to_vec() };
+    parts.insert(1, ahead);
+    let mut later = chunks::container(&parts);
+    later[10..12].copy_from_slice(&7u16.to_le_bytes());
+    mend_checksums(&mut later);
+    let path = folder.path().join("later.mipvog");
+    std::fs::write(&path, later).expect("writable");
+    let (status, printed) = read(&[&path, "--compare".as_ref(), &unpacked]);
+    assert_eq!(status, Some(0), "{printed}");
 }
 
 /// The comparison above would be worth nothing if it never failed.

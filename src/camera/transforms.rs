@@ -121,7 +121,7 @@ fn camera(
     let (w, h) = (width as f64, height as f64);
     let fx = match (fields.fl_x, fields.camera_angle_x) {
         (Some(focal), _) => focal,
-        (None, Some(angle)) => 0.5 * w / (0.5 * angle).tan(),
+        (None, Some(angle)) => 0.5 * w / libm::tan(0.5 * angle),
         (None, None) => {
             return Err(Error::malformed(place, "no focal length", "fl_x or camera_angle_x"));
         }

@@ -23,7 +23,7 @@ const COLOR_THRESHOLD: f32 = 1e-4;
 pub(super) fn shift(alpha_init: f64, place: &Place) -> Result<f64> {
     if alpha_init > 0.0 && alpha_init < 1.0 {
         // ln(1 / (1 - a) - 1) = ln(a / (1 - a)), without the cancellation for small a.
-        return Ok((alpha_init / (1.0 - alpha_init)).ln());
+        return Ok(libm::log(alpha_init / (1.0 - alpha_init)));
     }
     let found = format!("alpha_init {alpha_init}");
     Err(Error::malformed(place.clone(), found, "an opacity between 0 and 1"))
@@ -109,7 +109,7 @@ fn voxels(
     assumptions: &mut Vec<Assumption>,
 ) -> Result<(f64, f64)> {
     let volume: f64 = bounds.extent().iter().product();
-    let edge = |count: f64| (volume / count).cbrt();
+    let edge = |count: f64| libm::cbrt(volume / count);
     let count = match names.number("num_voxels")? {
         Some(count) => positive("num_voxels", count)?,
         None => {

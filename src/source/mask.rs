@@ -116,9 +116,9 @@ fn raw_threshold(opacity: f64, shift: f64, ratio: f64) -> Result<f32> {
     if opacity == 0.0 {
         return Ok(f32::NEG_INFINITY);
     }
-    let depth = -(-opacity).ln_1p() / ratio;
+    let depth = -libm::log1p(-opacity) / ratio;
     // Where expm1 would overflow, its logarithm is its argument.
-    let raw = if depth > 700.0 { depth } else { depth.exp_m1().ln() };
+    let raw = if depth > 700.0 { depth } else { libm::log(libm::expm1(depth)) };
     march::narrow("mask_cache_thres", raw - shift)
 }
 

@@ -142,6 +142,16 @@ pub fn origin() -> Origin {
     }
 }
 
+/// The program, with nothing in its environment but where `.ci/coverage` counts.
+#[cfg(feature = "cli")]
+pub fn program() -> std::process::Command {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.env_clear();
+    let counts = "LLVM_PROFILE_FILE";
+    command.envs(std::env::var_os(counts).map(|file| (counts, file)));
+    command
+}
+
 /// A temporary folder that goes with the value.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
