@@ -8,7 +8,7 @@ use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::mips::Slab;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource, Frame, shift};
+use crate::quantize::{BlockEncoder, BlockSource, Coarsening, Frame};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;
@@ -35,7 +35,7 @@ pub struct EncodeOptions<'a> {
 pub struct Importance<'a> {
     /// Of each node of the level, in units of their mean; z fastest.
     pub of_nodes: &'a [f32],
-    /// Steps of codes at the mean.
+    /// Codes that colours may move by at the mean.
     pub coarseness: f32,
 }
 
@@ -63,6 +63,8 @@ struct GroupEncoder {
     /// The group's first channel in a slab.
     first_channel: usize,
     encoder: BlockEncoder,
+    /// The most that coarsening moved a colour or opacity.
+    moved: f64,
     /// Frames that are not compressed yet.
     pending: Vec<Frame>,
     runs: Vec<CompressedRun>,
@@ -86,12 +88,8 @@ impl<'a> LevelEncoder<'a> {
             groups.push(GroupEncoder {
                 group,
                 first_channel,
-                encoder: BlockEncoder::new(
-                    encoding.clone(),
-                    channels,
-                    edge,
-                    encoding.decode.unseen(&options.activation),
-                ),
+                encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
+                moved: 0.0,
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
@@ -115,7 +113,8 @@ impl<'a> LevelEncoder<'a> {
             groups.iter().map(|group| group.frame(source, options)).collect::<Result<Vec<_>>>()
         })?;
         for frame in frames {
-            for (group, frame) in self.groups.iter_mut().zip(frame) {
+            for (group, (frame, moved)) in self.groups.iter_mut().zip(frame) {
+                group.moved = group.moved.max(moved);
                 group.pending.push(frame);
             }
         }
@@ -124,6 +123,19 @@ impl<'a> LevelEncoder<'a> {
             self.compress(false)?;
         }
         Ok(())
+    }
+
+    /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and what
+    /// coarsening added.
+    pub fn max_errors(&self) -> [Option<f32>; 3] {
+        let mut errors = [None; 3];
+        for group in &self.groups {
+            let bound = group.encoder.encoding().max_error;
+            // Rounded up.
+            let moved = ((f64::from(bound) + group.moved) * (1.0 + 1e-6)) as f32;
+            errors[group.group as usize] = Some(if group.moved > 0.0 { moved } else { bound });
+        }
+        errors
     }
 
     /// Compresses what is left.
@@ -165,15 +177,14 @@ impl<'a> LevelEncoder<'a> {
 }
 
 impl Importance<'_> {
-    /// The shifts of a block's nodes ([`crate::quantize::shift`]).
-    fn shifts(&self, source: BlockSource, edge: usize) -> Vec<u8> {
+    /// That of a block's nodes; 0 of those that the grid does not have.
+    fn of_block(&self, source: BlockSource, edge: usize) -> Vec<f32> {
         let sizes = source.needed.nodes().0;
         let of_node = |node: usize| {
             let inside = [node / (edge * edge), node / edge % edge, node % edge];
             let [x, y, z] = [0, 1, 2].map(|axis| source.place[axis] * edge + inside[axis]);
             let has = x < sizes[0] && y < sizes[1] && z < sizes[2];
-            let importance = has.then(|| self.of_nodes[(x * sizes[1] + y) * sizes[2] + z]);
-            shift(importance.unwrap_or(0.0), self.coarseness)
+            if has { self.of_nodes[(x * sizes[1] + y) * sizes[2] + z] } else { 0.0 }
         };
         (0..edge.pow(3)).map(of_node).collect()
     }
@@ -181,7 +192,7 @@ impl Importance<'_> {
 
 impl GroupEncoder {
     /// A block's codes, all channels.
-    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<Frame> {
+    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<(Frame, f64)> {
         let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
         let bound = self.encoder.encoding().max_error;
         let bound = options.check.map_or(bound, |check| check.most.min(bound));
@@ -201,7 +212,10 @@ impl GroupEncoder {
         // The bound is proved where encodings are made; here it must hold.
         debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
         let coarser = options.importance.filter(|_| self.group != Group::Density);
-        let shifts = coarser.map(|importance| importance.shifts(source, self.encoder.shape().edge));
-        Ok(self.encoder.frame(source, self.first_channel, shifts.as_deref()))
+        let of_block = coarser.map(|all| all.of_block(source, self.encoder.shape().edge));
+        let coarsening = coarser
+            .zip(of_block.as_deref())
+            .map(|(all, importance)| Coarsening { importance, coarseness: all.coarseness });
+        Ok(self.encoder.frame(source, self.first_channel, coarsening))
     }
 }

@@ -6,6 +6,7 @@
 
 use std::time::Instant;
 
+use super::importance::LevelImportance;
 use super::report::{BakeReport, StageReport, prune_reports};
 use super::stream::Stream;
 use super::{
@@ -78,9 +79,10 @@ pub fn forecast(
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stages.push(StageReport { name: "ranges", seconds: lap() * times, bytes: scaled(bytes) });
     }
-    let importance = seen.as_ref().and_then(|seen| options.importance(seen));
+    let importance = seen.map(|seen| LevelImportance::of_levels(seen, &sizes, options));
+    let importance = importance.as_deref().unwrap_or_default();
     let (encoded, streamed) =
-        encode_levels(&stream, &metadata, part_tables, importance, None, progress)?;
+        encode_levels(&stream, &mut metadata, part_tables, importance, None, progress)?;
     let seconds = lap() * times;
     stages.push(StageReport { name: "encode", seconds, bytes: scaled(streamed.bytes_read) });
     let bytes =

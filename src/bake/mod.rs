@@ -17,6 +17,7 @@ mod current;
 mod encode;
 mod filter;
 mod forecast;
+mod importance;
 mod level_rule;
 mod memory;
 mod options;
@@ -36,6 +37,7 @@ pub use current::is_current;
 pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
 pub use filter::Filter;
 pub use forecast::{Forecast, forecast};
+use importance::LevelImportance;
 pub use level_rule::LevelRule;
 use memory::{Plan, Room};
 pub use options::BakeOptions;
@@ -59,7 +61,7 @@ use crate::grid::{BlockGrid, NodeMask, Nodes};
 use crate::limits::Limits;
 use crate::progress::{Progress, Step};
 use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{Bits, coarsened_error, color_encoding, density_encoding};
+use crate::quantize::{Bits, color_encoding, density_encoding};
 use crate::render::{Exposure, Field, exposure};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
@@ -113,14 +115,12 @@ pub fn bake(
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);
     }
-    let importance = seen.as_ref().and_then(|seen| options.importance(seen));
-    if importance.is_some() {
-        allow_coarse_colors(&mut metadata);
-    }
+    let importance = seen.map(|seen| LevelImportance::of_levels(seen, &sizes, options));
+    let importance = importance.as_deref().unwrap_or_default();
     let folder = output.written().parent().unwrap_or(Path::new("."));
     let room = plan.map(|plan| Room::new(plan.room, folder)).transpose()?;
     let (encoded, streamed) =
-        encode_levels(&stream, &metadata, tables, importance, room.as_ref(), progress)?;
+        encode_levels(&stream, &mut metadata, tables, importance, room.as_ref(), progress)?;
     let nonfinite = pruned.nonfinite + planes.take_nonfinite()?.count;
     stage("encode", streamed.bytes_read);
     let digest = origin.digest(&pruned.density_checksums, &streamed.checksums);
@@ -219,15 +219,6 @@ fn expose(
     Ok(Some(seen))
 }
 
-/// Colours of level 0 may err by as much as the least important node's.
-fn allow_coarse_colors(metadata: &mut Metadata) {
-    let Metadata { levels, activation, .. } = metadata;
-    let finest = levels.first_mut().into_iter();
-    for encoding in finest.flat_map(|level| [&mut level.diffuse, &mut level.features]).flatten() {
-        encoding.max_error = coarsened_error(encoding, activation);
-    }
-}
-
 fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
     let occupancy = |kept: bool| if kept { Occupancy::Stored } else { Occupancy::Empty };
     let table = |needed: &NodeMask| {
@@ -307,12 +298,13 @@ fn fit_encodings(
     Ok(streamed.bytes_read)
 }
 
-/// Streams the field through all levels and encodes them.
+/// Streams the field through all levels and encodes them; `importance` of each level may be missing. Errors in
+/// the metadata grow by what coarsening moves values.
 fn encode_levels(
     stream: &Stream,
-    metadata: &Metadata,
+    metadata: &mut Metadata,
     tables: Vec<Table>,
-    importance: Option<Importance>,
+    importance: &[LevelImportance],
     room: Option<&Room>,
     progress: &dyn Progress,
 ) -> Result<(Vec<EncodedLevel>, Streamed)> {
@@ -328,10 +320,18 @@ fn encode_levels(
     let levels = metadata.levels.iter().zip(&stream.pruned.levels).zip(tables);
     for (number, ((level, pruned), table)) in levels.enumerate() {
         let encodings = Group::ALL.map(|group| level.encoding(group));
-        let importance = importance.filter(|_| number == 0);
+        let coarseness = stream.options.coarseness;
+        let importance = importance.get(number).map(|level| level.importance(coarseness));
         let encode_options = EncodeOptions { importance, ..encode_options };
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
     let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;
+    for (level, encoder) in metadata.levels.iter_mut().zip(&encoders) {
+        for (group, error) in Group::ALL.into_iter().zip(encoder.max_errors()) {
+            if let (Some(encoding), Some(error)) = (level.encoding_mut(group), error) {
+                encoding.max_error = error;
+            }
+        }
+    }
     Ok((encoders.into_iter().map(LevelEncoder::finish).collect::<Result<_>>()?, streamed))
 }

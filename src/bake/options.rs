@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::memory;
 use super::ranges::check_max_error;
-use super::{Filter, Importance, LevelRule};
+use super::{Filter, LevelRule};
 use crate::baked::{Aside, LevelOfDetail, Metadata};
 use crate::bytes::hex;
 use crate::camera::{Camera, digest};
@@ -12,7 +12,6 @@ use crate::container::LARGEST_BLOCK;
 use crate::error::{Error, Result};
 use crate::field::Nonfinite;
 use crate::quantize::Bits;
-use crate::render::Exposure;
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.
@@ -55,7 +54,7 @@ pub struct BakeOptions {
     /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
     /// Default: none, all matter is kept
     pub min_weight: Option<f32>,
-    /// Steps of codes by which colours of level 0 may err at nodes that make up as much as the mean node does of
+    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their level does of
     /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
     pub coarseness: f32,
     /// The cameras that `min_weight` and `coarseness` are about
@@ -112,12 +111,6 @@ impl BakeOptions {
     /// Whether what comes out depends on what [`seen_from`](Self::seen_from) see.
     pub fn sees(&self) -> bool {
         self.min_weight.is_some() || self.coarseness > 0.0
-    }
-
-    /// What colours of level 0 may err by, if they may, by what was seen.
-    pub(super) fn importance<'a>(&self, seen: &'a Exposure) -> Option<Importance<'a>> {
-        let importance = Importance { of_nodes: &seen.importance, coarseness: self.coarseness };
-        Some(importance).filter(|_| self.coarseness > 0.0)
     }
 
     /// The rule that says which level a sample reads.

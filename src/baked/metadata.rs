@@ -69,6 +69,15 @@ impl LevelMetadata {
         BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
     }
 
+    /// The encoding of a group, to be changed.
+    pub fn encoding_mut(&mut self, group: Group) -> Option<&mut Encoding> {
+        match group {
+            Group::Density => self.density.as_mut(),
+            Group::Diffuse => self.diffuse.as_mut(),
+            Group::Features => self.features.as_mut(),
+        }
+    }
+
     /// The encoding of a group.
     pub fn encoding(&self, group: Group) -> Option<&Encoding> {
         match group {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::coarsen::{Coarsening, coarsen};
+use super::coarsen::{Coarsener, Coarsening};
 use super::code::Quantizer;
 use super::run::{Frame, FrameShape};
 use super::wide::Code;
@@ -74,16 +74,19 @@ pub struct BlockEncoder {
     quantizer: Quantizer,
     shape: FrameShape,
     unneeded_limit: u32,
+    coarsener: Option<Coarsener>,
 }
 
 impl BlockEncoder {
-    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get at most the value
-    /// `unneeded`.
-    pub fn new(encoding: Encoding, channels: usize, edge: usize, unneeded: f32) -> Self {
+    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get values that nobody
+    /// sees.
+    pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
         let shape = FrameShape { number: encoding.number, channels, edge };
+        let coarsener = Coarsener::new(&encoding, activation);
+        let unneeded = encoding.decode.unseen(activation);
         let quantizer = Quantizer::new(encoding);
         let unneeded_limit = highest_code_up_to(&quantizer, unneeded);
-        Self { quantizer, shape, unneeded_limit }
+        Self { quantizer, shape, unneeded_limit, coarsener }
     }
 
     /// The encoding of every block.
@@ -101,25 +104,37 @@ impl BlockEncoder {
         self.unneeded_limit
     }
 
-    /// The codes of a block whose channels start at `first_channel` of the slab; coarser ones where `shifts`
-    /// are given. Codes of nodes that the grid does not have are 0.
-    pub fn frame(&self, source: BlockSource, first_channel: usize, shifts: Option<&[u8]>) -> Frame {
+    /// The codes of a block whose channels start at `first_channel` of the slab, coarser ones where
+    /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
+    /// Codes of nodes that the grid does not have are 0.
+    pub fn frame(
+        &self,
+        source: BlockSource,
+        first_channel: usize,
+        coarsening: Option<Coarsening>,
+    ) -> (Frame, f64) {
         let needed = source.needed_nodes(self.shape.edge);
         let mut codes = match self.shape.number {
             NumberType::U8 => Codes::U8(self.codes(source, first_channel)),
             NumberType::U16 | NumberType::F16 => Codes::U16(self.codes(source, first_channel)),
             NumberType::F32 => Codes::U32(self.codes(source, first_channel)),
         };
-        if let Some(shifts) = shifts {
-            let last = *self.encoding().codes().end();
-            let coarsening = Coarsening { shifts, unneeded_limit: self.unneeded_limit, last };
-            match &mut codes {
-                Codes::U8(codes) => coarsen(self.shape, codes, &needed, coarsening),
-                Codes::U16(codes) => coarsen(self.shape, codes, &needed, coarsening),
-                Codes::U32(codes) => coarsen(self.shape, codes, &needed, coarsening),
-            }
+        let mut moved = 0.0;
+        if let (Some(coarsener), Some(coarsening)) = (&self.coarsener, coarsening) {
+            let limit = self.unneeded_limit;
+            moved = match &mut codes {
+                Codes::U8(codes) => {
+                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+                }
+                Codes::U16(codes) => {
+                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+                }
+                Codes::U32(codes) => {
+                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+                }
+            };
         }
-        Frame { codes, needed }
+        (Frame { codes, needed }, moved)
     }
 
     /// Codes of all channels, channel by channel.

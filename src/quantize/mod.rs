@@ -22,7 +22,7 @@ mod wide;
 mod write_run;
 
 pub use block::{BlockEncoder, BlockSource};
-pub use coarsen::{coarsened_error, shift};
+pub use coarsen::Coarsening;
 pub use code::decode_codes;
 pub use range::{Bits, color_encoding, density_encoding};
 pub use run::{Frame, FrameShape, RunBytes, run_bytes, run_codes};
