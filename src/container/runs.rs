@@ -15,7 +15,7 @@ use zstd::zstd_safe::{CParameter, Strategy};
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::bytes::ByteReader;
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::limits::{self, Budget};
+use crate::limits::{self, Budget, Limits};
 use crate::parallel;
 use crate::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 
@@ -106,6 +106,14 @@ impl EncodedAtlas {
     /// Bytes of all runs.
     pub fn bytes(&self) -> u64 {
         self.runs.iter().map(|run| run.len() as u64).sum()
+    }
+
+    /// The codes of its `frames` frames.
+    pub fn codes(&self, shape: FrameShape, encoding: &Encoding, frames: usize) -> Result<Codes> {
+        let chunk = self.chunk()?.concat();
+        // It was not read from a file: its size is that of what was made here.
+        let mut budget = Budget::new(&Limits { memory: u64::MAX, ..Limits::default() });
+        decode(shape, encoding, frames, &chunk, &Place::File, 0, &mut budget)
     }
 
     /// The chunk's bytes, in pieces.

@@ -90,7 +90,7 @@ mod tests {
     /// The mean of the lower neighbours, as the specification says it.
     fn plain_mean(codes: &[u8], edge: usize, node: usize) -> i64 {
         let steps = [edge * edge, edge, 1];
-        let lower = steps.iter().filter(|&&step| node / step % edge > 0);
+        let lower = steps.iter().filter(|&&step| !(node / step).is_multiple_of(edge));
         let codes: Vec<i64> = lower.map(|step| codes[node - step].into()).collect();
         codes.iter().sum::<i64>() / codes.len().max(1) as i64
     }
