@@ -30,4 +30,7 @@ fn containers_keep_their_bytes() {
     options.max_error = Some(0.01);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.error.mipvog"), &bytes);
+    options.fill_error = Some(0.2);
+    let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
+    assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
 }

@@ -110,10 +110,17 @@ impl<'a> LevelEncoder<'a> {
         let (groups, needed, options) = (&self.groups, self.needed, &self.options);
         let frames = parallel::map(places.len(), |i| {
             let source = BlockSource { slab, needed, place: places[i] };
-            groups.iter().map(|group| group.frame(source, options)).collect::<Result<Vec<_>>>()
+            let filled = self.table.is_filled(places[i]);
+            // Colours of filled blocks follow from the next coarser level.
+            let stored = |group: &&GroupEncoder| !filled || group.group == Group::Density;
+            let frame = |group: &GroupEncoder| {
+                Some(group).filter(stored).map(|group| group.frame(source, options)).transpose()
+            };
+            groups.iter().map(frame).collect::<Result<Vec<_>>>()
         })?;
         for frame in frames {
-            for (group, (frame, moved)) in self.groups.iter_mut().zip(frame) {
+            for (group, frame) in self.groups.iter_mut().zip(frame) {
+                let Some((frame, moved)) = frame else { continue };
                 group.moved = group.moved.max(moved);
                 group.pending.push(frame);
             }

@@ -10,8 +10,8 @@ use super::importance::LevelImportance;
 use super::report::{BakeReport, StageReport, prune_reports};
 use super::stream::Stream;
 use super::{
-    BakeOptions, Filter, encode_levels, expose, fit_encodings, level_reports, metadata, plan,
-    prune_field, tables,
+    BakeOptions, Filter, encode_levels, expose, fill_levels, fit_encodings, level_reports,
+    metadata, plan, prune_field, tables,
 };
 use crate::container::EncodedLevel;
 use crate::error::{Error, Result};
@@ -81,8 +81,9 @@ pub fn forecast(
     }
     let importance = seen.map(|seen| LevelImportance::of_levels(seen, &sizes, options));
     let importance = importance.as_deref().unwrap_or_default();
-    let (encoded, streamed) =
+    let (mut encoded, streamed) =
         encode_levels(&stream, &mut metadata, part_tables, importance, None, progress)?;
+    fill_levels(&mut encoded, &mut metadata, &pruned, importance, options)?;
     let seconds = lap() * times;
     stages.push(StageReport { name: "encode", seconds, bytes: scaled(streamed.bytes_read) });
     let bytes =

@@ -3,13 +3,17 @@
 //! Level 0's is measured ([`crate::render::exposure`]). A camera that looks at level `k` is `2^k` times as far
 //! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
 //! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
-//! averaged and resized as levels are, in units of its own mean again.
+//! averaged and resized as levels are, in units of its own mean again. But no node of a coarser level matters less
+//! than [`LEAST`]: matter there is less sharp, and rays reach deeper into it than they do at level 0.
 
 use super::{BakeOptions, Importance};
 use crate::grid::Nodes;
 use crate::mips::Kernel;
 use crate::mips::taps::AxisTaps;
 use crate::render::Exposure;
+
+/// The least importance of a node of a coarser level.
+const LEAST: f32 = 1e-3;
 
 /// Of one level's nodes, z fastest.
 #[derive(Debug)]
@@ -21,7 +25,7 @@ pub struct LevelImportance {
 impl LevelImportance {
     /// Of every level, finest first; none where nothing depends on it.
     pub fn of_levels(seen: Exposure, sizes: &[Nodes], options: &BakeOptions) -> Vec<Self> {
-        if options.coarseness == 0.0 {
+        if options.coarseness == 0.0 && options.fill_error.is_none() {
             return Vec::new();
         }
         let mut levels = vec![Self { color: seen.importance }];
@@ -29,7 +33,15 @@ impl LevelImportance {
             let color = levels.last().map(|finer| coarser(&finer.color, pair[0], pair[1]));
             levels.extend(color.map(|color| Self { color }));
         }
+        for level in levels.iter_mut().skip(1) {
+            level.color.iter_mut().for_each(|value| *value = value.max(LEAST));
+        }
         levels
+    }
+
+    /// That of the node at a place of a level with so many nodes.
+    pub fn of_node(&self, sizes: [usize; 3], [x, y, z]: [usize; 3]) -> f32 {
+        self.color[(x * sizes[1] + y) * sizes[2] + z]
     }
 
     /// As encoders take it.

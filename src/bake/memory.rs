@@ -180,10 +180,10 @@ impl Room {
 
 /// Refuses a bound where something is asked for that holds a whole field at once.
 pub fn check(options: &BakeOptions) -> Result<()> {
-    let holds_all = options.filter == Filter::Fit || options.sees();
+    let holds_all = options.filter == Filter::Fit || options.sees() || options.fill_error.is_some();
     if options.memory.is_some() && holds_all {
-        let message = "--memory excludes --filter fit, --min-weight and --coarseness: they hold \
-                       the whole field at once";
+        let message = "--memory excludes --filter fit, --min-weight, --coarseness and --fill-error: \
+                       they hold a whole level at once";
         return Err(Error::usage(message));
     }
     Ok(())

@@ -57,6 +57,10 @@ pub struct BakeOptions {
     /// Codes by which colours may be moved at nodes that make up as much as the mean node of their level does of
     /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
     pub coarseness: f32,
+    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where the next coarser
+    /// level says them so well at every needed node, beyond that of their codes; with [`seen_from`](Self::seen_from)
+    /// at nodes that make up as much as the mean, and more where it is less. Default: none, all are stored
+    pub fill_error: Option<f32>,
     /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
     /// Bytes of memory that the bake may take, at most; what comes out does not depend on it. Default: no bound
@@ -82,6 +86,7 @@ impl Default for BakeOptions {
             fit_cameras: Vec::new(),
             min_weight: None,
             coarseness: 0.0,
+            fill_error: None,
             seen_from: Vec::new(),
             memory: None,
             nonfinite: Nonfinite::Refuse,
@@ -143,6 +148,10 @@ impl BakeOptions {
             ),
             ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
             (
+                self.fill_error.is_none_or(|error| error > 0.0 && error <= 1.0),
+                "--fill-error must be above 0 and at most 1",
+            ),
+            (
                 self.lod_rule.is_none() || self.filter != Filter::Fit,
                 "--lod-rule and --filter fit exclude each other: a fit finds its own rule",
             ),
@@ -187,6 +196,9 @@ impl BakeOptions {
         }
         if self.coarseness > 0.0 {
             options["coarseness"] = self.coarseness.into();
+        }
+        if let Some(fill_error) = self.fill_error {
+            options["fill_error"] = fill_error.into();
         }
         if !self.seen_from.is_empty() {
             options["seen_from"] = cameras_json(&self.seen_from);

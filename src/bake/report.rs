@@ -68,8 +68,10 @@ pub struct LevelReport {
     pub block_size: usize,
     /// Blocks of the level.
     pub blocks_total: usize,
-    /// Those that are stored.
+    /// Those that are stored, filled ones among them.
     pub blocks_stored: usize,
+    /// Those whose colours are filled from the next coarser level.
+    pub blocks_filled: usize,
     /// Bytes of table and codes before compression.
     pub raw_bytes: u64,
     /// Bytes of the level's chunks.
@@ -149,14 +151,17 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             Some(GroupReport { group: group.name(), bits, max_error: encoding.max_error })
         };
         let colors = [&level.diffuse, &level.features].into_iter().flatten();
-        let frame_bytes = grid.block_nodes() * Group::ALL.map(values).iter().sum::<usize>();
+        let [density, diffuse, features] = Group::ALL.map(values);
+        let colored = level.blocks_stored - level.blocks_filled;
+        let of_nodes = level.blocks_stored * density + colored * (diffuse + features);
         LevelReport {
             level: number,
             dimensions: level.dimensions,
             block_size: level.block_size,
             blocks_total: grid.total(),
             blocks_stored: level.blocks_stored,
-            raw_bytes: (grid.total() + level.blocks_stored * frame_bytes) as u64,
+            blocks_filled: level.blocks_filled,
+            raw_bytes: (grid.total() + grid.block_nodes() * of_nodes) as u64,
             stored_bytes: own.clone().map(|entry| entry.length).sum(),
             prefix_bytes: own.map(|entry| entry.prefix).max().unwrap_or(0),
             max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),

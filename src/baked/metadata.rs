@@ -50,8 +50,11 @@ pub struct LevelMetadata {
     pub dimensions: [usize; 3],
     /// Nodes along a block's edge.
     pub block_size: usize,
-    /// Stored blocks.
+    /// Stored blocks, those whose colours are filled among them.
     pub blocks_stored: usize,
+    /// Blocks whose colours are filled from the next coarser level; left out where there are none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub blocks_filled: usize,
     /// Density; `None` where every level uses level 0's.
     #[serde(deserialize_with = "nullable")]
     pub density: Option<Encoding>,
@@ -63,10 +66,20 @@ pub struct LevelMetadata {
     pub features: Option<Encoding>,
 }
 
+fn is_none(count: &usize) -> bool {
+    *count == 0
+}
+
 impl LevelMetadata {
     /// The cut into blocks.
     pub fn grid(&self) -> BlockGrid {
         BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
+    }
+
+    /// Whether colours are stored in integer codes, as filled blocks need them.
+    pub fn has_integer_colors(&self) -> bool {
+        let mut colors = [&self.diffuse, &self.features].into_iter().flatten();
+        colors.all(|encoding| !encoding.number.is_float())
     }
 
     /// The encoding of a group, to be changed.

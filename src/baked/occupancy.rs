@@ -10,6 +10,8 @@ pub enum Occupancy {
     Empty = 0,
     /// From the block's frame.
     Stored = 1,
+    /// Density from the block's frame, colours from the next coarser level.
+    Filled = 2,
 }
 
 impl Occupancy {
@@ -23,6 +25,7 @@ impl Occupancy {
         match id {
             0 => Some(Self::Empty),
             1 => Some(Self::Stored),
+            2 => Some(Self::Filled),
             _ => None,
         }
     }
@@ -37,6 +40,7 @@ pub struct Table {
     /// Frame of the first block of each row of blocks along z.
     row_frames: Vec<u32>,
     frames: usize,
+    filled: usize,
 }
 
 impl Table {
@@ -47,9 +51,10 @@ impl Table {
         let mut frames = 0;
         for row in occupancy.chunks(grid.counts()[2]) {
             row_frames.push(frames as u32);
-            frames += row.iter().filter(|&&block| block == Occupancy::Stored).count();
+            frames += row.iter().filter(|&&block| block != Occupancy::Empty).count();
         }
-        Self { grid, occupancy, row_frames, frames }
+        let filled = occupancy.iter().filter(|&&block| block == Occupancy::Filled).count();
+        Self { grid, occupancy, row_frames, frames, filled }
     }
 
     /// The level's cut into blocks.
@@ -62,27 +67,38 @@ impl Table {
         &self.occupancy
     }
 
-    /// Stored blocks.
+    /// Blocks that have a frame: those that are stored, and those whose colours are filled.
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// Frame of a block by its place along each axis, if it is stored.
+    /// Blocks whose colours are filled.
+    pub fn filled(&self) -> usize {
+        self.filled
+    }
+
+    /// Whether a block's colours are filled, by its place along each axis.
+    pub fn is_filled(&self, [i, j, k]: [usize; 3]) -> bool {
+        let [_, rows, length] = self.grid.counts();
+        self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled
+    }
+
+    /// Frame of a block by its place along each axis, if it has one.
     pub fn frame(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
         let [_, rows, length] = self.grid.counts();
         let row = i * rows + j;
         let blocks = &self.occupancy[row * length..][..length];
-        let before = blocks[..k].iter().filter(|&&block| block == Occupancy::Stored).count();
-        (blocks[k] == Occupancy::Stored).then(|| self.row_frames[row] as usize + before)
+        let before = blocks[..k].iter().filter(|&&block| block != Occupancy::Empty).count();
+        (blocks[k] != Occupancy::Empty).then(|| self.row_frames[row] as usize + before)
     }
 
-    /// Places of the stored blocks, in the order of their frames.
+    /// Places of the blocks that have a frame, in the order of their frames.
     pub fn stored(&self) -> impl Iterator<Item = [usize; 3]> {
         let [_, rows, length] = self.grid.counts();
         let places = (0..self.occupancy.len())
             .map(move |block| [block / length / rows, block / length % rows, block % length]);
         let stored = places.zip(&self.occupancy);
-        stored.filter(|&(_, &block)| block == Occupancy::Stored).map(|(place, _)| place)
+        stored.filter(|&(_, &block)| block != Occupancy::Empty).map(|(place, _)| place)
     }
 }
 
@@ -94,9 +110,10 @@ mod tests {
     #[test]
     fn frames_count_the_stored_blocks_in_order() {
         let grid = BlockGrid { nodes: Nodes([5, 4, 9]), edge: 4 };
-        let occupancy = [1, 0, 1, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
+        let occupancy = [1, 0, 2, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
         let table = Table::new(grid, occupancy.to_vec());
-        assert_eq!(table.frames(), 3);
+        assert_eq!((table.frames(), table.filled()), (3, 1));
+        assert!(table.is_filled([0, 0, 2]) && !table.is_filled([1, 0, 0]));
         let stored: Vec<_> = table.stored().collect();
         assert_eq!(stored, [[0, 0, 0], [0, 0, 2], [1, 0, 0]]);
         for (frame, place) in stored.into_iter().enumerate() {

@@ -81,10 +81,14 @@ pub struct Arguments {
     /// missing [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     min_weight: Option<f32>,
-    /// Let colours of the finest level err more the less they make up of what --cameras see: by so many steps of
-    /// codes at the mean, 0 to 64 [default: 0]
-    #[arg(long, value_name = "STEPS")]
+    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of the finest
+    /// level, half as many at coarser ones, 0 to 64 [default: 0]
+    #[arg(long, value_name = "CODES")]
     coarseness: Option<f32>,
+    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to 1, at every needed
+    /// node; with --min-weight or --coarseness more where --cameras see less [default: keep all]
+    #[arg(long, value_name = "ERROR")]
+    fill_error: Option<f32>,
     /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the output is the
     /// same [default: no bound]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
@@ -234,6 +238,7 @@ impl Arguments {
         options.lod_rule = self.lod_rule.or(options.lod_rule);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
         options.min_weight = self.min_weight;
+        options.fill_error = self.fill_error;
         options.coarseness = self.coarseness.unwrap_or(options.coarseness);
         options.memory = self.memory;
         if self.memory.is_some() && self.gate.measures()? {

@@ -59,8 +59,11 @@ pub struct Arguments {
     #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
     min_weight: Vec<f32>,
     /// Coarseness of colours to try, as `bake --coarseness`
-    #[arg(long, value_name = "STEPS,...", value_delimiter = ',')]
+    #[arg(long, value_name = "CODES,...", value_delimiter = ',')]
     coarseness: Vec<f32>,
+    /// Errors of filled blocks to try, as `bake --fill-error`; 0 stores all
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
+    fill_error: Vec<f32>,
     /// Presets to try beside the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
@@ -126,6 +129,7 @@ impl Arguments {
             zstd_levels: self.zstd_level.clone(),
             min_weights: self.min_weight.clone(),
             coarsenesses: self.coarseness.clone(),
+            fill_errors: self.fill_error.clone(),
             presets: self.preset.clone(),
         }
     }

@@ -7,9 +7,11 @@ use crate::error::{Error, ErrorKind, Place, Result};
 /// ends and an end-of-file character, so that text-mode transfers damage it visibly.
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
-pub const VERSION: [u16; 2] = [1, 0];
-/// Features that a reader must know. None are defined in version 1.0.
-pub const KNOWN_FEATURES: u64 = 0;
+pub const VERSION: [u16; 2] = [1, 1];
+/// Required feature: there are blocks whose colours are filled from the next coarser level. Since 1.1.
+pub const FILLED_BLOCKS: u64 = 1;
+/// Features that a reader must know.
+pub const KNOWN_FEATURES: u64 = FILLED_BLOCKS;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.
@@ -116,15 +118,16 @@ impl Entry {
 }
 
 impl Header {
-    /// Header and directory as bytes, with their checksum.
-    pub fn with_directory(file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
+    /// Header and directory as bytes, with their checksum. The version is the first that has the `features`.
+    pub fn with_directory(features: u64, file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
         let count = u32::try_from(entries.len())
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
         let mut fields = Vec::with_capacity(64);
         fields.extend(SIGNATURE);
-        VERSION.iter().for_each(|part| fields.extend(part.to_le_bytes()));
+        let minor = if features == 0 { 0 } else { VERSION[1] };
+        [VERSION[0], minor].iter().for_each(|part| fields.extend(part.to_le_bytes()));
         fields.extend([0; 4]);
-        fields.extend(KNOWN_FEATURES.to_le_bytes());
+        fields.extend(features.to_le_bytes());
         fields.extend(file_length.to_le_bytes());
         fields.extend(HEADER_BYTES.to_le_bytes());
         fields.extend(count.to_le_bytes());

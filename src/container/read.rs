@@ -21,7 +21,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::FreeSpace;
 use crate::finding::{Code, Finding, Report, checked, strict};
 use crate::limits::{self, Budget, Limits};
-use crate::quantize::FrameShape;
+use crate::quantize::{Filler, FrameShape};
 use crate::view_mlp::ViewMlp;
 
 /// An open container: its directory and metadata, checked; levels are read on demand.
@@ -88,6 +88,7 @@ impl Container {
         if !rules::metadata(&metadata, limits, &meta.place(), report)? {
             return Ok(None);
         }
+        rules::features(&header, &metadata, report)?;
         rules::contents(&entries, &metadata, header.file_length, report)?;
         let limits = limits.clone();
         Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
@@ -126,10 +127,12 @@ impl Container {
         let read = || {
             let mut budget = Budget::new(&self.limits);
             let (view_mlp, free_space) = self.head(&mut budget, &mut strict)?;
-            let mut levels = Vec::new();
-            for level in 0..self.metadata.levels.len() {
-                levels.extend(self.level(level, &mut budget, &mut strict)?);
+            let mut levels = Vec::<BakedLevel>::new();
+            for level in (0..self.metadata.levels.len()).rev() {
+                let read = self.level(level, levels.last(), &mut budget, &mut strict)?;
+                levels.extend(read);
             }
+            levels.reverse();
             if levels.len() < self.metadata.levels.len() {
                 return Err(Error::malformed(Place::File, "missing chunks", "a whole container"));
             }
@@ -139,34 +142,45 @@ impl Container {
         self.in_file(read())
     }
 
-    /// Decodes everything and keeps nothing but what one level needs, reporting what is wrong.
+    /// Decodes everything, coarse to fine, and keeps nothing but what one level needs, reporting what is wrong.
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
-        for level in 0..self.metadata.levels.len() {
-            self.level(level, &mut Budget::new(&self.limits), report)?;
+        let mut coarser = None;
+        for level in (0..self.metadata.levels.len()).rev() {
+            let mut budget = Budget::new(&self.limits);
+            coarser = self.level(level, coarser.as_ref(), &mut budget, report)?;
         }
         Ok(())
     }
 
     /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that
-    /// only one is in memory. Chunks outside the levels are verified first.
+    /// only one is in memory, and the coarser one that filled blocks need. Chunks outside the levels are verified first.
     pub fn for_each_level(
         &self,
-        mut visit: impl FnMut(usize, BakedLevel) -> Result<()>,
+        mut visit: impl FnMut(usize, &BakedLevel) -> Result<()>,
     ) -> Result<()> {
+        let mut coarser = None;
         for level in (0..self.metadata.levels.len()).rev() {
             let mut budget = Budget::new(&self.limits);
-            let read = self.in_file(self.level(level, &mut budget, &mut strict))?;
-            read.map_or(Ok(()), |read| visit(level, read))?;
+            let read = self.level(level, coarser.as_ref(), &mut budget, &mut strict);
+            coarser = self.in_file(read)?;
+            coarser.as_ref().map_or(Ok(()), |read| visit(level, read))?;
         }
         Ok(())
     }
 
     /// Reads and decodes one level, 0 being the finest.
     pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
-        let mut budget = Budget::new(&self.limits);
-        self.in_file(self.level(number, &mut budget, &mut strict))?
-            .ok_or_else(|| Error::malformed(Place::File, "no such level", "one of the metadata"))
+        // Filled blocks are made of the coarser levels, as far as those have filled blocks too.
+        let levels = &self.metadata.levels;
+        let filled = |level: &usize| levels.get(*level).is_some_and(|of| of.blocks_filled > 0);
+        let last = (number..levels.len()).find(|level| !filled(level)).unwrap_or(number);
+        let mut read = None;
+        for level in (number..=last).rev() {
+            let mut budget = Budget::new(&self.limits);
+            read = self.in_file(self.level(level, read.as_ref(), &mut budget, &mut strict))?;
+        }
+        read.ok_or_else(|| Error::malformed(Place::File, "no such level", "one of the metadata"))
     }
 
     /// The network and the free-space mask; verifies every other chunk that belongs to no level.
@@ -227,9 +241,11 @@ impl Container {
         Ok((view_mlp, free_space))
     }
 
+    /// A level, whose filled blocks are made of the `coarser` one.
     fn level(
         &self,
         number: usize,
+        coarser: Option<&BakedLevel>,
         budget: &mut Budget,
         report: &mut Report,
     ) -> Result<Option<BakedLevel>> {
@@ -244,7 +260,12 @@ impl Container {
         let mut whole = true;
         for ((group, kind), atlas) in Group::ALL.into_iter().zip(ATLASES).zip(&mut atlases) {
             if level.encoding(group).is_some() {
-                *atlas = self.atlas(number, group, kind, table.frames(), budget, report)?;
+                let filled = if group == Group::Density { 0 } else { table.filled() };
+                let frames = table.frames() - filled;
+                *atlas = self.atlas(number, group, kind, frames, budget, report)?;
+                if let Some(stored) = atlas.take_if(|_| filled > 0) {
+                    *atlas = self.fill(number, group, (&table, &stored), coarser, budget)?;
+                }
                 whole &= atlas.is_some();
             }
         }
@@ -274,6 +295,29 @@ impl Container {
         let codes =
             runs::decode(shape, encoding, frames, &bytes, &entry.place(), entry.offset, budget);
         checked(codes, Code::Atlas, report)
+    }
+
+    /// The codes of all blocks from those of the ones that are stored; none where the coarser level is missing.
+    fn fill(
+        &self,
+        number: usize,
+        group: Group,
+        (table, stored): (&Table, &Codes),
+        coarser: Option<&BakedLevel>,
+        budget: &mut Budget,
+    ) -> Result<Option<Codes>> {
+        let of = |number: usize| self.metadata.levels.get(number);
+        let (Some(level), Some(of_coarser), Some(coarser)) = (of(number), of(number + 1), coarser)
+        else {
+            return Ok(None);
+        };
+        let channels = group.channels(self.metadata.features);
+        let bytes = level.encoding(group).map_or(0, |encoding| encoding.number.bytes());
+        let size = (table.frames() * channels * bytes) as u64 * level.grid().block_nodes() as u64;
+        let place = Place::Chunk { kind: TABLE, level: u32::try_from(number).ok() };
+        budget.spend(size, "bytes of codes", &place)?;
+        let filler = Filler::new(level, (of_coarser, coarser), group, channels);
+        Ok(filler.map(|filler| filler.fill(table, stored)))
     }
 
     fn entry(&self, kind: ChunkKind, level: Option<usize>) -> Option<&Entry> {
@@ -327,15 +371,16 @@ fn read_table(
     for (block, id) in ids.into_iter().enumerate() {
         occupancy.push(Occupancy::from_id(id).ok_or_else(|| {
             let found = format!("occupancy {id} of block {block}");
-            Error::malformed(place.clone(), found, "0 (empty) or 1 (stored)")
+            Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (filled)")
         })?);
     }
     let table = Table::new(grid, occupancy);
-    if table.frames() == level.blocks_stored {
+    if table.frames() == level.blocks_stored && table.filled() == level.blocks_filled {
         return Ok(table);
     }
-    let found = format!("{} stored blocks", table.frames());
-    Err(Error::malformed(place.clone(), found, format!("{}", level.blocks_stored)))
+    let found = format!("{} stored blocks, {} of them filled", table.frames(), table.filled());
+    let expected = format!("{}, {} of them filled", level.blocks_stored, level.blocks_filled);
+    Err(Error::malformed(place.clone(), found, expected))
 }
 
 /// Refuses features that this build does not know.
@@ -343,6 +388,6 @@ pub(super) fn unknown_features(header: &Header) -> Option<Error> {
     let unknown = header.features & !KNOWN_FEATURES;
     (unknown != 0).then(|| {
         let found = format!("required features {unknown:#x}");
-        Error::unsupported(Place::Offset(16), found, "none")
+        Error::unsupported(Place::Offset(16), found, "bit 0 (filled blocks) or none")
     })
 }

@@ -1,11 +1,11 @@
 //! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
-    PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
+    META, PROVENANCE, TABLE, VMLP,
 };
 use super::read::unknown_features;
-use crate::baked::{Blend, Decode, Encoding, Group, Metadata, NumberType};
+use crate::baked::{Blend, Decode, Encoding, Group, LevelMetadata, Metadata, NumberType};
 use crate::bytes::SourceFile;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::finding::{Code, Finding, Report, checked, strict};
@@ -56,7 +56,7 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
         next = entry.padded_end();
         if !is_known(entry.kind) && entry.is_critical() {
             let found = format!("the critical chunk {}", entry.kind.escape_ascii());
-            let error = Error::unsupported(entry.place(), found, "critical chunks of version 1.0");
+            let error = Error::unsupported(entry.place(), found, "critical chunks of version 1.1");
             report(Finding { code: Code::ChunkUnknown, error })?;
         }
         let twin = |other: &&Entry| other.kind == entry.kind && other.level == entry.level;
@@ -87,6 +87,18 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
         }
     }
     Ok(())
+}
+
+/// The header says just whether there are filled blocks.
+pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
+    let filled = metadata.levels.iter().any(|level| level.blocks_filled > 0);
+    if filled == (header.features & FILLED_BLOCKS != 0) {
+        return Ok(());
+    }
+    let found = format!("required features {:#x}", header.features);
+    let expected = if filled { "bit 0: blocks are filled" } else { "no bit 0: no block is filled" };
+    let error = Error::malformed(Place::Offset(16), found, expected);
+    report(Finding { code: Code::Header, error })
 }
 
 /// Values of the metadata are in range and agree. `false` where levels could not be read by them.
@@ -150,6 +162,14 @@ pub fn metadata(
         require(block, &key("block_size"), "1 to 64")?;
         let stored = block && sizes_fit && level.blocks_stored <= level.grid().total();
         require(stored, &key("blocks_stored"), "at most all blocks")?;
+        let fills = metadata.levels.get(number + 1).is_some_and(LevelMetadata::has_integer_colors)
+            && level.has_integer_colors()
+            && level.blocks_filled <= level.blocks_stored;
+        require(
+            level.blocks_filled == 0 || fills,
+            &key("blocks_filled"),
+            "at most the stored blocks, of a level with a coarser one, both with colours in integers",
+        )?;
         require(level.diffuse.is_some(), &key("diffuse"), "an encoding")?;
         let has_features = level.features.is_some() == (metadata.features > 0);
         require(has_features, &key("features"), "an encoding where there are features")?;

@@ -18,7 +18,7 @@ use zstd::zstd_safe::{CParameter, Strategy};
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::bytes::{ByteReader, Spill};
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::limits::{self, Budget};
+use crate::limits::{self, Budget, Limits};
 use crate::parallel;
 use crate::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 
@@ -136,6 +136,18 @@ impl EncodedAtlas {
     /// Bytes of all runs.
     pub fn bytes(&self) -> u64 {
         self.runs.iter().map(CompressedRun::length).sum()
+    }
+
+    /// The codes of its `frames` frames.
+    pub fn codes(&self, shape: FrameShape, encoding: &Encoding, frames: usize) -> Result<Codes> {
+        let mut chunk = Vec::new();
+        self.for_each_piece(|piece| {
+            chunk.extend(piece);
+            Ok(())
+        })?;
+        // It was not read from a file: its size is that of what was made here.
+        let mut budget = Budget::new(&Limits { memory: u64::MAX, ..Limits::default() });
+        decode(shape, encoding, frames, &chunk, &Place::File, 0, &mut budget)
     }
 
     /// Calls `take` with the chunk's bytes, piece by piece.

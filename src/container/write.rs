@@ -2,8 +2,8 @@
 
 use super::json::to_canonical;
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
-    PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
+    META, PROVENANCE, TABLE, VMLP,
 };
 use super::rules::{check_metadata, level_prefix};
 use super::runs::{EncodedAtlas, compress};
@@ -86,7 +86,9 @@ pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Resul
     let prefix = |level| level_prefix(&entries, head.metadata, level, offset);
     let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
     entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
-    output.append(&Header::with_directory(offset, &entries)?)?;
+    let filled = head.metadata.levels.iter().any(|level| level.blocks_filled > 0);
+    let features = if filled { FILLED_BLOCKS } else { 0 };
+    output.append(&Header::with_directory(features, offset, &entries)?)?;
     for chunk in &chunks {
         chunk.content.for_each_piece(|piece| output.append(piece))?;
         output.pad(ALIGNMENT)?;

@@ -39,6 +39,8 @@ pub struct Grid {
     pub min_weights: Vec<f32>,
     /// Coarseness of colours by the same cameras.
     pub coarsenesses: Vec<f32>,
+    /// Errors within which blocks are filled; 0 stores all.
+    pub fill_errors: Vec<f32>,
     /// Settings of their own beside the combinations.
     pub presets: Vec<Preset>,
 }
@@ -86,6 +88,9 @@ impl Grid {
         });
         vary(&mut combined, &self.coarsenesses, |options, &coarseness| {
             options.coarseness = coarseness;
+        });
+        vary(&mut combined, &self.fill_errors, |options, &error| {
+            options.fill_error = Some(error).filter(|&error| error != 0.0);
         });
         let mut settings: Vec<Setting> = Vec::new();
         for options in combined {
@@ -142,6 +147,7 @@ fn name(options: &BakeOptions) -> String {
         fit_cameras,
         min_weight,
         coarseness,
+        fill_error,
         // A sweep's own cameras.
         seen_from: _,
         // Says nothing about what comes out.
@@ -178,6 +184,9 @@ fn name(options: &BakeOptions) -> String {
     }
     if *coarseness > 0.0 {
         name += &format!("-i{coarseness:e}");
+    }
+    if let Some(error) = fill_error {
+        name += &format!("-f{error:e}");
     }
     if *nonfinite == Nonfinite::Empty {
         name += "-empty";
@@ -242,6 +251,7 @@ mod tests {
             zstd_levels: vec![1, 12],
             min_weights: vec![0.0, 1e-3],
             coarsenesses: vec![0.0, 2.5],
+            fill_errors: vec![0.0, 0.05],
             presets: Vec::new(),
         };
         let all = names(&grid);

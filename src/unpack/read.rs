@@ -71,7 +71,7 @@ impl Unpacked {
             let blocks = bytes.iter().map(|&id| Occupancy::from_id(id as u8));
             let blocks: Option<Vec<_>> = blocks.collect();
             let blocks = blocks.ok_or_else(|| {
-                Error::malformed(place_of(occupied), "an unknown occupancy", "0 or 1")
+                Error::malformed(place_of(occupied), "an unknown occupancy", "0, 1 or 2")
             })?;
             let mut volumes = [None, None, None];
             for (group, volume) in Group::ALL.into_iter().zip(&mut volumes) {
@@ -89,9 +89,11 @@ impl Unpacked {
                 *volume = Some(found);
             }
             let table = Table::new(level.grid(), blocks);
-            if table.frames() != level.blocks_stored {
-                let found = format!("{} occupied blocks", table.frames());
-                let expected = format!("{}, as the metadata says", level.blocks_stored);
+            let counts =
+                |stored, filled| format!("{stored} occupied blocks, {filled} of them filled");
+            if [table.frames(), table.filled()] != [level.blocks_stored, level.blocks_filled] {
+                let found = counts(table.frames(), table.filled());
+                let expected = counts(level.blocks_stored, level.blocks_filled);
                 return Err(Error::malformed(place_of(occupied), found, expected));
             }
             levels.push(UnpackedLevel { table, volumes });

@@ -50,7 +50,7 @@ pub fn write_slices(
             return Ok(());
         };
         parallel::map(of_level.dimensions[0], |x| {
-            let files = slice(&level, of_level, metadata, format, x)?;
+            let files = slice(level, of_level, metadata, format, x)?;
             for (name, bytes) in names(of_level, format, x).iter().zip(files) {
                 let mut output = Output::create(&path(number, name), overwrite)?;
                 output.append(&bytes)?;

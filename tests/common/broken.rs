@@ -96,7 +96,8 @@ fn containers(sound: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     };
     vec![
         ("header", flipped(12)),
-        ("feature", mended(16)),
+        // A bit that no version defines.
+        ("feature", mended(17)),
         ("length", [sound, &[0; 64]].concat()),
         ("directory", flipped(48)),
         ("chunk-bounds", chunks::file(&apart, &parts)),

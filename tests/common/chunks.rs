@@ -1,7 +1,9 @@
 //! Containers as lists of chunks, so that tests can write what the writer would not. How a chunk's bytes
 //! are coded is nobody's business here.
 
-use mipvog_bake::container::layout::{ALIGNMENT, ENTRY_BYTES, Entry, HEADER_BYTES, Header};
+use mipvog_bake::container::layout::{
+    ALIGNMENT, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, META,
+};
 
 use super::open_bytes;
 
@@ -46,7 +48,11 @@ pub fn entries(chunks: &[Chunk]) -> Vec<Entry> {
 /// A file of these entries, each with its chunk where it says, padding zero.
 pub fn file(entries: &[Entry], chunks: &[Chunk]) -> Vec<u8> {
     let end = entries.iter().map(Entry::padded_end).max().unwrap_or(HEADER_BYTES);
-    let mut bytes = Header::with_directory(end, entries).expect("few entries");
+    let filled = chunks.iter().any(|chunk| {
+        chunk.bytes.windows(15).any(|text| text == b"\"blocks_filled\"") && chunk.kind == META
+    });
+    let features = if filled { FILLED_BLOCKS } else { 0 };
+    let mut bytes = Header::with_directory(features, end, entries).expect("few entries");
     bytes.resize(end.next_multiple_of(ALIGNMENT) as usize, 0);
     for (entry, chunk) in entries.iter().zip(chunks) {
         let start = entry.offset as usize;

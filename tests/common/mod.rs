@@ -208,13 +208,13 @@ impl Unpacked {
         self.get(&format!("level{level}.{}", group.name())).expect("the level has this group")
     }
 
-    /// Whether a node lies in a stored block.
+    /// Whether a node lies in a block with a frame.
     pub fn occupied(&self, level: usize, nodes: [usize; 3], edge: usize) -> Vec<bool> {
         let blocks = self.get(&format!("level{level}.occupied")).expect("a table");
         let counts = nodes.map(|size| size.div_ceil(edge));
         plain::all_nodes(nodes)
             .map(|[x, y, z]| {
-                blocks[((x / edge) * counts[1] + y / edge) * counts[2] + z / edge] == 1.0
+                blocks[((x / edge) * counts[1] + y / edge) * counts[2] + z / edge] > 0.0
             })
             .collect()
     }

@@ -3,7 +3,6 @@
 use mipvog_bake::bake::Filter;
 use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
 use mipvog_bake::error::Place;
-use mipvog_bake::field::{Activation, ActivationOrder};
 use mipvog_bake::grid::{NodeMask, Nodes};
 use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settler};
 use mipvog_bake::mips::{Slab, Visibility, level_sizes, taps::AxisTaps};
@@ -330,8 +329,7 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     };
     let needed = NodeMask::full(Nodes([edge; 3]));
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
-    let activation = Activation { shift: 0.0, interval: 0.5, order: ActivationOrder::Raw };
-    let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation);
+    let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation(SHIFTS[0], 0.5));
     let (frame, _) = encoder.frame(source, 0, None);
     let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
     let codes = match encoding.number {

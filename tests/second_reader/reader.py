@@ -105,10 +105,19 @@ LEVEL = {
     "dimensions": [whole(2)] * 3,
     "block_size": whole(1, 64),
     "blocks_stored": whole(0),
+    "blocks_filled": whole(1),
     "density": maybe(encoding("raw_density", "sqrt_optical_depth", "opacity")),
     "diffuse": encoding("logit"),
     "features": maybe(encoding("logit")),
 }
+
+
+def level_form(value):
+    """The form of a level: it counts filled blocks only where it has some."""
+    filled = type(value) is dict and "blocks_filled" in value
+    return {key: form for key, form in LEVEL.items() if filled or key != "blocks_filled"}
+
+
 META = {
     "bounds": {"max": [number] * 3, "min": [number] * 3},
     "activation": {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number},
@@ -130,7 +139,7 @@ META = {
     "free_space": bool,
     "alpha_threshold": number,
     "filter": str,
-    "levels": many(LEVEL, 1, 32),
+    "levels": many(lambda value: check(value, level_form(value)), 1, 32),
 }
 
 
@@ -154,6 +163,12 @@ def metadata(data):
     for level in levels:
         need((level["features"] is None) == (meta["features"] == 0), "encodings of features disagree with `features`")
         need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
+    for level, coarser in zip(levels, levels[1:] + [None]):
+        filled = level.get("blocks_filled", 0)
+        need(filled <= level["blocks_stored"], "more blocks are filled than are stored")
+        colours = [of[key] for of in (level, coarser) if of for key in ("diffuse", "features") if of[key]]
+        integers = all(colour["number"] in ("u8", "u16") for colour in colours)
+        need(not filled or (coarser and integers), "blocks are filled that cannot be")
     if view := meta["view"]:
         first = 3 + 6 * view["frequencies"] + meta["features"] + 3 * (view["input"] == "diffuse_and_features")
         need(view["widths"][0] == first and view["widths"][-1] == 3, "first or last width of the network")
@@ -168,12 +183,13 @@ def blocks_of(level):
 
 
 def directory(data):
-    """The chunks, as (type, level, bytes, prefix, end with padding), after every check that needs no metadata."""
+    """The chunks, as (type, level, bytes, prefix, end with padding), after every check that needs no metadata, and
+    whether blocks are filled."""
     need(data[:8] == b"\x89MVG\r\n\x1a\n", "another signature")
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
     need(major == 1, f"major version {major}")
-    need(required == 0, f"unknown required features {required:#x}")
+    need(required in (0, 1), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -195,17 +211,18 @@ def directory(data):
         need(kind in KNOWN or kind[0].islower(), f"unknown critical chunk {kind}")
         chunks.append((kind, level, body, prefix, end))
     need(end == len(data), "bytes after the last chunk")
-    return chunks
+    return chunks, required == 1
 
 
 KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT")
 ATLASES = (("DENS", "density"), ("DIFF", "diffuse"), ("FEAT", "features"))
 
 
-def arrange(chunks):
+def arrange(chunks, filled):
     """The metadata, and the bytes of known chunks by type and level, once they are those that the metadata asks for."""
     need(chunks and chunks[0][0] == "META", "the first chunk is not META")
     meta = metadata(chunks[0][2])
+    need(filled == any("blocks_filled" in level for level in meta["levels"]), "the feature of filled blocks disagrees")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (meta["view"] is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]
@@ -365,11 +382,29 @@ def values_of(codes, encoding):
     return np.where(codes == 0, empty, values) if encoding["empty_code"] else values
 
 
-def atlas(data, channels, level, occupied, encoding, what):
-    """The dense array [channels, Nx, Ny, Nz] of one atlas."""
+def filled_from(coarser, level, encoding, of_coarser):
+    """What the next coarser level's dense array says of every node of a level, as values of the level's own codes."""
+    grid = coarser.astype(np.float64)
+    # Along z first, then y, then x; each operation rounded to f64.
+    for axis in (2, 1, 0):
+        nodes, fewer = level["dimensions"][axis], of_coarser["dimensions"][axis]
+        at = np.arange(nodes) * (fewer - 1)
+        low = np.minimum(at // (nodes - 1), fewer - 2)
+        share = (at - low * (nodes - 1)) / np.float64(nodes - 1)
+        lower, upper = (grid.take(low + up, axis=axis + 1) for up in (0, 1))
+        grid = lower + share.reshape([-1 if i == axis else 1 for i in range(3)]) * (upper - lower)
+    own = values_of(np.arange(1 << encoding["bits"], dtype=np.uint64), encoding)
+    borders = (own[:-1].astype(np.float64) + own[1:].astype(np.float64)) / 2
+    return own[np.searchsorted(borders, grid, side="right")]
+
+
+def atlas(data, channels, level, table, encoding, what, coarser=None):
+    """The dense array [channels, Nx, Ny, Nz] of one atlas. Where `coarser` is given, the dense array and the metadata of
+    the next coarser level, filled blocks have no frames and are made of it."""
+    occupied = table == 1 if coarser else table > 0
     b = level["block_size"]
     width, first, _, _ = NUMBERS[encoding["number"]]
-    codes = codes_of(data, level["blocks_stored"], channels, width, first, b, what)
+    codes = codes_of(data, int(occupied.sum()), channels, width, first, b, what)
     # Of nodes beyond the grid's end too: their values are arbitrary, their codes are codes.
     need(not (codes >> np.uint64(encoding["bits"])).any(), f"{what}: a code has more than its bits")
     blocks = np.full((channels, *occupied.shape, b, b, b), np.float32(encoding["empty"]), np.float32)
@@ -377,26 +412,37 @@ def atlas(data, channels, level, occupied, encoding, what):
     blocks[:, occupied] = values_of(codes, encoding).reshape(channels, -1, b, b, b)
     grid = blocks.transpose(0, 1, 4, 2, 5, 3, 6).reshape(channels, *(n * b for n in occupied.shape))
     nx, ny, nz = level["dimensions"]
-    return grid[:, :nx, :ny, :nz]
+    grid = grid[:, :nx, :ny, :nz]
+    if coarser and (table == 2).any():
+        here = table == 2
+        for axis in range(3):
+            here = here.repeat(b, axis=axis)
+        grid = np.where(here[:nx, :ny, :nz], filled_from(coarser[0], level, encoding, coarser[1]), grid)
+    return grid
 
 
 def read(data):
     """Every array of a container, by the names of unpacked files, and its metadata."""
-    meta, chunks = arrange(directory(data))
+    meta, chunks = arrange(*directory(data))
     out = {}
     if meta["view"]:
         out |= network(chunks["VMLP", NO_LEVEL], meta["view"]["widths"])
     if meta["free_space"]:
         out |= mask(chunks["MASK", NO_LEVEL])
-    for k, level in enumerate(meta["levels"]):
+    # Coarse to fine: filled blocks are made of the level before.
+    for k, level in reversed(list(enumerate(meta["levels"]))):
         blocks = blocks_of(level)
         table = np.frombuffer(inflate(chunks["TABL", k], math.prod(blocks), f"TABL {k}"), np.uint8).reshape(blocks)
-        need(table.max() <= 1, f"TABL {k}: a byte that is neither 0 nor 1")
-        need(int(table.sum(dtype=np.uint64)) == level["blocks_stored"], f"TABL {k} disagrees with blocks_stored")
+        need(table.max() <= 2, f"TABL {k}: a byte that is none of 0, 1 and 2")
+        need(np.count_nonzero(table) == level["blocks_stored"], f"TABL {k} disagrees with blocks_stored")
+        need(np.count_nonzero(table == 2) == level.get("blocks_filled", 0), f"TABL {k} disagrees with blocks_filled")
         out[f"level{k}.occupied"] = table
         for (kind, key), channels in zip(ATLASES, (1, 3, meta["features"])):
             if level[key] is not None:
-                dense = atlas(chunks[kind, k], channels, level, table == 1, level[key], f"{kind} {k}")
+                coarser = None
+                if kind != "DENS" and level.get("blocks_filled"):
+                    coarser = out[f"level{k + 1}.{key}"], meta["levels"][k + 1]
+                dense = atlas(chunks[kind, k], channels, level, table, level[key], f"{kind} {k}", coarser)
                 out[f"level{k}.{key}"] = dense[0] if kind == "DENS" else dense
     return out, meta
 

@@ -21,6 +21,8 @@ export interface LevelMetadata {
   dimensions: Triple;
   block_size: number;
   blocks_stored: number;
+  /** Blocks whose colours are filled from the next coarser level; left out where there are none. */
+  blocks_filled?: number;
   density: Encoding | null;
   diffuse: Encoding;
   features: Encoding | null;
@@ -52,7 +54,7 @@ export interface Metadata {
 }
 
 /** What a value of the metadata must be; throws where it is not. */
-type Rule = (value: unknown, key: string) => void;
+type Rule = ((value: unknown, key: string) => void) & { optional?: true };
 
 function fail(key: string, expected: string): never {
   throw new FieldError(`The metadata's ${key || "content"} should be ${expected}.`);
@@ -81,11 +83,13 @@ const text: Rule = (value, key) => {
 const nullable = (rule: Rule): Rule => (value, key) => {
   if (value !== null) rule(value, key);
 };
+/** Of a key that may be missing. */
+const optional = (rule: Rule): Rule => Object.assign((value: unknown, key: string) => rule(value, key), { optional: true as const });
 const list = (least: number, most: number, rule: Rule): Rule => (value, key) => {
   if (!Array.isArray(value) || value.length < least || value.length > most) fail(key, `a list of ${least} to ${most}`);
   value.forEach((item, i) => rule(item, `${key}[${i}]`));
 };
-/** Unknown and missing keys are errors. */
+/** Unknown and missing keys are errors, but for those of optional values. */
 const record = (rules: Record<string, Rule>): Rule => (value, key) => {
   if (typeof value !== "object" || value === null || Array.isArray(value)) fail(key, "an object");
   const found = value as Record<string, unknown>;
@@ -93,6 +97,7 @@ const record = (rules: Record<string, Rule>): Rule => (value, key) => {
     if (!(name in rules)) throw new FieldError(`The metadata's ${join(key, name)} is not known.`, REMEDY.newer);
   }
   for (const [name, rule] of Object.entries(rules)) {
+    if (!(name in found) && rule.optional) continue;
     if (!(name in found)) fail(join(key, name), "there");
     rule(found[name], join(key, name));
   }
@@ -151,6 +156,7 @@ const METADATA = record({
       dimensions: list(3, 3, whole(2, 65536)),
       block_size: whole(1, 64),
       blocks_stored: whole(0, 2 ** 33),
+      blocks_filled: optional(whole(1, 2 ** 33)),
       density: nullable(encoding),
       diffuse: encoding,
       features: nullable(encoding),
@@ -195,6 +201,11 @@ function checkAgreement(metadata: Metadata): void {
     if (x * y * z > 2 ** 33) fail(`${key}.dimensions`, "2^33 nodes at most");
     const [bx, by, bz] = blockCounts(level);
     if (level.blocks_stored > bx * by * bz) fail(`${key}.blocks_stored`, "no more than the level has");
+    const colors = [level, levels[i + 1]].flatMap((level) => (level ? [level.diffuse, level.features ?? level.diffuse] : []));
+    const integers = colors.length === 4 && colors.every(({ number }) => number === "u8" || number === "u16");
+    if ((level.blocks_filled ?? 0) > (integers ? level.blocks_stored : 0)) {
+      fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one, both with colours in integers");
+    }
     if ((level.features !== null) !== metadata.features > 0) fail(`${key}.features`, "there if the field has features");
     checkEncoding(level.density, `${key}.density`, metadata.blend);
     checkEncoding(level.diffuse, `${key}.diffuse`, null);

@@ -1,6 +1,7 @@
 /** A level, decoded and laid out for the device. */
 
 import { FieldError } from "../errors.js";
+import { type Colors, fill as fillBlocks } from "../format/codings/fill.js";
 import { CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, values, type Value } from "../format/codings/values.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
@@ -26,8 +27,22 @@ export interface DecodedLevel {
   rooms: Uint8Array | null;
 }
 
-/** Decodes a level. `bytes` are those of the file from `start` on, and hold the level's chunks. */
-export function decodeLevel(metadata: Metadata, entries: Entry[], plan: Plan, level: number, bytes: Uint8Array, start: number): DecodedLevel {
+/** Colours of a level by their chunks, for filled blocks of the next finer one. */
+export type LevelColors = Record<string, Colors>;
+
+/**
+ * Decodes a level. `bytes` are those of the file from `start` on, and hold the level's chunks; filled blocks are made of
+ * the `coarser` level's colours.
+ */
+export function decodeLevel(
+  metadata: Metadata,
+  entries: Entry[],
+  plan: Plan,
+  level: number,
+  bytes: Uint8Array,
+  start: number,
+  coarser: LevelColors | null,
+): { decoded: DecodedLevel; colors: LevelColors } {
   const stored = metadata.levels[level];
   const chunk = (kind: string) => {
     const entry = entries.find((entry) => entry.kind === kind && entry.level === level);
@@ -38,10 +53,21 @@ export function decodeLevel(metadata: Metadata, entries: Entry[], plan: Plan, le
   if (blocks.places.length !== stored.blocks_stored) {
     throw new FieldError(`Level ${level} stores ${blocks.places.length} blocks; the metadata says ${stored.blocks_stored}.`);
   }
+  if (blocks.filledCount !== (stored.blocks_filled ?? 0)) {
+    throw new FieldError(`Level ${level} fills ${blocks.filledCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
+  }
   const edge = stored.block_size;
+  const colors: LevelColors = {};
   const bricks = (kind: string, encoding: Encoding, channels: number): Bricks => {
     const { name, bytes } = chunk(kind);
-    const codes = CODINGS[kind]({ encoding, channels, edge, frames: blocks.places.length, name }, bytes);
+    const colored = kind !== "DENS";
+    const frames = blocks.places.length - (colored ? blocks.filledCount : 0);
+    let codes = CODINGS[kind]({ encoding, channels, edge, frames, name }, bytes);
+    if (colored && blocks.filledCount > 0) {
+      if (!coarser) throw new FieldError(`Level ${level} has filled blocks, but the level that they are made of is missing.`);
+      codes = fillBlocks({ level: stored, encoding, channels, name }, codes, blocks.places, (block) => blocks.isFilled(block), coarser[kind]);
+    }
+    if (colored) colors[kind] = { level: stored, frames: blocks.frames, encoding, codes, channels };
     return { codes, channels, edge, blocks, encoding, name };
   };
   const { density: encoding } = stored;
@@ -63,14 +89,17 @@ export function decodeLevel(metadata: Metadata, entries: Entry[], plan: Plan, le
   fill(bricks("DIFF", stored.diffuse, 3), toHalf, color, lane(0), 4);
   if (stored.features) fill(bricks("FEAT", stored.features, metadata.features), toHalf, color, lane(3), 4);
   const table = blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
-  return { level, blocks: blocks.places.length, side: edge + 1, table, density, color, rooms };
+  return { decoded: { level, blocks: blocks.places.length, side: edge + 1, table, density, color, rooms }, colors };
 }
 
 /** The table of blocks, chunk TABL. */
 class Blocks {
-  /** Stored blocks, in order. */
+  /** Blocks with a frame, in order. */
   readonly places: Triple[] = [];
-  private readonly frames: Int32Array;
+  /** The frame of each block; -1 of those without. */
+  readonly frames: Int32Array;
+  /** By frame, whether the block's colours are filled from the next coarser level. */
+  private readonly filled: boolean[] = [];
 
   constructor(
     readonly counts: Triple,
@@ -80,11 +109,20 @@ class Blocks {
     const occupied = inflate(chunk.bytes, nx * ny * nz, chunk.name);
     this.frames = new Int32Array(occupied.length).fill(-1);
     occupied.forEach((stored, block) => {
-      if (stored > 1) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored.`);
+      if (stored > 2) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored nor filled.`);
       if (stored === 0) return;
       this.frames[block] = this.places.length;
+      this.filled.push(stored === 2);
       this.places.push([Math.floor(block / nz / ny), Math.floor(block / nz) % ny, block % nz]);
     });
+  }
+
+  get filledCount(): number {
+    return this.filled.filter((filled) => filled).length;
+  }
+
+  isFilled(frame: number): boolean {
+    return this.filled[frame];
   }
 
   /** The frame of a block; -1 where it is not stored or there is none. */

@@ -8,7 +8,7 @@ import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readH
 import { type Mask, readMask } from "../format/mask.js";
 import { type Metadata, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
-import { decodeLevel, type DecodedLevel } from "./level.js";
+import { decodeLevel, type DecodedLevel, type LevelColors } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
 import { type ByteSource, openSource, type OwnSource, type Transfer } from "./source.js";
 
@@ -46,6 +46,9 @@ export class Loader {
   private opened: Opened | null = null;
   /** Levels as they are in the file, to be decoded again after the device lost them. */
   private readonly kept: { levels: number[]; bytes: Uint8Array; start: number }[] = [];
+
+  /** Colours of the level before, where the next one has filled blocks. */
+  private coarser: LevelColors | null = null;
 
   constructor(source: OwnSource) {
     this.source = openSource(source);
@@ -89,7 +92,9 @@ export class Loader {
   }
 
   private decode(opened: Opened, level: number, piece: { bytes: Uint8Array; start: number }): DecodedLevel {
-    return decodeLevel(opened.metadata, this.entries, opened.plan, level, piece.bytes, piece.start);
+    const { decoded, colors } = decodeLevel(opened.metadata, this.entries, opened.plan, level, piece.bytes, piece.start, this.coarser);
+    this.coarser = level > 0 && opened.metadata.levels[level - 1].blocks_filled ? colors : null;
+    return decoded;
   }
 
   /** Header, directory and the chunks of no level before the first one; all bytes read. */
@@ -105,6 +110,9 @@ export class Loader {
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
+    if (header.filled !== metadata.levels.some((level) => level.blocks_filled)) {
+      throw new FieldError("Header and metadata disagree whether there are filled blocks.");
+    }
     this.checkLevels(metadata);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
     const available = this.available(prefixes, header.fileBytes);

@@ -1,0 +1,227 @@
+//! Blocks whose own colours add little to what the next coarser level says there.
+//!
+//! From the second coarsest level to level 0, each block is held against what readers would fill it with
+//! ([`crate::quantize::Filler`]). Where no needed node's colour would move by more than is allowed, the block's
+//! colours are left out; its density stays. Coarser levels are settled first, so that blocks are compared with
+//! exactly what readers will see. Memory is the colours' codes of one level and of the next coarser one.
+
+use super::{BakeOptions, LevelImportance};
+use crate::baked::{BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table};
+use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
+use crate::error::Result;
+use crate::grid::{BlockGrid, NodeMask};
+use crate::parallel;
+use crate::prune::Pruned;
+use crate::quantize::{Filler, Frame, FrameShape};
+
+/// Groups that are filled.
+const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
+
+/// Fills blocks of encoded levels where `options` ask for it. The metadata's errors grow by what that moves values.
+pub fn fill_levels(
+    encoded: &mut [EncodedLevel],
+    metadata: &mut Metadata,
+    pruned: &Pruned,
+    importance: &[LevelImportance],
+    options: &BakeOptions,
+) -> Result<()> {
+    let Some(most) = options.fill_error else { return Ok(()) };
+    let features = metadata.features;
+    let activated = |encoding: &Encoding| -> Vec<f64> {
+        let activation = &metadata.activation;
+        encoding.values().map(|value| encoding.decode.activated(value.into(), activation)).collect()
+    };
+    let mut levels = metadata.levels.clone();
+    let mut coarser: Option<BakedLevel> = None;
+    for number in (0..encoded.len()).rev() {
+        if !levels[number].has_integer_colors() {
+            break;
+        }
+        let mut own = decode(&encoded[number], &levels[number], features)?;
+        if let (Some(coarser), Some(of_coarser)) = (&coarser, levels.get(number + 1)) {
+            let level = &levels[number];
+            let fillers = COLORS.map(|group| {
+                Filler::new(level, (of_coarser, coarser), group, group.channels(features))
+            });
+            let candidates = [0, 1].map(|i| {
+                let group = COLORS[i];
+                Some(Candidate {
+                    filler: fillers[i].as_ref()?,
+                    codes: own.atlases[group as usize].as_ref()?,
+                    activated: activated(level.encoding(group)?),
+                    channels: group.channels(features),
+                })
+            });
+            let judge = Judge {
+                grid: level.grid(),
+                needed: &pruned.levels[number].needed,
+                importance: importance.get(number),
+                most: most.into(),
+            };
+            let places: Vec<_> = own.table.stored().collect();
+            let moves = |frame: usize| Ok(judge.moves(places[frame], frame, &candidates));
+            let moves = parallel::map(places.len(), moves)?;
+            let (table, moved) = filled(&own.table, &moves);
+            let level = &mut levels[number];
+            level.blocks_filled = table.filled();
+            for ((group, filler), moved) in COLORS.into_iter().zip(fillers).zip(moved) {
+                let (Some(filler), Some(encoding)) = (filler, level.encoding_mut(group)) else {
+                    continue;
+                };
+                let Some(codes) = own.atlases[group as usize].take() else { continue };
+                let shape = shape(encoding, group, features, table.grid().edge);
+                let stored = only_stored(&codes, &table, shape);
+                if moved > 0.0 {
+                    // Rounded up.
+                    encoding.max_error =
+                        ((f64::from(encoding.max_error) + moved) * (1.0 + 1e-6)) as f32;
+                }
+                if table.filled() > 0 {
+                    encoded[number].atlases[group as usize] = Some(atlas(shape, &stored, options)?);
+                }
+                own.atlases[group as usize] = Some(filler.fill(&table, &stored));
+            }
+            own.table = table.clone();
+            encoded[number].table = table;
+        }
+        coarser = Some(own);
+    }
+    metadata.levels = levels;
+    Ok(())
+}
+
+/// A group that may be filled.
+struct Candidate<'a> {
+    filler: &'a Filler<'a>,
+    /// What is stored so far.
+    codes: &'a Codes,
+    /// The colour of each code.
+    activated: Vec<f64>,
+    channels: usize,
+}
+
+/// What blocks of a level are judged by.
+struct Judge<'a> {
+    grid: BlockGrid,
+    needed: &'a NodeMask,
+    importance: Option<&'a LevelImportance>,
+    /// The most that a needed node may be moved by, where its importance is 1 or none is known.
+    most: f64,
+}
+
+impl Judge<'_> {
+    /// The most that filling a block would move a colour of each group by; none where that is too much.
+    fn moves(
+        &self,
+        place: [usize; 3],
+        frame: usize,
+        groups: &[Option<Candidate>; 2],
+    ) -> Option<[f64; 2]> {
+        let edge = self.grid.edge;
+        let nodes = edge.pow(3);
+        let sizes = self.grid.nodes.0;
+        let mut moves = [0.0f64; 2];
+        for (group, most) in groups.iter().zip(&mut moves) {
+            let Some(group) = group else { continue };
+            let filled = group.filler.block(place);
+            for node in 0..nodes {
+                let inside = [node / (edge * edge), node / edge % edge, node % edge];
+                let at = [0, 1, 2].map(|axis| place[axis] * edge + inside[axis]);
+                if (0..3).any(|axis| at[axis] >= sizes[axis]) || !self.needed.contains(at) {
+                    continue;
+                }
+                let importance = self.importance.map_or(1.0, |level| level.of_node(sizes, at));
+                for channel in 0..group.channels {
+                    let code = code(group.codes, (frame * group.channels + channel) * nodes + node);
+                    let to = filled[channel * nodes + node] as usize;
+                    let moved = (group.activated[to] - group.activated[code]).abs();
+                    if moved * moved * f64::from(importance) > self.most * self.most {
+                        return None;
+                    }
+                    *most = most.max(moved);
+                }
+            }
+        }
+        Some(moves)
+    }
+}
+
+fn code(codes: &Codes, at: usize) -> usize {
+    match codes {
+        Codes::U8(codes) => codes[at].into(),
+        Codes::U16(codes) => codes[at].into(),
+        Codes::U32(codes) => codes[at] as usize,
+    }
+}
+
+/// The table with those blocks filled that have a move, and the largest moves.
+fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> (Table, [f64; 2]) {
+    let mut next = moves.iter();
+    let mut most = [0.0f64; 2];
+    let mut occupancy = table.occupancy().to_vec();
+    for block in occupancy.iter_mut().filter(|block| **block != Occupancy::Empty) {
+        if let Some(Some(moves)) = next.next() {
+            *block = Occupancy::Filled;
+            most = [0, 1].map(|group| most[group].max(moves[group]));
+        }
+    }
+    (Table::new(table.grid(), occupancy), most)
+}
+
+fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {
+    FrameShape { number: encoding.number, channels: group.channels(features), edge }
+}
+
+/// A level's colours as they were encoded.
+fn decode(level: &EncodedLevel, metadata: &LevelMetadata, features: usize) -> Result<BakedLevel> {
+    let mut atlases = [None, None, None];
+    for group in COLORS {
+        let atlas = level.atlases[group as usize].as_ref();
+        if let (Some(atlas), Some(encoding)) = (atlas, metadata.encoding(group)) {
+            let shape = shape(encoding, group, features, metadata.block_size);
+            atlases[group as usize] = Some(atlas.codes(shape, encoding, level.table.frames())?);
+        }
+    }
+    Ok(BakedLevel { table: level.table.clone(), atlases })
+}
+
+/// The codes of the blocks that are not filled.
+fn only_stored(codes: &Codes, table: &Table, shape: FrameShape) -> Codes {
+    fn keep<T: Copy>(codes: &[T], size: usize, kept: &[bool]) -> Vec<T> {
+        let frames = codes.chunks_exact(size).zip(kept).filter(|(_, kept)| **kept);
+        frames.flat_map(|(frame, _)| frame).copied().collect()
+    }
+    let kept: Vec<bool> = table.stored().map(|place| !table.is_filled(place)).collect();
+    let size = shape.channels * shape.nodes();
+    match codes {
+        Codes::U8(codes) => Codes::U8(keep(codes, size, &kept)),
+        Codes::U16(codes) => Codes::U16(keep(codes, size, &kept)),
+        Codes::U32(codes) => Codes::U32(keep(codes, size, &kept)),
+    }
+}
+
+/// An atlas of these codes.
+fn atlas(shape: FrameShape, codes: &Codes, options: &BakeOptions) -> Result<EncodedAtlas> {
+    let size = shape.channels * shape.nodes();
+    let length = match codes {
+        Codes::U8(codes) => codes.len(),
+        Codes::U16(codes) => codes.len(),
+        Codes::U32(codes) => codes.len(),
+    };
+    let frame = |frame: usize| {
+        let range = frame * size..(frame + 1) * size;
+        let codes = match codes {
+            Codes::U8(codes) => Codes::U8(codes[range].to_vec()),
+            Codes::U16(codes) => Codes::U16(codes[range].to_vec()),
+            Codes::U32(codes) => Codes::U32(codes[range].to_vec()),
+        };
+        Frame { codes, needed: vec![true; shape.nodes()] }
+    };
+    let (count, full) = (length / size, frames_per_run(shape));
+    let runs = parallel::map(count.div_ceil(full), |run| {
+        let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
+        // Every code counts: those that nobody needs were chosen when the level was encoded.
+        CompressedRun::new(shape, &frames, 0, options.zstd_level)
+    })?;
+    EncodedAtlas::new(full, runs)
+}

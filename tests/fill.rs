@@ -1,0 +1,257 @@
+//! Blocks whose colours are filled from the next coarser level.
+
+mod common;
+
+use common::plain::{all_nodes, sigmoid};
+use common::{Random, baked_bytes, field, fixture, open_bytes, random_field, unpack};
+use mipvog_bake::bake::{BakeOptions, Changes, Filter, rebake};
+use mipvog_bake::baked::{Encoding, Group, LevelMetadata};
+use mipvog_bake::bytes::Output;
+use mipvog_bake::camera::turntable;
+use mipvog_bake::check::check;
+use mipvog_bake::container::Container;
+use mipvog_bake::error::ErrorKind;
+use mipvog_bake::field::RadianceField;
+use mipvog_bake::limits::Limits;
+use mipvog_bake::parallel;
+use mipvog_bake::progress::Silent;
+use mipvog_bake::quantize::Bits;
+use mipvog_bake::unpack::Unpacked;
+
+const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
+
+/// The random field with colours that change slowly, but for noise of `rough` in half of the box.
+fn smooth_field(random: &mut Random, nodes: [usize; 3], rough: f32) -> RadianceField {
+    let scene = random_field(random, nodes, 5);
+    let density = common::volume_values(&scene.density);
+    let mut color = Vec::new();
+    for channel in 0..5 {
+        for [x, y, z] in all_nodes(nodes) {
+            let smooth = 0.02 * (x + 2 * y + z + 5 * channel) as f32 - 1.0;
+            let noise = random.between(-rough, rough);
+            color.push(if x < nodes[0] / 2 { smooth } else { smooth + noise });
+        }
+    }
+    field(nodes, &density, &color)
+}
+
+fn options(block_size: usize, fill_error: Option<f32>) -> BakeOptions {
+    let mut options = BakeOptions::default();
+    (options.block_size, options.fill_error) = (block_size, fill_error);
+    options
+}
+
+/// Blocks that are filled, finest level first.
+fn filled(container: &Container) -> Vec<usize> {
+    container.metadata().levels.iter().map(|level| level.blocks_filled).collect()
+}
+
+/// A node of a level between two of the coarser one's, along one axis.
+fn between(node: usize, nodes: usize, coarser: usize) -> (usize, f64) {
+    let low = (node * (coarser - 1) / (nodes - 1)).min(coarser - 2);
+    let at = node * (coarser - 1) - low * (nodes - 1);
+    (low, at as f64 / (nodes - 1) as f64)
+}
+
+/// What a level's node should hold if it is filled: a sum over eight corners, and the nearest of all codes' values.
+fn plain_fill(
+    encoding: &Encoding,
+    coarser: &[f32],
+    [from, to]: [&LevelMetadata; 2],
+    at: [usize; 3],
+) -> [f64; 2] {
+    let along = [0, 1, 2].map(|axis| between(at[axis], to.dimensions[axis], from.dimensions[axis]));
+    let mut value = 0.0;
+    for corner in 0..8 {
+        let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+        let node =
+            (0..3).fold(0, |node, axis| node * from.dimensions[axis] + along[axis].0 + up[axis]);
+        let share = (0..3).fold(1.0, |share, axis| {
+            share * if up[axis] == 1 { along[axis].1 } else { 1.0 - along[axis].1 }
+        });
+        value += share * f64::from(coarser[node]);
+    }
+    let distance = |code: &f32| (f64::from(*code) - value).abs();
+    let least = encoding.values().map(|code| distance(&code)).fold(f64::INFINITY, f64::min);
+    [value, least]
+}
+
+/// Holds every node of filled blocks to the plain sum. Returns how many there were.
+fn check_filled(container: &Container) -> usize {
+    let unpacked = unpack(container).expect("unpacks");
+    let levels = &container.metadata().levels;
+    let mut count = 0;
+    for (number, level) in levels.iter().enumerate().filter(|(_, level)| level.blocks_filled > 0) {
+        let table = unpacked.get(&format!("level{number}.occupied")).expect("a table");
+        let counts = level.grid().counts();
+        let is_filled = |at: [usize; 3]| {
+            let [i, j, k] = at.map(|at| at / level.block_size);
+            table[(i * counts[1] + j) * counts[2] + k] == 2.0
+        };
+        for group in COLORS {
+            let Some(encoding) = level.encoding(group) else { continue };
+            let own = unpacked.level(number, group);
+            let coarser = unpacked.level(number + 1, group);
+            let nodes: usize = level.dimensions.iter().product();
+            let fewer: usize = levels[number + 1].dimensions.iter().product();
+            for channel in 0..group.channels(container.metadata().features) {
+                for (node, at) in all_nodes(level.dimensions).enumerate() {
+                    if !is_filled(at) {
+                        continue;
+                    }
+                    let of_coarser = &coarser[channel * fewer..][..fewer];
+                    let metadata = [&levels[number + 1], level];
+                    let [value, least] = plain_fill(encoding, of_coarser, metadata, at);
+                    let got = f64::from(own[channel * nodes + node]);
+                    // Sums in another order: two codes may be equally near but for rounding.
+                    let far = (got - value).abs();
+                    assert!(far <= least + 1e-9, "level {number} {at:?}: {got} for {value}");
+                    count += 1;
+                }
+            }
+        }
+    }
+    count
+}
+
+#[test]
+fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
+    let mut random = Random::new(5);
+    let mut all = 0;
+    for (nodes, edge) in
+        [([24, 20, 28], 4), ([17, 2, 23], 3), ([9, 13, 31], 8), ([16, 16, 16], 1), ([33, 5, 2], 5)]
+    {
+        let field = smooth_field(&mut random, nodes, 3.0);
+        for filter in [Filter::RateTent, Filter::Code] {
+            let mut options = options(edge, Some(0.05));
+            options.filter = filter;
+            let bytes = baked_bytes(&field, &options).expect("a bake");
+            all += check_filled(&open_bytes(&bytes).expect("valid"));
+        }
+    }
+    assert!(all > 10_000, "{all} values");
+}
+
+#[test]
+fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
+    let mut random = Random::new(9);
+    let field = smooth_field(&mut random, [32, 24, 28], 3.0);
+    let exact =
+        open_bytes(&baked_bytes(&field, &options(4, None)).expect("a bake")).expect("valid");
+    let bytes = baked_bytes(&field, &options(4, Some(0.05))).expect("a bake");
+    let container = open_bytes(&bytes).expect("valid");
+    assert!(container.header().file_length < exact.header().file_length);
+    assert_eq!((container.header().version, container.header().features), ([1, 1], 1));
+    assert_eq!((exact.header().version, exact.header().features), ([1, 0], 0));
+    let [some, stored] = [filled(&container)[0], container.metadata().levels[0].blocks_stored];
+    assert!(some > 0 && some < stored, "{some} of {stored}");
+    // Density alone says what is seen, and is the same.
+    let [got, want] = [&container, &exact].map(|container| unpack(container).expect("unpacks"));
+    assert_eq!(got.level(0, Group::Density), want.level(0, Group::Density));
+    let density = want.level(0, Group::Density);
+    let mut most = 0.0f64;
+    for group in COLORS {
+        let [got, want] = [&got, &want].map(|unpacked| unpacked.level(0, group));
+        for (node, (&got, &want)) in got.iter().zip(&want).enumerate() {
+            if density[node % density.len()] > 0.0 {
+                most = most.max((sigmoid(got.into()) - sigmoid(want.into())).abs());
+            }
+        }
+        let [now, before] = [&container, &exact].map(|container| {
+            container.metadata().levels[0].encoding(group).expect("colours").max_error
+        });
+        assert!(now > before && now <= before + 0.0501, "{now} after {before}");
+    }
+    assert!(most > 0.01 && most <= 0.05, "{most}");
+}
+
+#[test]
+fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
+    let field = smooth_field(&mut Random::new(4), [24, 20, 28], 2.0);
+    for (edge, bits) in [(4, Bits::Integer(8)), (8, Bits::Integer(11))] {
+        let mut options = options(edge, Some(0.08));
+        options.bits = bits;
+        let bytes = [1, 3].map(|threads| {
+            parallel::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
+        });
+        assert_eq!(bytes[0], bytes[1]);
+        let container = open_bytes(&bytes[0]).expect("valid");
+        assert!(filled(&container).iter().sum::<usize>() > 0);
+        let unpacked = unpack(&container).expect("unpacks");
+        let unpacked = Unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
+        let folder = common::folder();
+        let path = folder.path().join("again.mipvog");
+        let mut output = Output::create(&path, false).expect("a folder");
+        rebake(&unpacked, &Changes::default(), &mut output, &Silent).expect("bakes again");
+        output.finish().expect("a file");
+        assert_eq!(std::fs::read(&path).expect("a container"), bytes[0]);
+        assert!(check(&path, &Limits::default()).expect("a report").valid);
+        // One level alone is what it is among all.
+        let whole = container.read().expect("levels");
+        for (number, level) in whole.levels.iter().enumerate() {
+            assert_eq!(container.read_level(number).expect("a level"), *level);
+        }
+    }
+}
+
+#[test]
+fn what_cameras_see_little_of_is_filled_sooner() {
+    let field = smooth_field(&mut Random::new(8), [24, 20, 28], 2.0);
+    let mut options = options(4, Some(0.05));
+    let plain = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+    options.min_weight = Some(1e-6);
+    options.seen_from = turntable(&field.scene.bounds, 3, [40, 40]);
+    let seen = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+    let share = |container: &Container| {
+        let level = &container.metadata().levels[0];
+        level.blocks_filled as f64 / level.blocks_stored as f64
+    };
+    assert!(share(&seen) > share(&plain), "{} {}", share(&seen), share(&plain));
+}
+
+#[test]
+fn floats_empty_fields_and_single_levels_have_no_filled_blocks() {
+    let field = smooth_field(&mut Random::new(2), [12, 9, 10], 0.0);
+    let none = |field: &RadianceField, change: &dyn Fn(&mut BakeOptions)| {
+        let mut options = options(4, Some(1.0));
+        change(&mut options);
+        let bytes = baked_bytes(field, &options).expect("a bake");
+        let container = open_bytes(&bytes).expect("valid");
+        assert_eq!(filled(&container).iter().sum::<usize>(), 0);
+        assert_eq!(container.header().features, 0);
+    };
+    none(&field, &|options| options.bits = Bits::F16);
+    none(&field, &|options| options.bits = Bits::F32);
+    none(&field, &|options| options.levels = Some(1));
+    none(&common::field([4, 5, 6], &[-100.0; 120], &[0.0; 360]), &|_| {});
+}
+
+#[test]
+fn errors_out_of_range_are_refused() {
+    for error in [0.0, -0.1, 1.1, f32::NAN] {
+        let refused = options(8, Some(error)).check().expect_err("no error").to_string();
+        assert!(refused.contains("--fill-error"), "{refused}");
+    }
+}
+
+/// A filled container's bytes with other metadata, table and header.
+#[test]
+fn fills_that_cannot_be_are_refused() {
+    let bytes = std::fs::read(fixture("baked/tiny.rate.filled.mipvog")).expect("a golden file");
+    let refused = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = bytes.clone();
+        change(&mut bytes);
+        common::mend_checksums(&mut bytes);
+        open_bytes(&bytes).and_then(|container| container.read()).expect_err("a broken container")
+    };
+    // Without the feature, with one more, and with another count of filled blocks.
+    assert!(matches!(refused(&|bytes| bytes[16] = 0).kind(), ErrorKind::Malformed { .. }));
+    assert!(matches!(refused(&|bytes| bytes[16] = 3).kind(), ErrorKind::Unsupported { .. }));
+    let count = b"\"blocks_filled\":";
+    let error = refused(&|bytes| {
+        let at = bytes.windows(count.len()).position(|text| text == count).expect("a count");
+        let digit = &mut bytes[at + count.len()];
+        *digit = if *digit == b'1' { b'2' } else { b'1' };
+    });
+    assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+}
