@@ -64,9 +64,8 @@ fn plain_fill(
     let mut value = 0.0;
     for corner in 0..8 {
         let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-        let node = (0..3).fold(0, |node, axis| {
-            node * from.dimensions[axis] + along[axis].0 + up[axis]
-        });
+        let node =
+            (0..3).fold(0, |node, axis| node * from.dimensions[axis] + along[axis].0 + up[axis]);
         let share = (0..3).fold(1.0, |share, axis| {
             share * if up[axis] == 1 { along[axis].1 } else { 1.0 - along[axis].1 }
         });
@@ -137,7 +136,8 @@ fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
 fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
     let mut random = Random::new(9);
     let field = smooth_field(&mut random, [32, 24, 28], 3.0);
-    let exact = open_bytes(&baked_bytes(&field, &options(4, None)).expect("a bake")).expect("valid");
+    let exact =
+        open_bytes(&baked_bytes(&field, &options(4, None)).expect("a bake")).expect("valid");
     let bytes = baked_bytes(&field, &options(4, Some(0.05))).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
     assert!(container.header().file_length < exact.header().file_length);
