@@ -3,17 +3,13 @@
 //! Level 0's is measured ([`crate::render::exposure`]). A camera that looks at level `k` is `2^k` times as far
 //! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
 //! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
-//! averaged and resized as levels are, in units of its own mean again. But no node of a coarser level matters less
-//! than [`LEAST`]: matter there is less sharp, and rays reach deeper into it than they do at level 0.
+//! averaged and resized as levels are, in units of its own mean again.
 
 use super::{BakeOptions, Importance};
 use crate::grid::Nodes;
 use crate::mips::Kernel;
 use crate::mips::taps::AxisTaps;
 use crate::render::Exposure;
-
-/// The least importance of a node of a coarser level.
-const LEAST: f32 = 1e-3;
 
 /// Of one level's nodes, z fastest.
 #[derive(Debug)]
@@ -32,9 +28,6 @@ impl LevelImportance {
         for pair in sizes.windows(2) {
             let color = levels.last().map(|finer| coarser(&finer.color, pair[0], pair[1]));
             levels.extend(color.map(|color| Self { color }));
-        }
-        for level in levels.iter_mut().skip(1) {
-            level.color.iter_mut().for_each(|value| *value = value.max(LEAST));
         }
         levels
     }

@@ -66,10 +66,6 @@ use crate::prune::{self, DensityFilter, Pruned};
 use crate::quantize::{Bits, color_encoding, density_encoding};
 use crate::render::{Exposure, Field, exposure};
 
-/// How coarse coarser levels are against level 0. Their pictures are further from the unbaked scene already: as
-/// coarse as level 0 they would lose another 0.14 dB at a quarter.
-const COARSER_LEVELS: f32 = 0.5;
-
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
 pub fn bake(
@@ -328,10 +324,7 @@ fn encode_levels(
     let levels = metadata.levels.iter().zip(&stream.pruned.levels).zip(tables);
     for (number, ((level, pruned), table)) in levels.enumerate() {
         let encodings = Group::ALL.map(|group| level.encoding(group));
-        let coarseness = match number {
-            0 => stream.options.coarseness,
-            _ => COARSER_LEVELS * stream.options.coarseness,
-        };
+        let coarseness = stream.options.coarseness;
         let importance = importance.get(number).filter(|_| coarseness > 0.0);
         let importance = importance.map(|level| level.importance(coarseness));
         let encode_options = EncodeOptions { importance, ..encode_options };

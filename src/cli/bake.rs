@@ -81,8 +81,8 @@ pub struct Arguments {
     /// missing [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     min_weight: Option<f32>,
-    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of the finest
-    /// level, half as many at coarser ones, 0 to 64 [default: 0]
+    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of their level,
+    /// 0 to 64 [default: 0]
     #[arg(long, value_name = "CODES")]
     coarseness: Option<f32>,
     /// Leave colours of blocks out that the next coarser level says within this error, above 0 to 1, at every needed
