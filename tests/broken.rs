@@ -11,6 +11,7 @@ use common::{
     Random, assert_golden, chunks, fixture, folder, open_bytes, random_field, volume_values,
 };
 use mipvog_bake::check::{CheckOptions, Report, check_with, health, sarif};
+use mipvog_bake::error::ErrorKind;
 use mipvog_bake::finding::{Code, Severity};
 use mipvog_bake::limits::Limits;
 use serde_json::{Value, json};
@@ -146,6 +147,64 @@ fn health_is_what_a_plain_count_finds() {
         }
         assert_eq!(broken.contains(&Code::SpaceEmpty), empty == seen.len());
     }
+}
+
+#[test]
+fn broken_values_are_counted_and_the_first_is_told() {
+    let nodes = [4, 3, 5];
+    let density: Vec<f32> = (0..60).map(|node| if node % 2 == 0 { 25.0 } else { -50.0 }).collect();
+    let mut color: Vec<f32> = (0..180).map(|value| value as f32 * 0.01).collect();
+    let at = |channel: usize, [x, y, z]: [usize; 3]| ((channel * 4 + x) * 3 + y) * 5 + z;
+    color[at(1, [2, 1, 3])] = f32::NAN;
+    color[at(1, [3, 2, 4])] = f32::INFINITY;
+    let reported = |color: &[f32]| {
+        let mut errors = Vec::new();
+        let health = health::check(&common::field(nodes, &density, color), &mut |finding| {
+            errors.push((finding.code, finding.error));
+            Ok(())
+        });
+        assert_eq!(health.expect("no findings stop it").expect("readable").nonfinite, 2);
+        errors
+    };
+    // The largest value that training may end with is none too many.
+    (color[at(2, [0, 0, 0])], color[at(0, [3, 2, 4])]) = (10_000.0, -10_000.0);
+    let errors = reported(&color);
+    let [(Code::ValuesNonfinite, error)] = &errors[..] else { panic!("{errors:?}") };
+    assert!(
+        matches!(error.kind(), ErrorKind::NonFinite { count: 2, first: [1, 2, 1, 3] }),
+        "{error}"
+    );
+    color[at(2, [0, 0, 0])] = 10_000.001;
+    let errors = reported(&color);
+    assert!(matches!(errors[..], [_, (Code::ValuesRange, _)]), "{errors:?}");
+    // Nor has a checkpoint whose checksums are right a finding of them.
+    let codes: Vec<Code> = checked(&fixture("trained/tiny/fine_last.tar"))
+        .findings
+        .iter()
+        .map(|finding| finding.code)
+        .collect();
+    assert!(!codes.contains(&Code::ValuesChecksum), "{codes:?}");
+}
+
+#[test]
+fn numbers_of_nothing_are_told_as_such() {
+    let folder = folder();
+    let path = folder.path().join("x.gltf");
+    let text = json!({
+        "asset": { "version": "2.0" },
+        "accessors": [{ "componentType": 5126, "count": 3, "type": "VEC3",
+                        "min": [0, 0, 0], "max": [1, 1, 1] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 1 } }] }],
+        "scene": 5,
+    });
+    std::fs::write(&path, text.to_string()).expect("writable");
+    let report = checked(&path);
+    let told = |place: &str, message: &str| {
+        let mut findings = report.findings.iter();
+        findings.any(|finding| finding.place.ends_with(place) && finding.message.contains(message))
+    };
+    let place = "/meshes/0/primitives/0/attributes/POSITION";
+    assert!(told(place, "accessor 1") && told("/scene", "something that is there"), "{report:?}");
 }
 
 /// An asset with a thousand broken rules.

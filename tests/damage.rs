@@ -101,6 +101,42 @@ fn ancillary_chunks_belong_to_levels_that_there_are() {
 }
 
 #[test]
+fn every_reserved_byte_is_held_to_zero() {
+    let whole = container();
+    let entry = 64 + 36..64 + 64;
+    for byte in (12..16).chain(44..48).chain(52..64).chain(entry) {
+        let mut damaged = whole.clone();
+        damaged[byte] = 1;
+        mend_checksums(&mut damaged);
+        assert!(!reads(&damaged), "a set byte {byte} was taken");
+    }
+}
+
+#[test]
+fn the_head_of_a_mask_is_judged_number_by_number() {
+    let parts = chunks::chunks(&container());
+    let with = |at: usize, value: &[u8]| {
+        let change = |bytes: &mut Vec<u8>| bytes[at..at + value.len()].copy_from_slice(value);
+        reads(&chunks::with_chunk(&parts, b"MASK", None, change))
+    };
+    for axis in 0..3 {
+        assert!(with(16 + 8 * axis, &2f64.to_le_bytes()) && with(40 + 8 * axis, &[0; 8]));
+        for wrong in [f64::NAN, f64::INFINITY] {
+            assert!(!with(16 + 8 * axis, &wrong.to_le_bytes()));
+            assert!(!with(40 + 8 * axis, &wrong.to_le_bytes()));
+        }
+        assert!(!with(4 + 4 * axis, &1u32.to_le_bytes()));
+    }
+    let mask = parts.iter().find(|chunk| chunk.kind == *b"MASK").expect("a mask");
+    let nearest = mask.bytes[..4] == [0; 4];
+    // A threshold belongs to the trilinear lookup, and is finite.
+    assert_eq!(with(64, &0.5f32.to_le_bytes()), !nearest);
+    assert!(!with(64, &f32::NAN.to_le_bytes()) && !with(68, &[1]));
+    // Values of the other lookup have another width.
+    assert!(!with(0, &[u8::from(nearest)]) && !with(0, &[2]));
+}
+
+#[test]
 fn changed_values_of_a_checkpoint_are_noticed() {
     let folder = common::folder();
     let path = folder.path().join("fine_last.tar");
