@@ -6,7 +6,9 @@
 //! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
 //!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
-//!    finds what each level holds, lowest to highest ([`ranges`]).
+//!    finds what each level holds, lowest to highest ([`ranges`]). What cameras see little of is
+//!    stored coarser ([`importance`]). Blocks whose colours the next coarser level says well enough
+//!    lose their own, if wanted ([`fill`]).
 //! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
 //! A bound on memory ([`memory`]) changes where things wait, and when.
