@@ -386,8 +386,21 @@ fn an_error_instead_of_bits_is_kept_and_told() {
     assert!(coarse["output_bytes"].as_u64() < lossy["output_bytes"].as_u64());
     assert!(groups(&coarse).iter().all(|g| g["max_error"].as_f64() <= Some(0.1f32.into())));
 
+    // One error for each group.
+    let apart = bake(&["-o", "d.mipvog", "--max-error", "0.02:0.01:0.06"]);
+    assert_eq!(apart["options"]["max_error"], "0.02:0.01:0.06");
+    for group in groups(&apart) {
+        let names = ["density", "diffuse", "features"];
+        let most =
+            names.iter().position(|name| group["group"] == *name).map(|i| [0.02, 0.01, 0.06][i]);
+        assert!(group["max_error"].as_f64() <= most.map(|most: f32| most.into()), "{group}");
+    }
+    report(here, &["unpack", "d.mipvog", "-o", "a.safetensors", "--force"]);
+    assert_eq!(again(&["--block-size", "4"])["options"]["max_error"], "0.02:0.01:0.06");
+
     let bad = ["bake", &scene, "-o", "x.mipvog", "--max-error"];
-    for error in ["0", "0.5", "nan", "1e-7"] {
+    refused(here, &[&bad[..], &["0.1:0.2"]].concat(), 2, &["--max-error", "colons"]);
+    for error in ["0", "0.5", "nan", "1e-7", "0.01:0.5:0.01"] {
         refused(here, &[&bad[..], &[error]].concat(), 2, &["--max-error", "1e-6 to 0.25"]);
     }
     refused(here, &[&bad[..], &["0.01", "--bits", "8"]].concat(), 2, &["--bits", "--max-error"]);

@@ -27,7 +27,7 @@ fn containers_keep_their_bytes() {
         assert_golden(&fixture("baked").join(name), &bytes);
     }
     let mut options = BakeOptions::default();
-    options.max_error = Some(0.01);
+    options.max_error = Some(0.01.into());
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.error.mipvog"), &bytes);
     options.fill_error = Some(0.2);

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Random, baked_bytes, field, open_bytes, plain, random_field, unpack, volume_values};
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, rebake};
+use mipvog_bake::bake::{BakeOptions, Changes, Filter, MaxErrors, rebake};
 use mipvog_bake::baked::{Decode, Encoding, Group};
 use mipvog_bake::bytes::{Output, Storage};
 use mipvog_bake::error::{ErrorKind, Place};
@@ -17,6 +17,12 @@ use mipvog_bake::quantize::Bits;
 use mipvog_bake::unpack::Unpacked;
 
 const ERRORS: [f32; 7] = [0.25, 0.07, 0.02, 0.005, 7e-4, 3e-5, 1e-6];
+
+/// The same for all groups, or one for each.
+fn errors(seed: usize) -> MaxErrors {
+    let [one, two, three] = [0, 3, 5].map(|other| ERRORS[(seed + other) % ERRORS.len()]);
+    if seed % 3 == 0 { one.into() } else { MaxErrors::new(one, two, three) }
+}
 
 /// What a stored value comes to.
 fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
@@ -47,7 +53,7 @@ fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
 /// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and returns
 /// the encodings of all levels.
 fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Vec<Encoding> {
-    let limit = options.max_error.expect("an error");
+    let limits = options.max_error.expect("errors");
     let bytes = baked_bytes(field, options).expect("a bake");
     let mut exact = options.clone();
     (exact.max_error, exact.bits) = (None, Bits::F32);
@@ -61,7 +67,7 @@ fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Ve
             let Some(encoding) = container.metadata().levels[level].encoding(group) else {
                 continue;
             };
-            assert!(encoding.max_error <= limit, "{case}: {encoding:?}");
+            assert!(encoding.max_error <= limits.of(group), "{case}: {encoding:?}");
             let activated = |value| activated(encoding.decode, &field.scene.activation, value);
             let nodes = needed.nodes();
             let (got, want) = (got.level(level, group), want.level(level, group));
@@ -98,7 +104,7 @@ fn every_needed_node_is_within_the_error() {
         field.scene.activation.interval = [0.5, 0.5, 0.05, 3.0, 1e-4][random.below(5)];
         let mut options = BakeOptions::default();
         options.filter = filters[seed as usize % filters.len()];
-        options.max_error = Some(ERRORS[seed as usize % ERRORS.len()]);
+        options.max_error = Some(errors(seed as usize));
         options.alpha_threshold = [1e-3, 1e-6][random.below(2)];
         options.levels = Some(64);
         options.fit_steps = 1;
@@ -117,7 +123,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
                 let field = field(nodes, &vec![raw; count], &vec![color; 3 * count]);
                 for filter in [Filter::Code, Filter::Paper, Filter::RateTent, Filter::Coverage] {
                     let mut options = BakeOptions::default();
-                    (options.filter, options.max_error) = (filter, Some(1e-6));
+                    (options.filter, options.max_error) = (filter, Some(1e-6.into()));
                     let encodings = assert_within(
                         &field,
                         &options,
@@ -136,7 +142,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
     let field = field([5; 3], &density, &color);
     for max_error in [0.1, 0.01, 1e-3] {
         let mut options = BakeOptions::default();
-        (options.filter, options.max_error) = (Filter::Code, Some(max_error));
+        (options.filter, options.max_error) = (Filter::Code, Some(max_error.into()));
         let encodings = assert_within(&field, &options, "far ends");
         assert!(encodings.iter().all(|encoding| encoding.bits <= 12), "{encodings:?}");
     }
@@ -150,7 +156,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
         options.filter = filter;
         let mut bits: Option<Vec<u32>> = None;
         for max_error in ERRORS {
-            options.max_error = Some(max_error);
+            options.max_error = Some(max_error.into());
             let bake = || baked_bytes(&field, &options).expect("a bake");
             let [one, three] = [1, 3].map(|threads| parallel::with_threads(threads, bake));
             assert!(one == three, "{max_error}");
@@ -165,7 +171,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
             }
             let stated = container.provenance().expect("valid").expect("provenance");
             let told = BakeOptions::of_container(container.metadata(), &stated);
-            assert_eq!(told.max_error, Some(max_error));
+            assert_eq!(told.max_error, Some(max_error.into()));
         }
         let bits = bits.expect("encodings");
         assert!(bits.contains(&32), "16 bits cannot hold 1e-6 of steep values: {bits:?}");
@@ -198,8 +204,8 @@ fn unpacked_values_are_kept_within_the_error() {
         options.bits = [Bits::F32, Bits::F16, Bits::Integer(12), Bits::Integer(5)][seed % 4];
         options.block_size = 1 + random.below(9);
         let (input, before) = unpacked(&baked_bytes(&field, &options).expect("a bake"));
-        let max_error = ERRORS[seed % ERRORS.len()];
-        let changes = Changes { max_error: Some(max_error), ..Changes::default() };
+        let max_errors = errors(seed);
+        let changes = Changes { max_error: Some(max_errors), ..Changes::default() };
         let container = open_bytes(&packed(&input, &changes).expect("packs")).expect("valid");
         let after = unpack(&container).expect("unpacks");
         for (level, metadata) in container.metadata().levels.iter().enumerate() {
@@ -213,7 +219,11 @@ fn unpacked_values_are_kept_within_the_error() {
                     let [got, want] = [after, before]
                         .map(|value| activated(encoding.decode, &field.scene.activation, value));
                     let error = (got - want).abs();
-                    let limit = if stored[i % stored.len()] { f64::from(max_error) } else { 0.0 };
+                    let limit = if stored[i % stored.len()] {
+                        f64::from(max_errors.of(group))
+                    } else {
+                        0.0
+                    };
                     assert!(error <= limit + 1e-14, "seed {seed} {level} {group:?} {i}: {error}");
                 }
             }
@@ -229,7 +239,7 @@ fn unpacked_values_are_kept_within_the_error() {
 fn edited_values_that_the_codes_cannot_hold_are_refused() {
     let field = random_field(&mut Random::new(5), [9, 6, 7], 3);
     let mut options = BakeOptions::default();
-    (options.max_error, options.alpha_threshold) = (Some(0.01), 1e-9);
+    (options.max_error, options.alpha_threshold) = (Some(0.01.into()), 1e-9);
     let (mut input, _) = unpacked(&baked_bytes(&field, &options).expect("a bake"));
     let volume =
         input.levels[1].volumes[Group::Density as usize].as_mut().expect("a level's density");
@@ -253,8 +263,8 @@ fn only_errors_that_mean_something_can_be_asked_for() {
     let (input, _) = unpacked(&baked_bytes(&field, &BakeOptions::default()).expect("a bake"));
     for max_error in [0.0, -0.01, 9e-7, 0.26, f32::INFINITY, f32::NAN] {
         let mut options = BakeOptions::default();
-        options.max_error = Some(max_error);
-        let changes = Changes { max_error: Some(max_error), ..Changes::default() };
+        options.max_error = Some(max_error.into());
+        let changes = Changes { max_error: Some(max_error.into()), ..Changes::default() };
         for error in [baked_bytes(&field, &options), packed(&input, &changes)] {
             let error = error.expect_err("refused");
             assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");

@@ -1,5 +1,6 @@
 //! Slabs of a level to compressed runs, as they come.
 
+use super::MaxErrors;
 use super::memory::Room;
 use crate::baked::{Encoding, Group, Table};
 use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
@@ -43,7 +44,7 @@ pub struct Importance<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Check {
     /// The most that they may be moved, where their encoding's bound is no less.
-    pub most: f32,
+    pub most: Option<MaxErrors>,
     /// The level that errors name.
     pub level: usize,
 }
@@ -202,7 +203,8 @@ impl GroupEncoder {
     fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<(Frame, f64)> {
         let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
         let bound = self.encoder.encoding().max_error;
-        let bound = options.check.map_or(bound, |check| check.most.min(bound));
+        let most = options.check.and_then(|check| check.most);
+        let bound = most.map_or(bound, |most| most.of(self.group).min(bound));
         let kept = || {
             let mut channels = channels.clone();
             channels.all(|c| self.encoder.keeps(bound, source, c, &options.activation))

@@ -22,6 +22,7 @@ mod filter;
 mod forecast;
 mod importance;
 mod level_rule;
+mod max_error;
 mod memory;
 mod options;
 mod origin;
@@ -43,6 +44,7 @@ pub use filter::Filter;
 pub use forecast::{Forecast, forecast};
 use importance::LevelImportance;
 pub use level_rule::LevelRule;
+pub use max_error::MaxErrors;
 use memory::{Plan, Room};
 pub use options::BakeOptions;
 pub use origin::Origin;
@@ -285,7 +287,7 @@ fn metadata(
 /// Returns the bytes that were read.
 fn fit_encodings(
     stream: &Stream,
-    max_error: f32,
+    max_errors: MaxErrors,
     metadata: &mut Metadata,
     progress: &dyn Progress,
 ) -> Result<u64> {
@@ -297,7 +299,7 @@ fn fit_encodings(
     })?;
     // The pass that encodes finds the same again, and counts it.
     stream.planes.take_nonfinite()?;
-    let found = encodings_within(max_error, levels, activation, &spans)?;
+    let found = encodings_within(max_errors, levels, activation, &spans)?;
     for (level, [density, diffuse, features]) in levels.iter_mut().zip(found) {
         (level.density, level.diffuse, level.features) = (density, diffuse, features);
     }

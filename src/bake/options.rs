@@ -3,8 +3,7 @@
 use serde_json::json;
 
 use super::memory;
-use super::ranges::check_max_error;
-use super::{Filter, LevelRule};
+use super::{Filter, LevelRule, MaxErrors};
 use crate::baked::{Aside, LevelOfDetail, Metadata};
 use crate::bytes::hex;
 use crate::camera::{Camera, digest};
@@ -34,7 +33,7 @@ pub struct BakeOptions {
     /// Largest error, at any needed node of any level, of what is decoded from what was to be stored:
     /// in opacity over one interval, in colour and features from 0 to 1. Each group of each level gets
     /// the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
-    pub max_error: Option<f32>,
+    pub max_error: Option<MaxErrors>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
     /// Nodes along a block's edge. Default: 8
@@ -105,8 +104,7 @@ impl BakeOptions {
             options.block_size = finest.block_size;
             options.bits = finest.diffuse.as_ref().map_or(options.bits, Bits::of);
         }
-        let max_error = provenance["options"]["max_error"].as_f64();
-        options.max_error = max_error.map(|error| error as f32);
+        options.max_error = MaxErrors::from_json(&provenance["options"]["max_error"]);
         let zstd_level = provenance["options"]["zstd_level"].as_i64();
         let zstd_level = zstd_level.and_then(|level| i32::try_from(level).ok());
         options.zstd_level = zstd_level.unwrap_or(options.zstd_level);
@@ -162,7 +160,7 @@ impl BakeOptions {
             .find(|(holds, _)| !holds)
             .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
         memory::check(self)?;
-        check_max_error(self.max_error)
+        self.max_error.map_or(Ok(()), |max_error| max_error.check())
     }
 
     /// Options as provenance and reports name them.
@@ -184,7 +182,7 @@ impl BakeOptions {
             options["lod_rule"] = rule.name().into();
         }
         if let Some(max_error) = self.max_error {
-            options["max_error"] = max_error.into();
+            options["max_error"] = max_error.to_json();
         }
         if self.filter == Filter::Fit {
             options["fit_steps"] = self.fit_steps.into();

@@ -1,23 +1,13 @@
 //! What each group of each level holds, lowest to highest, and encodings for just that.
 
+use super::MaxErrors;
 use crate::baked::{Encoding, Group, LevelMetadata};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::field::Activation;
 use crate::grid::{NodeMask, mask};
 use crate::mips::Slab;
 use crate::parallel;
 use crate::quantize::{ValueSpan, encoding_within};
-
-/// What `--max-error` can be: below, hardly anything but f32 keeps it; above, nothing can be told.
-const MAX_ERRORS: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
-
-/// Refuses errors that nobody can ask for.
-pub fn check_max_error(max_error: Option<f32>) -> Result<()> {
-    match max_error.is_none_or(|error| MAX_ERRORS.contains(&error)) {
-        true => Ok(()),
-        false => Err(Error::usage("--max-error must be from 1e-6 to 0.25")),
-    }
-}
 
 /// The values of one level.
 #[derive(Debug)]
@@ -63,7 +53,7 @@ impl LevelSpans {
 
 /// The encodings with the fewest bits for the values of each level, by [`Group`].
 pub fn encodings_within(
-    max_error: f32,
+    max_errors: MaxErrors,
     levels: &[LevelMetadata],
     activation: &Activation,
     spans: &[LevelSpans],
@@ -75,7 +65,7 @@ pub fn encodings_within(
         let span = &spans[level].spans[group as usize];
         Ok(decode
             .zip(span.as_ref())
-            .map(|(decode, span)| encoding_within(max_error, decode, activation, span)))
+            .map(|(decode, span)| encoding_within(max_errors.of(group), decode, activation, span)))
     })?;
     Ok(found.as_chunks().0.to_vec())
 }

@@ -8,10 +8,10 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::LevelRule;
 use super::encode::{Check, EncodeOptions, LevelEncoder};
-use super::ranges::{LevelSpans, check_max_error, encodings_within};
+use super::ranges::{LevelSpans, encodings_within};
 use super::report::{BakeReport, StageReport, level_reports};
+use super::{LevelRule, MaxErrors};
 use crate::baked::{Encoding, Group, Metadata, Table};
 use crate::bytes::Output;
 use crate::container::{self, Head};
@@ -31,7 +31,7 @@ pub struct Changes {
     pub bits: Option<Bits>,
     /// The fewest bits that keep this error of the unpacked values, whatever `bits` says; 1e-6 to 0.25.
     /// Encodings that have no more bits stay: they hold the values exactly.
-    pub max_error: Option<f32>,
+    pub max_error: Option<MaxErrors>,
     /// Fewer levels.
     pub levels: Option<usize>,
     /// Another compression level of zstd. Default: as the provenance says, else the bake's
@@ -100,7 +100,7 @@ impl Changes {
             changes["lod_rule"] = rule.name().into();
         }
         if let Some(max_error) = self.max_error {
-            changes["max_error"] = max_error.into();
+            changes["max_error"] = max_error.to_json();
         }
         changes
     }
@@ -120,7 +120,7 @@ pub fn rebake(
     output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
-    check_max_error(changes.max_error)?;
+    changes.max_error.map_or(Ok(()), |max_error| max_error.check())?;
     let clock = Instant::now();
     let mut metadata = unpacked.metadata.clone();
     changes.apply(&mut metadata);
@@ -135,12 +135,11 @@ pub fn rebake(
     let mut bytes_read = 0;
     for (number, (level, of_level)) in unpacked.levels.iter().zip(&metadata.levels).enumerate() {
         // Arrays can be edited: what a container's encodings were made for may be gone.
-        let most = changes.max_error.unwrap_or(f32::INFINITY);
         let options = EncodeOptions {
             features: metadata.features,
             activation: metadata.activation,
             zstd_level,
-            check: Some(Check { most, level: number }),
+            check: Some(Check { most: changes.max_error, level: number }),
             room: None,
             importance: None,
         };
@@ -186,7 +185,11 @@ pub fn rebake(
 }
 
 /// Makes encodings those with the fewest bits that keep the error, where that is fewer than they have.
-fn fit_encodings(unpacked: &Unpacked, max_error: f32, metadata: &mut Metadata) -> Result<()> {
+fn fit_encodings(
+    unpacked: &Unpacked,
+    max_errors: MaxErrors,
+    metadata: &mut Metadata,
+) -> Result<()> {
     let Metadata { levels, activation, features, .. } = metadata;
     let mut spans = Vec::new();
     for (number, (level, of_level)) in unpacked.levels.iter().zip(levels.iter()).enumerate() {
@@ -195,7 +198,7 @@ fn fit_encodings(unpacked: &Unpacked, max_error: f32, metadata: &mut Metadata) -
         for_each_slab(level, number, |slab| of_values.take(slab, &needed))?;
         spans.push(of_values);
     }
-    let found = encodings_within(max_error, levels, activation, &spans)?;
+    let found = encodings_within(max_errors, levels, activation, &spans)?;
     for (level, found) in levels.iter_mut().zip(found) {
         let present = [&mut level.density, &mut level.diffuse, &mut level.features];
         for (encoding, found) in present.into_iter().zip(found) {

@@ -17,8 +17,8 @@ use super::progress::Bar;
 use super::values::{Background, parse_bits, parse_bytes};
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, LevelRule, Origin, Preset, StageReport, bake,
-    forecast, rebake,
+    BakeOptions, BakeReport, Changes, Filter, LevelRule, MaxErrors, Origin, Preset, StageReport,
+    bake, forecast, rebake,
 };
 use crate::bytes::Output;
 use crate::error::{Error, Result};
@@ -59,9 +59,10 @@ pub struct Arguments {
     #[arg(long, value_name = "BITS", value_parser = parse_bits)]
     bits: Option<Bits>,
     /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one interval,
-    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it
+    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three with colons between: of
+    /// opacity, diffuse colour and features
     #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
-    max_error: Option<f32>,
+    max_error: Option<MaxErrors>,
     /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
     alpha_threshold: Option<f32>,

@@ -11,7 +11,7 @@ use super::progress::Bar;
 use super::render::CameraArguments;
 use super::values::parse_bits;
 use super::{Common, Outcome, readable, warn};
-use crate::bake::{Filter, Preset};
+use crate::bake::{Filter, MaxErrors, Preset};
 use crate::error::{Error, Result};
 use crate::quantize::Bits;
 use crate::source;
@@ -42,7 +42,7 @@ pub struct Arguments {
     bits: Vec<Bits>,
     /// Errors to try beside the bits, as `bake --max-error`
     #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
-    max_error: Vec<f32>,
+    max_error: Vec<MaxErrors>,
     /// Opacities to try, over one interval up to which blocks are dropped
     #[arg(long, value_name = "OPACITY,...", value_delimiter = ',')]
     alpha_threshold: Vec<f32>,

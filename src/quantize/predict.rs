@@ -22,7 +22,7 @@ pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
 /// Weights are in 32nds.
-const SHIFT: u32 = 5;
+const SHIFT: usize = 5;
 
 /// A number for each of `L` blocks, for each node.
 pub type Lanes<T, const L: usize> = Vec<[T; L]>;
@@ -266,4 +266,99 @@ pub fn sums<T: Code, const L: usize>(
         }
     });
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use std::iter::repeat_with;
+
+    use super::super::wide::Wide;
+    use super::*;
+
+    const L: usize = 4;
+
+    /// The code of one node in one block, as the specification says it.
+    fn plain_code(
+        edge: usize,
+        known: &[Vec<u64>],
+        [x, y, z]: [usize; 3],
+        weights: &[i8; WEIGHTS],
+        residual: u64,
+        width: u32,
+    ) -> (u64, u64) {
+        let node = (x * edge + y) * edge + z;
+        let own = known.last().expect("this channel");
+        let at = |[dx, dy, dz]: [usize; 3]| {
+            (x >= dx && y >= dy && z >= dz)
+                .then(|| i128::from(own[node - (dx * edge + dy) * edge - dz]))
+        };
+        let lower: Vec<i128> =
+            [[1, 0, 0], [0, 1, 0], [0, 0, 1]].into_iter().filter_map(at).collect();
+        let mean = lower.iter().sum::<i128>().div_euclid(lower.len().max(1) as i128);
+        let off = |step| at(step).map_or(0, |code| code - mean);
+        let mut terms = vec![off([1, 1, 0]) + off([1, 0, 1]) + off([0, 1, 1]), off([1, 1, 1])];
+        for before in known[..known.len() - 1].iter().rev().take(CHANNELS_BEFORE) {
+            // Codes, and then their means.
+            terms.push(i128::from(before[node]) - i128::from(before[edge.pow(3) + node]));
+        }
+        let sum: i128 = terms.iter().zip(weights).map(|(term, &w)| term * i128::from(w)).sum();
+        let half = (0..width / 8).fold(0, |half, byte| half | 0x80 << (8 * byte));
+        let code = mean + (sum + 16).div_euclid(32) + i128::from(residual) - half;
+        (code.rem_euclid(1 << width) as u64, mean as u64)
+    }
+
+    /// Holds what is restored from random residuals with the largest of weights to the specification.
+    fn hold<T: Code>(edge: usize) {
+        let nodes = edge.pow(3);
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 33) as u32 ^ (state >> 11) as u32
+        };
+        let width = 8 * T::BYTES as u32;
+        let origin = T::default();
+        let mut known: Vec<Channel<T, L>> = Vec::new();
+        let mut plain: [Vec<Vec<u64>>; L] = Default::default();
+        for _ in 0..5 {
+            let weights: [[i8; WEIGHTS]; L] = std::array::from_fn(|lane| {
+                [(); WEIGHTS].map(|()| if lane == 0 { i8::MIN } else { random() as i8 })
+            });
+            let residuals: Lanes<T, L> =
+                repeat_with(|| [(); L].map(|()| T::narrow(random()))).take(nodes).collect();
+            let empty = vec![[origin; L]; nodes];
+            let mut made = Channel { codes: empty.clone(), means: empty };
+            let wide: [[T::Wide; L]; WEIGHTS] =
+                std::array::from_fn(|i| weights.map(|weights| T::Wide::from_i8(weights[i])));
+            let live = vec![[origin.with_all_if(true); L]; nodes];
+            let before = &known[known.len().saturating_sub(CHANNELS_BEFORE)..];
+            restore(edge, origin, &live, &residuals, before, &wide, &mut made);
+            let mut again = vec![[origin; L]; nodes];
+            self::residuals(edge, before, &wide, &made, &mut again);
+            assert_eq!(again, residuals);
+            for lane in 0..L {
+                plain[lane].push(vec![0; nodes]);
+                let mut means = Vec::new();
+                for node in 0..nodes {
+                    let place = [node / (edge * edge), node / edge % edge, node % edge];
+                    let residual = u64::from(residuals[node][lane].code());
+                    let (code, mean) =
+                        plain_code(edge, &plain[lane], place, &weights[lane], residual, width);
+                    assert_eq!(u64::from(made.codes[node][lane].code()), code, "node {node}");
+                    plain[lane].last_mut().expect("pushed")[node] = code;
+                    means.push(mean);
+                }
+                plain[lane].last_mut().expect("pushed").extend(means);
+            }
+            known.push(made);
+        }
+    }
+
+    #[test]
+    fn codes_are_those_of_the_specification_whatever_the_weights() {
+        for edge in [1, 2, 3, 8] {
+            hold::<u8>(edge);
+            hold::<u16>(edge);
+            hold::<u32>(edge);
+        }
+    }
 }

@@ -1,13 +1,14 @@
 //! Arithmetic of codes, the same for each width.
 
 use std::fmt::Debug;
+use std::num::Wrapping;
 use std::ops::{Add, Mul, Shr, Sub};
 
 use crate::baked::NumberType;
 
 /// A code as it is stored: `u8`, `u16` or `u32`.
 pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
-    /// Holds sums of codes times weights, exactly.
+    /// Holds sums of codes times weights in 32nds, modulo the code's width.
     type Wide: Wide;
     /// Bytes of a code.
     const BYTES: usize;
@@ -42,7 +43,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     }
 }
 
-/// A signed number wider than a code.
+/// A signed number wider than a code. Sums and differences of a few codes are exact; where products are not, they are
+/// right in all the bits that a prediction is made of.
 pub trait Wide:
     Copy
     + Default
@@ -52,7 +54,7 @@ pub trait Wide:
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
-    + Shr<u32, Output = Self>
+    + Shr<usize, Output = Self>
 {
     /// A weight.
     fn from_i8(weight: i8) -> Self;
@@ -61,45 +63,46 @@ pub trait Wide:
 }
 
 macro_rules! wide {
-    ($wide:ty) => {
-        impl Wide for $wide {
+    ($number:ty) => {
+        impl Wide for Wrapping<$number> {
             #[inline(always)]
             fn from_i8(weight: i8) -> Self {
-                weight.into()
+                Self(weight.into())
             }
             #[inline(always)]
             fn to_f64(self) -> f64 {
-                self as f64
+                self.0 as f64
             }
         }
     };
 }
 
+wide!(i16);
 wide!(i32);
 wide!(i64);
 
 macro_rules! code {
     ($code:ty, $wide:ty, $bias:expr, $third:expr) => {
         impl Code for $code {
-            type Wide = $wide;
+            type Wide = Wrapping<$wide>;
             const BYTES: usize = size_of::<$code>();
 
             #[inline(always)]
-            fn wide(self) -> $wide {
-                self.into()
+            fn wide(self) -> Self::Wide {
+                Wrapping(self.into())
             }
             #[inline(always)]
-            fn wrap(wide: $wide) -> Self {
-                wide as $code
+            fn wrap(wide: Self::Wide) -> Self {
+                wide.0 as $code
             }
             #[inline(always)]
-            fn third(sum: $wide) -> Self {
+            fn third(sum: Self::Wide) -> Self {
                 let third: fn($wide) -> $wide = $third;
-                third(sum) as $code
+                third(sum.0) as $code
             }
             #[inline(always)]
-            fn bias() -> $wide {
-                $bias
+            fn bias() -> Self::Wide {
+                Wrapping($bias)
             }
             #[inline(always)]
             fn choose(self, other: Self, mask: Self) -> Self {
@@ -125,8 +128,9 @@ macro_rules! code {
     };
 }
 
-// A product stands for the division: exact up to 765, and vectors have no division.
-code!(u8, i32, 0x80, |sum| (sum * 683) >> 11);
+// Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all vectors need is 16.
+// The upper half of a product stands for the division: exact up to 765, and vectors have no division.
+code!(u8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
 code!(u16, i32, 0x8080, |sum| sum / 3);
 code!(u32, i64, 0x8080_8080, |sum| sum / 3);
 
@@ -137,9 +141,9 @@ mod tests {
     #[test]
     fn thirds_are_rounded_down() {
         for sum in 0..=3 * 255 {
-            assert_eq!(i32::from(u8::third(sum)), sum / 3);
+            assert_eq!(i16::from(u8::third(Wrapping(sum))), sum / 3);
         }
-        assert_eq!(u16::third(3 * 65_535), u16::MAX);
-        assert_eq!(u32::third(3 * i64::from(u32::MAX) - 1), u32::MAX - 1);
+        assert_eq!(u16::third(Wrapping(3 * 65_535)), u16::MAX);
+        assert_eq!(u32::third(Wrapping(3 * i64::from(u32::MAX) - 1)), u32::MAX - 1);
     }
 }

@@ -1,6 +1,6 @@
 //! What a sweep tries.
 
-use crate::bake::{BakeOptions, Filter, Preset};
+use crate::bake::{BakeOptions, Filter, MaxErrors, Preset};
 use crate::bytes::hex;
 use crate::camera;
 use crate::field::Nonfinite;
@@ -26,7 +26,7 @@ pub struct Grid {
     /// Bits of a code.
     pub bits: Vec<Bits>,
     /// Largest errors instead of bits; combined with the others as if they were more `bits`.
-    pub max_errors: Vec<f32>,
+    pub max_errors: Vec<MaxErrors>,
     /// Opacity up to which blocks are dropped.
     pub alpha_thresholds: Vec<f32>,
     /// Levels in all, at most.
@@ -75,7 +75,7 @@ impl Grid {
         let bits = self.bits.iter().map(|&bits| (bits, None));
         let default = BakeOptions::default().bits;
         let errors = self.max_errors.iter().map(|&error| (default, Some(error)));
-        let depths: Vec<(Bits, Option<f32>)> = bits.chain(errors).collect();
+        let depths: Vec<(Bits, Option<MaxErrors>)> = bits.chain(errors).collect();
         vary(&mut combined, &depths, |options, &depth| (options.bits, options.max_error) = depth);
         vary(&mut combined, &self.alpha_thresholds, |options, &threshold| {
             options.alpha_threshold = threshold;
@@ -155,7 +155,7 @@ fn name(options: &BakeOptions) -> String {
         nonfinite,
     } = options;
     let depth = match (max_error, bits) {
-        (Some(max_error), _) => format!("e{max_error:e}"),
+        (Some(max_error), _) => format!("e{max_error:e}").replace(':', "-"),
         (None, Bits::Integer(bits)) => format!("{bits}bit"),
         (None, Bits::F16 | Bits::F32) => bits.to_string(),
     };
@@ -221,7 +221,11 @@ mod tests {
 
     #[test]
     fn errors_stand_beside_bits() {
-        let errors = Grid { max_errors: vec![0.01, 2e-4], levels: vec![2], ..Grid::default() };
+        let errors = Grid {
+            max_errors: [0.01, 2e-4].map(MaxErrors::from).to_vec(),
+            levels: vec![2],
+            ..Grid::default()
+        };
         let expected = ["rate-tent-e1e-2-t1e-3-b8-z1-l2", "rate-tent-e2e-4-t1e-3-b8-z1-l2"];
         assert_eq!(names(&errors), expected);
         let both = Grid { bits: vec![Bits::Integer(8)], ..errors };
@@ -244,7 +248,11 @@ mod tests {
         let grid = Grid {
             filters: Filter::all(),
             bits: vec![Bits::Integer(4), Bits::Integer(16), Bits::F16, Bits::F32],
-            max_errors: vec![1e-6, 0.0015, 0.25],
+            max_errors: [1e-6, 0.0015, 0.25]
+                .map(MaxErrors::from)
+                .into_iter()
+                .chain([MaxErrors::new(0.0015, 0.25, 0.0015)])
+                .collect(),
             alpha_thresholds: vec![1e-9, 1.5e-3, 0.01, 0.1],
             levels: vec![1, 2],
             block_sizes: vec![4, 8],

@@ -1,0 +1,126 @@
+//! The largest errors that stored values may have.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde_json::Value;
+
+use crate::baked::Group;
+use crate::error::{Error, Result};
+
+/// What an error can be: below, hardly anything but f32 keeps it; above, nothing can be told.
+const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
+
+/// One for each group: of opacity over one interval for density, of what is activated (0 to 1) for diffuse colours and
+/// for features. As text one number, or three with colons between.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaxErrors {
+    /// By [`Group`].
+    of_groups: [f32; 3],
+}
+
+impl MaxErrors {
+    /// Of density's opacity, diffuse colours and features.
+    pub const fn new(density: f32, diffuse: f32, features: f32) -> Self {
+        Self { of_groups: [density, diffuse, features] }
+    }
+
+    /// That of a group.
+    pub fn of(&self, group: Group) -> f32 {
+        self.of_groups[group as usize]
+    }
+
+    /// The one that all groups have, if they do.
+    fn common(&self) -> Option<f32> {
+        let [density, others @ ..] = self.of_groups;
+        others.iter().all(|&other| other == density).then_some(density)
+    }
+
+    /// Refuses errors that nobody can ask for.
+    pub fn check(&self) -> Result<()> {
+        match self.of_groups.iter().all(|error| RANGE.contains(error)) {
+            true => Ok(()),
+            false => Err(Error::usage("--max-error must be from 1e-6 to 0.25")),
+        }
+    }
+
+    /// As provenance and reports say it: a number where all are the same, else text.
+    pub fn to_json(&self) -> Value {
+        self.common().map_or_else(|| self.to_string().into(), Value::from)
+    }
+
+    /// From what [`to_json`](Self::to_json) made.
+    pub fn from_json(json: &Value) -> Option<Self> {
+        json.as_f64().map(|error| (error as f32).into()).or_else(|| json.as_str()?.parse().ok())
+    }
+}
+
+impl From<f32> for MaxErrors {
+    fn from(error: f32) -> Self {
+        Self::new(error, error, error)
+    }
+}
+
+impl FromStr for MaxErrors {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        let errors: Option<Vec<f32>> = text.split(':').map(|part| part.parse().ok()).collect();
+        match *errors.unwrap_or_default() {
+            [error] => Ok(error.into()),
+            [density, diffuse, features] => Ok(Self::new(density, diffuse, features)),
+            _ => Err("expected a number, or three with colons between"),
+        }
+    }
+}
+
+impl fmt::Display for MaxErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [density, diffuse, features] = self.of_groups;
+        match self.common() {
+            Some(error) => write!(f, "{error}"),
+            None => write!(f, "{density}:{diffuse}:{features}"),
+        }
+    }
+}
+
+impl fmt::LowerExp for MaxErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [density, diffuse, features] = self.of_groups;
+        match self.common() {
+            Some(error) => write!(f, "{error:e}"),
+            None => write!(f, "{density:e}:{diffuse:e}:{features:e}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_and_json_say_the_same() {
+        for (text, json) in [("0.02", "0.02"), ("0.02:0.014:0.06", "\"0.02:0.014:0.06\"")] {
+            let errors: MaxErrors = text.parse().expect("errors");
+            assert_eq!(errors.to_string(), text);
+            assert_eq!(MaxErrors::from_json(&errors.to_json()), Some(errors));
+            let read = serde_json::from_str(json).expect("JSON");
+            assert_eq!(MaxErrors::from_json(&read), Some(errors));
+        }
+        for text in ["", "0.1:0.2", "0.1:0.2:0.3:0.4", "a", "0.1:b:0.2", ":", "0.1,0.2,0.3"] {
+            assert!(text.parse::<MaxErrors>().is_err(), "{text}");
+        }
+        assert_eq!(MaxErrors::from_json(&Value::Null), None);
+    }
+
+    #[test]
+    fn every_error_is_checked() {
+        assert!(MaxErrors::new(0.1, 1e-6, 0.25).check().is_ok());
+        for wrong in [0.0, 0.26, f32::NAN] {
+            for errors in [[wrong, 0.1, 0.1], [0.1, wrong, 0.1], [0.1, 0.1, wrong]] {
+                let [density, diffuse, features] = errors;
+                assert!(MaxErrors::new(density, diffuse, features).check().is_err(), "{errors:?}");
+            }
+        }
+    }
+}
