@@ -165,7 +165,7 @@ fn decode_seconds<T: Code>(
 /// Every frame of an atlas, all of it needed.
 fn split(shape: FrameShape, codes: &Codes) -> Vec<Frame> {
     let size = shape.channels * shape.nodes();
-    let frame = |codes| Frame { codes, needed: vec![true; shape.nodes()] };
+    let frame = |codes| Frame { codes, needed: vec![true; shape.nodes()].into() };
     match codes {
         Codes::U8(codes) => codes.chunks(size).map(|c| frame(Codes::U8(c.to_vec()))).collect(),
         Codes::U16(codes) => codes.chunks(size).map(|c| frame(Codes::U16(c.to_vec()))).collect(),

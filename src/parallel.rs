@@ -64,12 +64,31 @@ pub fn threads() -> usize {
 /// Runs `work` with this many threads; 0 means one for each processor.
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     #[cfg(feature = "parallel")]
-    if let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-        return pool.install(work);
+    {
+        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        if let Ok(pool) = builder.start_handler(|_| keep_freed_memory()).build() {
+            return pool.install(work);
+        }
     }
     #[cfg(not(feature = "parallel"))]
     let _ = threads;
     work()
+}
+
+/// Has a thread keep what it frees. glibc's allocator gives memory back, and fetches it again page by page, under a lock
+/// that all threads share: a fifth of a bake's time on two. Once a piece of 31 MiB (more does not count) was freed, it
+/// keeps 62 MiB; what is freed next is room made in one step. Nothing is touched, so nothing is taken, and other allocators
+/// do not mind.
+#[cfg(feature = "parallel")]
+fn keep_freed_memory() {
+    for mebibytes in [&[31][..], &[28, 28]] {
+        let pieces = mebibytes.iter().map(|mebibytes: &usize| {
+            let mut piece = Vec::<u8>::new();
+            // Where address space is short, all stays as it was.
+            piece.try_reserve_exact(mebibytes << 20).map(|()| piece)
+        });
+        std::hint::black_box(pieces.collect::<Vec<_>>());
+    }
 }
 
 #[cfg(test)]

@@ -184,7 +184,7 @@ fn runs_follow_from_their_codes_alone() {
                         Codes::U16(codes) => Codes::U16(codes[i * size..][..size].to_vec()),
                         Codes::U32(codes) => Codes::U32(codes[i * size..][..size].to_vec()),
                     },
-                    needed: vec![true; shape.nodes()],
+                    needed: vec![true; shape.nodes()].into(),
                 })
                 .collect();
             assert!(run == run_bytes(shape, &again, most).bytes, "{shape:?} {count}");
@@ -219,7 +219,7 @@ fn what_nobody_needs_costs_a_bit() {
     let shape = FrameShape { number: NumberType::U8, channels: 3, edge: 8 };
     let mut random = Random::new(4);
     let mut made = frames(shape, 40, &mut random);
-    made.iter_mut().for_each(|frame| frame.needed.fill(false));
+    made.iter_mut().for_each(|frame| frame.needed = frame.needed.iter().map(|_| false).collect());
     let run = run_bytes(shape, &made, u32::MAX).bytes;
     assert_eq!(run.len(), 1 + usize::from(run[0]) * (2 + 3 + 4) + 40 * (1 + 64));
 }

@@ -1,5 +1,7 @@
 //! Slabs of a level to compressed runs, as they come.
 
+use std::sync::Arc;
+
 use super::MaxErrors;
 use super::memory::Room;
 use crate::baked::{Encoding, Group, Table};
@@ -111,11 +113,13 @@ impl<'a> LevelEncoder<'a> {
         let (groups, needed, options) = (&self.groups, self.needed, &self.options);
         let frames = parallel::map(places.len(), |i| {
             let source = BlockSource { slab, needed, place: places[i] };
+            let counted = source.needed_nodes(grid.edge);
             let filled = self.table.is_filled(places[i]);
             // Colours of filled blocks follow from the next coarser level.
             let stored = |group: &&GroupEncoder| !filled || group.group == Group::Density;
             let frame = |group: &GroupEncoder| {
-                Some(group).filter(stored).map(|group| group.frame(source, options)).transpose()
+                let group = Some(group).filter(stored);
+                group.map(|group| group.frame(source, counted.clone(), options)).transpose()
             };
             groups.iter().map(frame).collect::<Result<Vec<_>>>()
         })?;
@@ -199,8 +203,13 @@ impl Importance<'_> {
 }
 
 impl GroupEncoder {
-    /// A block's codes, all channels.
-    fn frame(&self, source: BlockSource, options: &EncodeOptions) -> Result<(Frame, f64)> {
+    /// A block's codes, all channels; the nodes `needed` count.
+    fn frame(
+        &self,
+        source: BlockSource,
+        needed: Arc<[bool]>,
+        options: &EncodeOptions,
+    ) -> Result<(Frame, f64)> {
         let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
         let bound = self.encoder.encoding().max_error;
         let most = options.check.and_then(|check| check.most);
@@ -225,6 +234,6 @@ impl GroupEncoder {
         let coarsening = coarser
             .zip(of_block.as_deref())
             .map(|(all, importance)| Coarsening { importance, coarseness: all.coarseness });
-        Ok(self.encoder.frame(source, self.first_channel, coarsening))
+        Ok(self.encoder.frame(source, needed, self.first_channel, coarsening))
     }
 }

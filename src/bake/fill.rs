@@ -215,7 +215,7 @@ fn atlas(shape: FrameShape, codes: &Codes, options: &BakeOptions) -> Result<Enco
             Codes::U16(codes) => Codes::U16(codes[range].to_vec()),
             Codes::U32(codes) => Codes::U32(codes[range].to_vec()),
         };
-        Frame { codes, needed: vec![true; shape.nodes()] }
+        Frame { codes, needed: vec![true; shape.nodes()].into() }
     };
     let (count, full) = (length / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {

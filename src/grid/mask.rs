@@ -208,6 +208,17 @@ pub fn get(row: &[u64], z: usize) -> bool {
     row[z / 64] >> (z % 64) & 1 == 1
 }
 
+/// The bits of a row from `first` on, as many as there are flags.
+pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
+    let mut z = first;
+    let mut word = row.get(z / 64).map_or(0, |word| word >> (z % 64));
+    for flag in flags {
+        *flag = word & 1 == 1;
+        z += 1;
+        word = if z % 64 == 0 { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
+    }
+}
+
 /// Sets bit `z` of a row.
 pub fn set(row: &mut [u64], z: usize) {
     row[z / 64] |= 1 << (z % 64);

@@ -12,6 +12,7 @@
 pub mod cascade;
 pub mod kernel;
 mod lift;
+mod light;
 mod matter;
 mod regions;
 pub mod taps;

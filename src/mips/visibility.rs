@@ -19,6 +19,7 @@
 
 use multiversion::multiversion;
 
+use super::light::{LEAST, Light};
 use super::{Matter, Slab};
 use crate::activate::lanes;
 use crate::error::Result;
@@ -29,15 +30,6 @@ use crate::parallel;
 const MOST_NODES: usize = 160;
 /// What hidden matter counts.
 const LEAST_SEEN: f32 = 1e-4;
-/// Light below this is none, and so is an optical depth; none is more than [`MOST_DEPTH`] from a node to
-/// the next. All keep products from subnormal numbers, which processors are slow with.
-const LEAST: f32 = 1e-9;
-/// See [`LEAST`].
-const MOST_DEPTH: f32 = 30.0;
-/// Steps along each axis of the 26 directions, whatever their signs.
-const STEPS: [[usize; 3]; 7] =
-    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
-
 /// Matter that is in the way of light.
 #[derive(Debug)]
 pub struct Occluders {
@@ -84,103 +76,14 @@ impl Occluders {
 
     /// What can be seen past them.
     pub fn visibility(&self) -> Result<Visibility> {
-        let mut seen = vec![0.0; self.nodes.count()];
-        let mut passing = vec![0.0; self.nodes.count()];
-        let plane = self.nodes.0[1] * self.nodes.0[2];
-        for steps in STEPS {
-            let squares = [0, 1, 2].map(|axis| (steps[axis] as f32 * self.spacing[axis]).powi(2));
-            let length = (squares[0] + squares[1] + squares[2]).sqrt();
-            let mut planes: Vec<_> =
-                passing.chunks_mut(plane).zip(self.depths.chunks(plane)).collect();
-            parallel::map_mut(&mut planes, |_, (passing, depths)| {
-                transmittances(depths, length, passing);
-                Ok(())
-            })?;
-            for direction in directions(steps) {
-                self.follow(direction, &passing, &mut seen)?;
-            }
-        }
+        let Self { nodes, spacing, ref depths, .. } = *self;
+        let mut seen = Light { nodes, spacing, depths }.sums()?;
         for seen in &mut seen {
             let mean = *seen / 26.0;
             *seen = mean * mean + LEAST_SEEN;
         }
-        Ok(Visibility { nodes: self.nodes, seen })
+        Ok(Visibility { nodes, seen })
     }
-
-    /// Adds to each node the light that gets there along `direction`, of which a node lets through what
-    /// `passing` says.
-    fn follow(&self, direction: [isize; 3], passing: &[f32], sums: &mut [f32]) -> Result<()> {
-        let [nx, ny, nz] = self.nodes.0;
-        let [dx, dy, dz] = direction;
-        // Light goes from row to row; rows that it goes through one after the other are a line.
-        let line_of = |x: usize, y: usize| match [dx, dy] {
-            [0, 0] => x * ny + y,
-            [0, _] => x,
-            _ => (y as isize - dx * dy * x as isize + nx as isize) as usize,
-        };
-        let count = if [dx, dy] == [0, 0] { nx * ny } else { nx + ny + nx };
-        let mut lines: Vec<Line> = (0..count).map(|_| Line::new()).collect();
-        let rows = passing.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
-        for (row, pair) in rows.enumerate() {
-            lines[line_of(row / ny, row % ny)].push(pair);
-        }
-        let backwards = if dx == 0 { dy < 0 } else { dx < 0 };
-        parallel::map_mut(&mut lines, |_, line| {
-            if backwards {
-                line.reverse();
-            }
-            match ([dx, dy], line.as_mut_slice()) {
-                ([0, 0], [(passing, sums)]) => follow_row(dz < 0, passing, sums),
-                (_, line) => follow_line(dz, line),
-            }
-            Ok(())
-        })?;
-        Ok(())
-    }
-}
-
-/// Rows along z that light goes through one after the other: what their nodes let through, and the sums of
-/// the light that gets there.
-type Line<'a> = Vec<(&'a [f32], &'a mut [f32])>;
-
-/// Follows light from row to row; along z it moves by `dz` nodes a row.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn follow_line(dz: isize, line: &mut [(&[f32], &mut [f32])]) {
-    let nz = line.first().map_or(0, |(passing, _)| passing.len());
-    let mut light = vec![1.0; nz];
-    for (passing, sums) in line {
-        match dz {
-            1 => {
-                light.copy_within(..nz - 1, 1);
-                light[0] = 1.0;
-            }
-            -1 => {
-                light.copy_within(1.., 0);
-                light[nz - 1] = 1.0;
-            }
-            _ => {}
-        }
-        for ((light, sum), passing) in light.iter_mut().zip(sums.iter_mut()).zip(*passing) {
-            *sum += *light;
-            *light = behind(*light, *passing);
-        }
-    }
-}
-
-/// Follows light along z, through the nodes of one row.
-fn follow_row(backwards: bool, passing: &[f32], sums: &mut [f32]) {
-    let mut light = 1.0;
-    for z in 0..passing.len() {
-        let z = if backwards { passing.len() - 1 - z } else { z };
-        sums[z] += light;
-        light = behind(light, passing[z]);
-    }
-}
-
-/// The directions to a node's 26 neighbours that are `steps` long along each axis.
-fn directions(steps: [usize; 3]) -> impl Iterator<Item = [isize; 3]> {
-    let all = (0..27).map(|i| [i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1]);
-    all.filter(move |direction: &[isize; 3]| direction.map(isize::unsigned_abs) == steps)
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
@@ -188,23 +91,9 @@ fn optical_depths(values: &mut [f32], matter: &Matter) {
     let activation = &matter.activation;
     for value in values {
         let depth = lanes::softplus(*value + activation.shift) * activation.interval;
+        // Less is none, as it is of light.
         *value = if depth > LEAST { depth } else { 0.0 };
     }
-}
-
-/// What nodes let through to the next, `length` intervals away.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn transmittances(depths: &[f32], length: f32, passing: &mut [f32]) {
-    for (passing, depth) in passing.iter_mut().zip(depths) {
-        *passing = lanes::exp(-(depth * length).min(MOST_DEPTH));
-    }
-}
-
-/// What is left of `light` behind what lets `passing` through.
-#[inline(always)]
-fn behind(light: f32, passing: f32) -> f32 {
-    let left = light * passing;
-    if left > LEAST { left } else { 0.0 }
 }
 
 /// How much of each node can be seen: from 1e-4, hidden, to 1.0001, alone.

@@ -1,6 +1,7 @@
 //! One block of a slab to codes.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::coarsen::{Coarsener, Coarsening};
 use super::code::Quantizer;
@@ -55,16 +56,13 @@ impl<'a> BlockSource<'a> {
     }
 
     /// Whose values count, of the nodes of a block of `edge`.
-    fn needed_nodes(&self, edge: usize) -> Vec<bool> {
+    pub fn needed_nodes(&self, edge: usize) -> Arc<[bool]> {
         let mut needed = vec![false; edge.pow(3)];
         let [_, _, zs] = self.span(edge);
         for (x, y, at) in self.places(edge) {
-            let row = self.needed.row(x, y);
-            for (needed, z) in needed[at..].iter_mut().zip(zs.clone()) {
-                *needed = mask::get(row, z);
-            }
+            mask::unpack(self.needed.row(x, y), zs.start, &mut needed[at..at + zs.len()]);
         }
-        needed
+        needed.into()
     }
 }
 
@@ -104,16 +102,16 @@ impl BlockEncoder {
         self.unneeded_limit
     }
 
-    /// The codes of a block whose channels start at `first_channel` of the slab, coarser ones where
+    /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
     /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
     /// Codes of nodes that the grid does not have are 0.
     pub fn frame(
         &self,
         source: BlockSource,
+        needed: Arc<[bool]>,
         first_channel: usize,
         coarsening: Option<Coarsening>,
     ) -> (Frame, f64) {
-        let needed = source.needed_nodes(self.shape.edge);
         let mut codes = match self.shape.number {
             NumberType::U8 => Codes::U8(self.codes(source, first_channel)),
             NumberType::U16 | NumberType::F16 => Codes::U16(self.codes(source, first_channel)),

@@ -10,6 +10,8 @@
 //! can have a table for each. All of it follows from the codes alone, so the same codes are the same bytes, whoever knows
 //! what is needed.
 
+use std::sync::Arc;
+
 use super::predict::{CHANNELS_BEFORE, Channel, WEIGHTS};
 use super::read_run::RunParts;
 use super::wide::{Code, Wide};
@@ -71,7 +73,7 @@ pub struct Frame {
     /// `[channel][node]`.
     pub codes: Codes,
     /// Of each node, whether its codes count; others are filled with what costs least.
-    pub needed: Vec<bool>,
+    pub needed: Arc<[bool]>,
 }
 
 /// A run before compression.

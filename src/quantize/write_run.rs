@@ -37,8 +37,9 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
             let empty = || vec![[T::default(); L]; nodes];
             let (mut needed, mut live) = (empty(), empty());
             rows.clear();
-            let all = frames.iter().flat_map(|frame| &frame.needed);
-            rows.extend(all.map(|&needed| T::default().with_all_if(needed)));
+            for frame in frames {
+                rows.extend(frame.needed.iter().map(|&needed| T::default().with_all_if(needed)));
+            }
             spread(&rows, nodes, &mut needed);
             let mut channels = Vec::with_capacity(shape.channels);
             for channel in 0..shape.channels {

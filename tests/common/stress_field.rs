@@ -330,7 +330,7 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let needed = NodeMask::full(Nodes([edge; 3]));
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
     let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation(SHIFTS[0], 0.5));
-    let (frame, _) = encoder.frame(source, 0, None);
+    let (frame, _) = encoder.frame(source, source.needed_nodes(edge), 0, None);
     let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
     let codes = match encoding.number {
         NumberType::U8 => Codes::U8(restored(encoder.shape(), &bytes)),
