@@ -183,13 +183,13 @@ impl<'a> Settler<'a> {
             self.spare.extend(self.below.replace(last).into_iter().flatten());
             self.spare.append(&mut waiting.planes);
         }
-        let copy = |plane: &Vec<f32>| {
-            let mut copy = self.spare.pop().unwrap_or_default();
+        let mut planes: Vec<Vec<f32>> =
+            slab.planes.iter().map(|_| self.spare.pop().unwrap_or_default()).collect();
+        parallel::map_mut(&mut planes, |i, copy| {
             copy.clear();
-            copy.extend_from_slice(plane);
-            copy
-        };
-        let planes = slab.planes.iter().map(copy).collect();
+            copy.extend_from_slice(&slab.planes[i]);
+            Ok(())
+        })?;
         let waiting = Slab { first: slab.first, channels, planes };
         if waiting.first + waiting.count() == self.needed.nodes().0[0] {
             return self.settle(&waiting, None, &mut hand_out);
