@@ -215,7 +215,7 @@ pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
     for flag in flags {
         *flag = word & 1 == 1;
         z += 1;
-        word = if z % 64 == 0 { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
+        word = if z.is_multiple_of(64) { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
     }
 }
 

@@ -30,6 +30,7 @@ use crate::parallel;
 const MOST_NODES: usize = 160;
 /// What hidden matter counts.
 const LEAST_SEEN: f32 = 1e-4;
+
 /// Matter that is in the way of light.
 #[derive(Debug)]
 pub struct Occluders {
