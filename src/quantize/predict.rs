@@ -338,9 +338,9 @@ mod tests {
             for lane in 0..L {
                 plain[lane].push(vec![0; nodes]);
                 let mut means = Vec::new();
-                for node in 0..nodes {
+                for (node, residuals) in residuals.iter().enumerate() {
                     let place = [node / (edge * edge), node / edge % edge, node % edge];
-                    let residual = u64::from(residuals[node][lane].code());
+                    let residual = u64::from(residuals[lane].code());
                     let (code, mean) =
                         plain_code(edge, &plain[lane], place, &weights[lane], residual, width);
                     assert_eq!(u64::from(made.codes[node][lane].code()), code, "node {node}");
