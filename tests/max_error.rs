@@ -21,7 +21,7 @@ const ERRORS: [f32; 7] = [0.25, 0.07, 0.02, 0.005, 7e-4, 3e-5, 1e-6];
 /// The same for all groups, or one for each.
 fn errors(seed: usize) -> MaxErrors {
     let [one, two, three] = [0, 3, 5].map(|other| ERRORS[(seed + other) % ERRORS.len()]);
-    if seed % 3 == 0 { one.into() } else { MaxErrors::new(one, two, three) }
+    if seed.is_multiple_of(3) { one.into() } else { MaxErrors::new(one, two, three) }
 }
 
 /// What a stored value comes to.
