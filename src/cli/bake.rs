@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
 use super::field::SceneArguments;
@@ -14,18 +14,17 @@ use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
 use super::progress::Bar;
-use super::values::{Background, parse_bits, parse_bytes};
+use super::stored::StoredArguments;
+use super::values::Background;
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, LevelRule, MaxErrors, Origin, Preset, StageReport,
-    bake, forecast, rebake,
+    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
 };
 use crate::bytes::Output;
 use crate::error::{Error, Result};
-use crate::field::{Nonfinite, RadianceField};
+use crate::field::RadianceField;
 use crate::fit::FittedLevel;
 use crate::limits::Limits;
-use crate::quantize::Bits;
 use crate::source::{self, MlpChoice};
 use crate::tensor::{self, TensorFile};
 use crate::unpack::{Unpacked, metadata_text};
@@ -48,55 +47,8 @@ pub struct Arguments {
     /// A set of options; explicit ones override it
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// How coarser levels are made: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
-    /// gauss3, gauss5, gauss7 [default: rate-tent]
-    #[arg(long, value_name = "NAME")]
-    filter: Option<Filter>,
-    /// Levels in all, at most [default: down to 4 nodes along the longest axis]
-    #[arg(long, value_name = "N")]
-    levels: Option<usize>,
-    /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
-    #[arg(long, value_name = "BITS", value_parser = parse_bits)]
-    bits: Option<Bits>,
-    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one interval,
-    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three with colons between: of
-    /// opacity, diffuse colour and features
-    #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
-    max_error: Option<MaxErrors>,
-    /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
-    #[arg(long, value_name = "OPACITY")]
-    alpha_threshold: Option<f32>,
-    /// Nodes along a block's edge [default: 8]
-    #[arg(long, value_name = "NODES")]
-    block_size: Option<usize>,
-    /// Compression level of zstd, 1 to 22 [default: 1]
-    #[arg(long, value_name = "LEVEL")]
-    zstd_level: Option<i32>,
-    /// Which level a sample reads: a published rule in place of the filter's own [default: the filter's]
-    #[arg(long, value_name = "RULE")]
-    lod_rule: Option<LevelRule>,
-    /// Multiplies the rule's level-of-detail factor [default: 1]
-    #[arg(long, value_name = "FACTOR")]
-    lod_scale: Option<f32>,
-    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere, parts may be
-    /// missing [default: keep all]
-    #[arg(long, value_name = "WEIGHT")]
-    min_weight: Option<f32>,
-    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of their level,
-    /// 0 to 64 [default: 0]
-    #[arg(long, value_name = "CODES")]
-    coarseness: Option<f32>,
-    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to 1, at every needed
-    /// node; with --min-weight or --coarseness more where --cameras see less [default: keep all]
-    #[arg(long, value_name = "ERROR")]
-    fill_error: Option<f32>,
-    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the output is the
-    /// same [default: no bound]
-    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
-    memory: Option<u64>,
-    /// What to do with values that are not finite
-    #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
-    nonfinite: NonfiniteChoice,
+    #[command(flatten)]
+    stored: StoredArguments,
     #[command(flatten)]
     fit: FitArguments,
     #[command(flatten)]
@@ -107,14 +59,6 @@ pub struct Arguments {
     gltf: GltfArguments,
     #[command(flatten)]
     incremental: IncrementalArguments,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum NonfiniteChoice {
-    /// Refuse the input, with their count and the first one's place.
-    Refuse,
-    /// Treat their nodes as empty, with a warning.
-    Empty,
 }
 
 /// What a bake did.
@@ -144,7 +88,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         }
         (None, None) => BakeOptions::default(),
     };
-    arguments.apply(&mut options)?;
+    arguments.stored.apply(&mut options);
+    arguments.fit.apply(&mut options)?;
+    if options.memory.is_some() && arguments.gate.measures()? {
+        let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
+                       the whole field; use compare afterwards";
+        return Err(Error::usage(message));
+    }
     options.check()?;
     arguments.scene.source_options().check()?;
     if !arguments.gate.measures()? && options.sees() {
@@ -225,35 +175,6 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 }
 
 impl Arguments {
-    /// Explicit options override the preset's.
-    fn apply(&self, options: &mut BakeOptions) -> Result<()> {
-        options.filter = self.filter.unwrap_or(options.filter);
-        options.levels = self.levels.or(options.levels);
-        if let Some(bits) = self.bits {
-            (options.bits, options.max_error) = (bits, None);
-        }
-        options.max_error = self.max_error.or(options.max_error);
-        options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
-        options.block_size = self.block_size.unwrap_or(options.block_size);
-        options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
-        options.lod_rule = self.lod_rule.or(options.lod_rule);
-        options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
-        options.min_weight = self.min_weight;
-        options.fill_error = self.fill_error;
-        options.coarseness = self.coarseness.unwrap_or(options.coarseness);
-        options.memory = self.memory;
-        if self.memory.is_some() && self.gate.measures()? {
-            let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
-                           the whole field; use compare afterwards";
-            return Err(Error::usage(message));
-        }
-        options.nonfinite = match self.nonfinite {
-            NonfiniteChoice::Refuse => Nonfinite::Refuse,
-            NonfiniteChoice::Empty => Nonfinite::Empty,
-        };
-        self.fit.apply(options)
-    }
-
     fn bake_trained(
         &self,
         file: &TensorFile,
@@ -364,11 +285,12 @@ impl Arguments {
         output: &mut Output,
         bar: &Bar,
     ) -> Result<Baked> {
+        let stored = &self.stored;
         if self.scene.stepsize.is_some()
             || self.scene.coarse.is_some()
             || self.scene.mlp != MlpChoice::Auto
             || self.gate.measures()?
-            || self.memory.is_some()
+            || stored.memory.is_some()
         {
             let message = "--stepsize, --coarse, --mlp, --cameras and --memory belong to a trained \
                            input, not to an unpacked container";
@@ -377,24 +299,24 @@ impl Arguments {
         let metadata = &unpacked.metadata;
         let asked = |given: bool| given || self.preset.is_some();
         let changes = Changes {
-            bits: asked(self.bits.is_some())
+            bits: asked(stored.bits.is_some())
                 .then_some(options.bits)
                 .filter(|_| options.max_error.is_none()),
-            max_error: options.max_error.filter(|_| asked(self.max_error.is_some())),
-            zstd_level: asked(self.zstd_level.is_some()).then_some(options.zstd_level),
-            levels: self.levels,
-            lod_rule: self.lod_rule,
-            lod_scale: self.lod_scale,
+            max_error: options.max_error.filter(|_| asked(stored.max_error.is_some())),
+            zstd_level: asked(stored.zstd_level.is_some()).then_some(options.zstd_level),
+            levels: stored.levels,
+            lod_rule: stored.lod_rule,
+            lod_scale: stored.lod_scale,
             near: self.scene.near,
             far: self.scene.far,
             background: self.scene.background.map(|Background(color)| color),
             color_threshold: self.scene.color_threshold,
         };
         // What is asked for and already so is no change.
-        let anew = (asked(self.filter.is_some()) && options.filter.name() != metadata.filter)
-            || (asked(self.alpha_threshold.is_some())
+        let anew = (asked(stored.filter.is_some()) && options.filter.name() != metadata.filter)
+            || (asked(stored.alpha_threshold.is_some())
                 && options.alpha_threshold != metadata.alpha_threshold)
-            || (asked(self.block_size.is_some())
+            || (asked(stored.block_size.is_some())
                 && metadata.levels.iter().any(|level| level.block_size != options.block_size));
         if let Some(mut field) = unpacked.field().filter(|_| anew) {
             changes.apply_to_scene(&mut field.scene);

@@ -16,6 +16,7 @@ mod inspect;
 mod interrupt;
 mod progress;
 mod render;
+mod stored;
 mod sweep;
 mod unpack;
 mod validate;
