@@ -4,7 +4,7 @@ use super::MaxErrors;
 use crate::baked::{Encoding, Group, LevelMetadata};
 use crate::error::Result;
 use crate::field::Activation;
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 use crate::mips::Slab;
 use crate::parallel;
 use crate::quantize::{ValueSpan, encoding_within};
@@ -36,7 +36,7 @@ impl LevelSpans {
                 let mut span = *span;
                 for (y, row) in slab.plane(i, first_channel + channel).chunks_exact(nz).enumerate()
                 {
-                    mask::for_each_run(needed.row(slab.first + i, y), |start, end| {
+                    row::for_each_run(needed.row(slab.first + i, y), |start, end| {
                         span.take(&row[start..end]);
                     });
                 }

@@ -17,7 +17,7 @@ use crate::bytes::Output;
 use crate::container::{self, Head};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{March, Scene, Volume};
-use crate::grid::{BlockGrid, NodeMask, Nodes, mask};
+use crate::grid::{BlockGrid, NodeMask, Nodes, row};
 use crate::mips::Slab;
 use crate::parallel;
 use crate::progress::{Progress, Step};
@@ -216,13 +216,13 @@ fn fit_encodings(
 fn stored_nodes(table: &Table) -> NodeMask {
     let BlockGrid { nodes, edge } = table.grid();
     let [nx, _, nz] = nodes.0;
-    let words = mask::row_words(nodes);
+    let words = row::words(nodes);
     let mut stored = NodeMask::empty(nodes);
     let mut planes = stored.planes_mut(0);
     for [i, j, k] in table.stored() {
         for plane in &mut planes[i * edge..nx.min((i + 1) * edge)] {
             for row in plane.chunks_exact_mut(words).take((j + 1) * edge).skip(j * edge) {
-                mask::set_between(row, k * edge, nz.min((k + 1) * edge));
+                row::set_between(row, k * edge, nz.min((k + 1) * edge));
             }
         }
     }

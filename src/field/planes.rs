@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{RadianceField, Volume};
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 
 /// Raw density of a node that is not there. Far below any threshold, and what unseen nodes of
 /// trained scenes hold.
@@ -197,7 +197,7 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     let across_rows = volume.rows_are_contiguous();
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (y, row) in region.chunks_exact(words).enumerate() {
-        mask::for_each_run(row, |start, end| {
+        row::for_each_run(row, |start, end| {
             let run = y * nz + start..y * nz + end;
             match runs.last_mut() {
                 Some(last)
@@ -217,7 +217,7 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
 fn empty(outside: &NodeMask, x: usize, plane: &mut [f32]) {
     let nz = outside.nodes().0[2];
     for (y, values) in plane.chunks_exact_mut(nz).enumerate() {
-        mask::for_each_run(outside.row(x, y), |start, end| {
+        row::for_each_run(outside.row(x, y), |start, end| {
             for value in &mut values[start..end] {
                 *value = value.min(EMPTY_DENSITY);
             }

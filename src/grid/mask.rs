@@ -5,7 +5,7 @@
 //! last plane, row and bit stay empty.
 
 use crate::error::Result;
-use crate::grid::{BlockGrid, Nodes};
+use crate::grid::{BlockGrid, Nodes, row};
 use crate::parallel;
 
 /// A set of nodes (or cells) of a grid.
@@ -19,20 +19,20 @@ pub struct NodeMask {
 impl NodeMask {
     /// The empty set.
     pub fn empty(nodes: Nodes) -> Self {
-        let words = row_words(nodes);
+        let words = row::words(nodes);
         Self { nodes, words, bits: vec![0; nodes.0[0] * nodes.0[1] * words] }
     }
 
     /// Bytes that any set of nodes of this grid takes.
     pub fn bytes(nodes: Nodes) -> u64 {
-        8 * (nodes.0[0] * nodes.0[1] * row_words(nodes)) as u64
+        8 * (nodes.0[0] * nodes.0[1] * row::words(nodes)) as u64
     }
 
     /// Every node.
     pub fn full(nodes: Nodes) -> Self {
         let mut mask = Self::empty(nodes);
         for row in mask.bits.chunks_exact_mut(mask.words) {
-            set_between(row, 0, nodes.0[2]);
+            row::set_between(row, 0, nodes.0[2]);
         }
         mask
     }
@@ -50,7 +50,7 @@ impl NodeMask {
     /// Adds a node.
     pub fn insert(&mut self, [x, y, z]: [usize; 3]) {
         let start = (x * self.nodes.0[1] + y) * self.words;
-        set(&mut self.bits[start..start + self.words], z);
+        row::set(&mut self.bits[start..start + self.words], z);
     }
 
     /// The set whose rows of plane `x` are what `fill(x, rows)` makes of empty ones.
@@ -92,7 +92,7 @@ impl NodeMask {
 
     /// Whether the node is in the set.
     pub fn contains(&self, [x, y, z]: [usize; 3]) -> bool {
-        get(self.row(x, y), z)
+        row::get(self.row(x, y), z)
     }
 
     /// Nodes in the set.
@@ -116,10 +116,10 @@ impl NodeMask {
             for y in 0..ny - 1 {
                 let row = &mut plane[y * self.words..][..self.words];
                 for (i, j) in [(x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1)] {
-                    or_into(row, self.row(i, j));
+                    row::or_into(row, self.row(i, j));
                 }
-                or_shifted_down(row);
-                clear_from(row, self.nodes.0[2] - 1);
+                row::or_shifted_down(row);
+                row::clear_from(row, self.nodes.0[2] - 1);
             }
         })
     }
@@ -131,10 +131,10 @@ impl NodeMask {
                 let row = &mut plane[y * self.words..][..self.words];
                 for i in x.saturating_sub(1)..=x {
                     for j in y.saturating_sub(1)..=y {
-                        or_into(row, self.row(i, j));
+                        row::or_into(row, self.row(i, j));
                     }
                 }
-                or_shifted_up(row);
+                row::or_shifted_up(row);
             }
         })
     }
@@ -164,11 +164,11 @@ impl NodeMask {
                 merged.fill(0);
                 for x in i * edge..nx.min((i + 1) * edge) {
                     for y in j * edge..ny.min((j + 1) * edge) {
-                        or_into(&mut merged, self.row(x, y));
+                        row::or_into(&mut merged, self.row(x, y));
                     }
                 }
                 for (k, block) in slab[j * counts[2]..][..counts[2]].iter_mut().enumerate() {
-                    *block = any_between(&merged, k * edge, nz.min((k + 1) * edge));
+                    *block = row::any_between(&merged, k * edge, nz.min((k + 1) * edge));
                 }
             }
             Ok(slab)
@@ -185,7 +185,7 @@ impl NodeMask {
             for (y, row) in plane.chunks_exact_mut(self.words).enumerate() {
                 let first = (x / edge * counts[1] + y / edge) * counts[2];
                 let kept = (0..counts[2]).filter(|k| blocks[first + k]);
-                kept.for_each(|k| set_between(row, k * edge, nz.min((k + 1) * edge)));
+                kept.for_each(|k| row::set_between(row, k * edge, nz.min((k + 1) * edge)));
             }
         })
     }
@@ -195,133 +195,6 @@ impl NodeMask {
             fill(x, plane);
             Ok(())
         })
-    }
-}
-
-/// Words of a row of this grid.
-pub fn row_words(nodes: Nodes) -> usize {
-    nodes.0[2].div_ceil(64)
-}
-
-/// Bit `z` of a row.
-pub fn get(row: &[u64], z: usize) -> bool {
-    row[z / 64] >> (z % 64) & 1 == 1
-}
-
-/// The bits of a row from `first` on, as many as there are flags.
-pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
-    let mut z = first;
-    let mut word = row.get(z / 64).map_or(0, |word| word >> (z % 64));
-    for flag in flags {
-        *flag = word & 1 == 1;
-        z += 1;
-        word = if z.is_multiple_of(64) { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
-    }
-}
-
-/// Sets bit `z` of a row.
-pub fn set(row: &mut [u64], z: usize) {
-    row[z / 64] |= 1 << (z % 64);
-}
-
-/// Sets bits `start..end` of a row.
-pub fn set_between(row: &mut [u64], start: usize, end: usize) {
-    for (i, word) in row.iter_mut().enumerate() {
-        *word |= word_between(i, start, end);
-    }
-}
-
-/// Adds the bits of `other`.
-pub fn or_into(row: &mut [u64], other: &[u64]) {
-    for (word, other) in row.iter_mut().zip(other) {
-        *word |= other;
-    }
-}
-
-/// Calls `visit(start, end)` for each run of set bits, lowest first.
-pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
-    let mut run: Option<(usize, usize)> = None;
-    for (i, &word) in row.iter().enumerate() {
-        let (mut rest, mut at) = (word, i * 64);
-        while rest != 0 {
-            let zeros = rest.trailing_zeros() as usize;
-            rest >>= zeros;
-            at += zeros;
-            let ones = rest.trailing_ones() as usize;
-            rest = rest.checked_shr(ones as u32).unwrap_or(0);
-            run = match run {
-                Some((start, end)) if end == at => Some((start, at + ones)),
-                Some((start, end)) => {
-                    visit(start, end);
-                    Some((at, at + ones))
-                }
-                None => Some((at, at + ones)),
-            };
-            at += ones;
-        }
-    }
-    if let Some((start, end)) = run {
-        visit(start, end);
-    }
-}
-
-/// Calls `visit(start, end)` for each run of set bits, lowest first; runs fewer than `gap` bits apart are one.
-pub fn for_each_span(row: &[u64], gap: usize, mut visit: impl FnMut(usize, usize)) {
-    let mut span: Option<(usize, usize)> = None;
-    for_each_run(row, |start, end| {
-        span = match span {
-            Some((first, last)) if start - last < gap => Some((first, end)),
-            Some((first, last)) => {
-                visit(first, last);
-                Some((start, end))
-            }
-            None => Some((start, end)),
-        };
-    });
-    if let Some((first, last)) = span {
-        visit(first, last);
-    }
-}
-
-/// First set bit and one past the last, if any is set.
-pub fn span(row: &[u64]) -> Option<(usize, usize)> {
-    let first = row.iter().position(|&word| word != 0)?;
-    let last = row.iter().rposition(|&word| word != 0)?;
-    let start = first * 64 + row[first].trailing_zeros() as usize;
-    Some((start, last * 64 + 64 - row[last].leading_zeros() as usize))
-}
-
-fn any_between(row: &[u64], start: usize, end: usize) -> bool {
-    row.iter().enumerate().any(|(i, word)| word & word_between(i, start, end) != 0)
-}
-
-/// The bits of word `i` that are numbered `start..end` in their row.
-fn word_between(i: usize, start: usize, end: usize) -> u64 {
-    let low = start.saturating_sub(i * 64).min(64);
-    let high = end.saturating_sub(i * 64).min(64);
-    let below = |count: usize| if count == 64 { u64::MAX } else { (1 << count) - 1 };
-    below(high) & !below(low)
-}
-
-/// `row |= row >> 1`: a bit joins the one below it.
-fn or_shifted_down(row: &mut [u64]) {
-    for i in 0..row.len() {
-        let carry = row.get(i + 1).map_or(0, |next| next << 63);
-        row[i] |= row[i] >> 1 | carry;
-    }
-}
-
-/// `row |= row << 1`: a bit joins the one above it.
-fn or_shifted_up(row: &mut [u64]) {
-    for i in (0..row.len()).rev() {
-        let carry = if i > 0 { row[i - 1] >> 63 } else { 0 };
-        row[i] |= row[i] << 1 | carry;
-    }
-}
-
-fn clear_from(row: &mut [u64], end: usize) {
-    for (i, word) in row.iter_mut().enumerate() {
-        *word &= word_between(i, 0, end);
     }
 }
 

@@ -4,7 +4,8 @@
 //! lie on the box's faces. Values are in C order, channel slowest and z fastest.
 
 mod element;
-pub mod mask;
+mod mask;
+pub mod row;
 mod size;
 
 pub use element::Element;

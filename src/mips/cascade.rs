@@ -20,7 +20,7 @@ use multiversion::multiversion;
 use super::lift::{Lift, Lifted, spare_plane};
 use super::regions::{Regions, Step};
 use crate::error::Result;
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 use crate::parallel;
 
 /// Output nodes that nobody needs, but fewer than these in a row are made too: stopping costs more.
@@ -74,7 +74,7 @@ impl Stage<'_> {
         let nz = z_taps.inputs();
         let mut sums = vec![0.0; nz];
         for (y, out) in out.chunks_exact_mut(z_taps.outputs()).enumerate() {
-            mask::for_each_span(self.outputs.row(x, y), GAP, |start, end| {
+            row::for_each_span(self.outputs.row(x, y), GAP, |start, end| {
                 let (low, high) = z_taps.reach(start, end);
                 let sums = &mut sums[low..high];
                 let row = |plane: usize| {
@@ -95,7 +95,7 @@ impl Stage<'_> {
         let mut sums = vec![0.0; nz];
         for (y, wanted) in wanted.chunks_exact(words).enumerate() {
             let (first, weights) = y_taps.window(y);
-            mask::for_each_span(wanted, GAP, |start, end| {
+            row::for_each_span(wanted, GAP, |start, end| {
                 let (low, high) = z_taps.reach(start, end);
                 let sums = &mut sums[low..high];
                 let row = |row: usize| &plane[(first + row) * nz + low..(first + row) * nz + high];

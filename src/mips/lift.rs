@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::{Matter, Visibility};
 use crate::error::Result;
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 use crate::parallel;
 
 /// What goes up from level 0 to coarser levels.
@@ -156,7 +156,7 @@ impl<'a> Lifted<'a> {
 fn for_each_span(region: &NodeMask, x: usize, mut visit: impl FnMut(Range<usize>)) {
     let [_, ny, nz] = region.nodes().0;
     for y in 0..ny {
-        mask::for_each_span(region.row(x, y), GAP, |start, end| {
+        row::for_each_span(region.row(x, y), GAP, |start, end| {
             visit(y * nz + start..y * nz + end);
         });
     }

@@ -17,7 +17,7 @@ use super::lift::spare_plane;
 use crate::activate::lanes;
 use crate::error::Result;
 use crate::field::Activation;
-use crate::grid::{NodeMask, Nodes, mask};
+use crate::grid::{NodeMask, Nodes, row};
 use crate::parallel;
 
 use multiversion::multiversion;
@@ -239,7 +239,7 @@ impl<'a> Settler<'a> {
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
-            mask::for_each_span(self.needed.row(x, y), GAP, |start, end| {
+            row::for_each_span(self.needed.row(x, y), GAP, |start, end| {
                 let span = y * nz + start..y * nz + end;
                 // Of a channel, each node's own value and a little of those around it.
                 let mut total = |channel: usize, totals: &mut [f64]| {

@@ -3,7 +3,7 @@
 use super::Kernel;
 use super::taps::AxisTaps;
 use crate::error::Result;
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 use crate::parallel;
 
 /// The nodes of each level that must come out right.
@@ -32,7 +32,7 @@ impl Step {
             merged.fill(0);
             let (start, end) = y_taps.readers(y);
             for wanted in wanted[start * words..end * words].chunks_exact(words) {
-                mask::or_into(&mut merged, wanted);
+                row::or_into(&mut merged, wanted);
             }
             z_taps.spread(&merged, row);
         }
@@ -43,7 +43,7 @@ impl Step {
         let mut wanted = vec![0; outputs.plane(0).len()];
         let (start, end) = self.axes[0].readers(x);
         for output in start..end {
-            mask::or_into(&mut wanted, outputs.plane(output));
+            row::or_into(&mut wanted, outputs.plane(output));
         }
         wanted
     }

@@ -5,7 +5,7 @@
 //! is `P[i] = sum_j w[j] * V[mirror(i + j)]`. Both together reach `radius` nodes to either side, and
 //! what the mirror folds back lies in the same reach, so each output node has one window.
 
-use crate::grid::mask;
+use crate::grid::row;
 
 /// Weights of one axis. Every window is equally long; where fewer nodes count, weights are zero.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,9 +103,9 @@ impl AxisTaps {
 
     /// Adds to `inputs` every input node that a set output node reads; rows of bits.
     pub fn spread(&self, outputs: &[u64], inputs: &mut [u64]) {
-        mask::for_each_run(outputs, |start, end| {
+        row::for_each_run(outputs, |start, end| {
             let (start, end) = self.reach(start, end);
-            mask::set_between(inputs, start, end);
+            row::set_between(inputs, start, end);
         });
     }
 }

@@ -8,7 +8,7 @@
 use crate::activate;
 use crate::error::Result;
 use crate::field::{FreeSpace, Lookup, Planes};
-use crate::grid::{Bounds, NodeMask, Nodes, mask};
+use crate::grid::{Bounds, NodeMask, Nodes, row};
 use crate::parallel;
 
 /// Positions that fall within this of a border between mask nodes count for both sides.
@@ -57,7 +57,7 @@ pub fn masked_share(
             planes.read(0, x + i, corners.plane(x + i), plane)?;
         }
         for y in 0..ny - 1 {
-            mask::for_each_run(partial.row(x, y), |start, end| {
+            row::for_each_run(partial.row(x, y), |start, end| {
                 for z in start..end {
                     let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
                     for at in probes() {
@@ -85,24 +85,24 @@ pub(super) fn gather(
     nodes: Nodes,
     ranges: &[Vec<(usize, usize)>; 3],
 ) -> Result<NodeMask> {
-    let words = mask::row_words(nodes);
+    let words = row::words(nodes);
     let [x_ranges, y_ranges, z_ranges] = ranges;
     NodeMask::of_planes(nodes, |x, plane| {
         let Some(&(start, end)) = x_ranges.get(x) else { return Ok(()) };
         let mut merged = vec![0; from.nodes().0[1] * from.row_words()];
         for x in start..end {
-            mask::or_into(&mut merged, from.plane(x));
+            row::or_into(&mut merged, from.plane(x));
         }
         let mut row = vec![0; from.row_words()];
         for (y, &(start, end)) in y_ranges.iter().enumerate() {
             row.fill(0);
             for other in merged[start * row.len()..end * row.len()].chunks_exact(row.len()) {
-                mask::or_into(&mut row, other);
+                row::or_into(&mut row, other);
             }
             let out = &mut plane[y * words..][..words];
             for (z, &(start, end)) in z_ranges.iter().enumerate() {
-                if (start..end).any(|z| mask::get(&row, z)) {
-                    mask::set(out, z);
+                if (start..end).any(|z| row::get(&row, z)) {
+                    row::set(out, z);
                 }
             }
         }
@@ -118,11 +118,11 @@ fn inside_nodes(free_space: &FreeSpace) -> Result<NodeMask> {
         Lookup::Trilinear { values, threshold } => values[i] >= *threshold,
     };
     let [_, ny, nz] = nodes.0;
-    let words = mask::row_words(nodes);
+    let words = row::words(nodes);
     NodeMask::of_planes(nodes, |x, plane| {
         for (y, row) in plane.chunks_exact_mut(words).enumerate() {
             for z in (0..nz).filter(|z| inside((x * ny + y) * nz + z)) {
-                mask::set(row, z);
+                row::set(row, z);
             }
         }
         Ok(())

@@ -9,7 +9,7 @@ use super::run::{Frame, FrameShape};
 use super::wide::Code;
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::field::Activation;
-use crate::grid::{NodeMask, mask};
+use crate::grid::{NodeMask, row};
 use crate::mips::Slab;
 
 /// Where a block's values are.
@@ -60,7 +60,7 @@ impl<'a> BlockSource<'a> {
         let mut needed = vec![false; edge.pow(3)];
         let [_, _, zs] = self.span(edge);
         for (x, y, at) in self.places(edge) {
-            mask::unpack(self.needed.row(x, y), zs.start, &mut needed[at..at + zs.len()]);
+            row::unpack(self.needed.row(x, y), zs.start, &mut needed[at..at + zs.len()]);
         }
         needed.into()
     }

@@ -1,0 +1,130 @@
+//! Rows of bits, one for each node along z, in words of 64: the lowest bit first, none set beyond the end.
+
+use super::Nodes;
+
+/// Words of a row of this grid.
+pub fn words(nodes: Nodes) -> usize {
+    nodes.0[2].div_ceil(64)
+}
+
+/// Bit `z` of a row.
+pub fn get(row: &[u64], z: usize) -> bool {
+    row[z / 64] >> (z % 64) & 1 == 1
+}
+
+/// The bits of a row from `first` on, as many as there are flags.
+pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
+    let mut z = first;
+    let mut word = row.get(z / 64).map_or(0, |word| word >> (z % 64));
+    for flag in flags {
+        *flag = word & 1 == 1;
+        z += 1;
+        word = if z.is_multiple_of(64) { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
+    }
+}
+
+/// Sets bit `z` of a row.
+pub fn set(row: &mut [u64], z: usize) {
+    row[z / 64] |= 1 << (z % 64);
+}
+
+/// Sets bits `start..end` of a row.
+pub fn set_between(row: &mut [u64], start: usize, end: usize) {
+    for (i, word) in row.iter_mut().enumerate() {
+        *word |= word_between(i, start, end);
+    }
+}
+
+/// Adds the bits of `other`.
+pub fn or_into(row: &mut [u64], other: &[u64]) {
+    for (word, other) in row.iter_mut().zip(other) {
+        *word |= other;
+    }
+}
+
+/// Calls `visit(start, end)` for each run of set bits, lowest first.
+pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
+    let mut run: Option<(usize, usize)> = None;
+    for (i, &word) in row.iter().enumerate() {
+        let (mut rest, mut at) = (word, i * 64);
+        while rest != 0 {
+            let zeros = rest.trailing_zeros() as usize;
+            rest >>= zeros;
+            at += zeros;
+            let ones = rest.trailing_ones() as usize;
+            rest = rest.checked_shr(ones as u32).unwrap_or(0);
+            run = match run {
+                Some((start, end)) if end == at => Some((start, at + ones)),
+                Some((start, end)) => {
+                    visit(start, end);
+                    Some((at, at + ones))
+                }
+                None => Some((at, at + ones)),
+            };
+            at += ones;
+        }
+    }
+    if let Some((start, end)) = run {
+        visit(start, end);
+    }
+}
+
+/// Calls `visit(start, end)` for each run of set bits, lowest first; runs fewer than `gap` bits apart are one.
+pub fn for_each_span(row: &[u64], gap: usize, mut visit: impl FnMut(usize, usize)) {
+    let mut span: Option<(usize, usize)> = None;
+    for_each_run(row, |start, end| {
+        span = match span {
+            Some((first, last)) if start - last < gap => Some((first, end)),
+            Some((first, last)) => {
+                visit(first, last);
+                Some((start, end))
+            }
+            None => Some((start, end)),
+        };
+    });
+    if let Some((first, last)) = span {
+        visit(first, last);
+    }
+}
+
+/// First set bit and one past the last, if any is set.
+pub fn span(row: &[u64]) -> Option<(usize, usize)> {
+    let first = row.iter().position(|&word| word != 0)?;
+    let last = row.iter().rposition(|&word| word != 0)?;
+    let start = first * 64 + row[first].trailing_zeros() as usize;
+    Some((start, last * 64 + 64 - row[last].leading_zeros() as usize))
+}
+
+pub(super) fn any_between(row: &[u64], start: usize, end: usize) -> bool {
+    row.iter().enumerate().any(|(i, word)| word & word_between(i, start, end) != 0)
+}
+
+/// The bits of word `i` that are numbered `start..end` in their row.
+fn word_between(i: usize, start: usize, end: usize) -> u64 {
+    let low = start.saturating_sub(i * 64).min(64);
+    let high = end.saturating_sub(i * 64).min(64);
+    let below = |count: usize| if count == 64 { u64::MAX } else { (1 << count) - 1 };
+    below(high) & !below(low)
+}
+
+/// `row |= row >> 1`: a bit joins the one below it.
+pub(super) fn or_shifted_down(row: &mut [u64]) {
+    for i in 0..row.len() {
+        let carry = row.get(i + 1).map_or(0, |next| next << 63);
+        row[i] |= row[i] >> 1 | carry;
+    }
+}
+
+/// `row |= row << 1`: a bit joins the one above it.
+pub(super) fn or_shifted_up(row: &mut [u64]) {
+    for i in (0..row.len()).rev() {
+        let carry = if i > 0 { row[i - 1] >> 63 } else { 0 };
+        row[i] |= row[i] << 1 | carry;
+    }
+}
+
+pub(super) fn clear_from(row: &mut [u64], end: usize) {
+    for (i, word) in row.iter_mut().enumerate() {
+        *word &= word_between(i, 0, end);
+    }
+}
