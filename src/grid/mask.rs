@@ -211,7 +211,7 @@ mod tests {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                     if state >> 59 == 0 {
                         let at = (x * nodes.0[1] + y) * mask.words;
-                        set(&mut mask.bits[at..][..mask.words], z);
+                        row::set(&mut mask.bits[at..][..mask.words], z);
                     }
                 }
             }
@@ -267,14 +267,14 @@ mod tests {
             for y in 0..9 {
                 let mut rebuilt = vec![0; mask.row_words()];
                 let (mut last, mut first) = (None, None);
-                for_each_run(mask.row(x, y), |start, end| {
+                row::for_each_run(mask.row(x, y), |start, end| {
                     assert!(last.is_none_or(|last| last < start) && start < end);
-                    set_between(&mut rebuilt, start, end);
+                    row::set_between(&mut rebuilt, start, end);
                     first = first.or(Some(start));
                     last = Some(end);
                 });
                 assert_eq!(rebuilt, mask.row(x, y));
-                assert_eq!(span(mask.row(x, y)), first.zip(last));
+                assert_eq!(row::span(mask.row(x, y)), first.zip(last));
             }
         }
     }
