@@ -275,6 +275,13 @@ mod tests {
                 });
                 assert_eq!(rebuilt, mask.row(x, y));
                 assert_eq!(row::span(mask.row(x, y)), first.zip(last));
+                for start in [0, 1, 63, 64, nodes.0[2] - 1] {
+                    let mut flags = vec![false; nodes.0[2].saturating_sub(start)];
+                    row::unpack(mask.row(x, y), start, &mut flags);
+                    for (z, flag) in (start..).zip(flags) {
+                        assert_eq!(flag, row::get(mask.row(x, y), z), "{start} {z}");
+                    }
+                }
             }
         }
     }
