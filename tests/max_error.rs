@@ -2,10 +2,12 @@
 
 mod common;
 
-use common::{Random, baked_bytes, field, open_bytes, plain, random_field, unpack, volume_values};
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, MaxErrors, rebake};
+use common::{
+    Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack, volume_values,
+};
+use mipvog_bake::bake::{BakeOptions, Changes, Filter, MaxErrors};
 use mipvog_bake::baked::{Decode, Encoding, Group};
-use mipvog_bake::bytes::{Output, Storage};
+use mipvog_bake::bytes::Storage;
 use mipvog_bake::error::{ErrorKind, Place};
 use mipvog_bake::field::{Activation, Nonfinite, RadianceField};
 use mipvog_bake::grid::NodeMask;
@@ -182,15 +184,6 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
 fn unpacked(bytes: &[u8]) -> (Unpacked, common::Unpacked) {
     let file = unpack(&open_bytes(bytes).expect("valid")).expect("unpacks");
     (Unpacked::open(file.file(), &Limits::default()).expect("an input"), file)
-}
-
-fn packed(input: &Unpacked, changes: &Changes) -> mipvog_bake::error::Result<Vec<u8>> {
-    let folder = common::folder();
-    let path = folder.path().join("again.mipvog");
-    let mut output = Output::create(&path, false)?;
-    rebake(input, changes, &mut output, &Silent)?;
-    output.finish()?;
-    Ok(std::fs::read(path).expect("the container"))
 }
 
 #[test]

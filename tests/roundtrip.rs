@@ -3,18 +3,17 @@
 mod common;
 
 use common::{
-    Random, baked_bytes, field, fixture, masked, open_bytes, plain, random_field, trained, unpack,
+    Random, baked_bytes, field, fixture, masked, open_bytes, packed, plain, random_field, trained,
+    unpack,
 };
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, LevelRule, rebake};
+use mipvog_bake::bake::{BakeOptions, Changes, Filter, LevelRule};
 use mipvog_bake::baked::{Aside, Group, LevelOfDetail};
-use mipvog_bake::bytes::Output;
 use mipvog_bake::container::Container;
 use mipvog_bake::error::ErrorKind;
 use mipvog_bake::field::{FreeSpace, Lookup, Nonfinite};
 use mipvog_bake::grid::Nodes;
 use mipvog_bake::limits::Limits;
 use mipvog_bake::parallel;
-use mipvog_bake::progress::Silent;
 use mipvog_bake::quantize::Bits;
 use mipvog_bake::unpack::Unpacked;
 
@@ -22,12 +21,7 @@ use mipvog_bake::unpack::Unpacked;
 fn repacked(bytes: &[u8], changes: &Changes) -> Vec<u8> {
     let unpacked = unpack(&open_bytes(bytes).expect("valid")).expect("unpacks");
     let input = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
-    let folder = common::folder();
-    let path = folder.path().join("again.mipvog");
-    let mut output = Output::create(&path, false).expect("a fresh file");
-    rebake(&input, changes, &mut output, &Silent).expect("packs");
-    output.finish().expect("renamed");
-    std::fs::read(path).expect("the container")
+    packed(&input, changes).expect("packs")
 }
 
 /// A mask that is inside for x below the middle of the box, of its own size and box.

@@ -142,10 +142,7 @@ impl<'a> LevelEncoder<'a> {
     pub fn max_errors(&self) -> [Option<f32>; 3] {
         let mut errors = [None; 3];
         for group in &self.groups {
-            let bound = group.encoder.encoding().max_error;
-            // Rounded up.
-            let moved = ((f64::from(bound) + group.moved) * (1.0 + 1e-6)) as f32;
-            errors[group.group as usize] = Some(if group.moved > 0.0 { moved } else { bound });
+            errors[group.group as usize] = Some(group.encoder.encoding().error_after(group.moved));
         }
         errors
     }

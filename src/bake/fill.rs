@@ -71,11 +71,7 @@ pub fn fill_levels(
                 let Some(codes) = own.atlases[group as usize].take() else { continue };
                 let shape = shape(encoding, group, features, table.grid().edge);
                 let stored = only_stored(&codes, &table, shape);
-                if moved > 0.0 {
-                    // Rounded up.
-                    encoding.max_error =
-                        ((f64::from(encoding.max_error) + moved) * (1.0 + 1e-6)) as f32;
-                }
+                encoding.max_error = encoding.error_after(moved);
                 if table.filled() > 0 {
                     encoded[number].atlases[group as usize] = Some(atlas(shape, &stored, options)?);
                 }

@@ -36,6 +36,14 @@ impl MaxErrors {
         others.iter().all(|&other| other == density).then_some(density)
     }
 
+    /// One number or three, each as `shown`.
+    fn text(&self, shown: impl Fn(f32) -> String) -> String {
+        match self.common() {
+            Some(error) => shown(error),
+            None => self.of_groups.map(shown).join(":"),
+        }
+    }
+
     /// Refuses errors that nobody can ask for.
     pub fn check(&self) -> Result<()> {
         match self.of_groups.iter().all(|error| RANGE.contains(error)) {
@@ -76,21 +84,13 @@ impl FromStr for MaxErrors {
 
 impl fmt::Display for MaxErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [density, diffuse, features] = self.of_groups;
-        match self.common() {
-            Some(error) => write!(f, "{error}"),
-            None => write!(f, "{density}:{diffuse}:{features}"),
-        }
+        f.write_str(&self.text(|error| error.to_string()))
     }
 }
 
 impl fmt::LowerExp for MaxErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [density, diffuse, features] = self.of_groups;
-        match self.common() {
-            Some(error) => write!(f, "{error:e}"),
-            None => write!(f, "{density:e}:{diffuse:e}:{features:e}"),
-        }
+        f.write_str(&self.text(|error| format!("{error:e}")))
     }
 }
 

@@ -162,6 +162,15 @@ impl Encoding {
         (1 << self.bits) - 1
     }
 
+    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded up.
+    pub fn error_after(&self, moved: f64) -> f32 {
+        if moved > 0.0 {
+            ((f64::from(self.max_error) + moved) * (1.0 + 1e-6)) as f32
+        } else {
+            self.max_error
+        }
+    }
+
     /// The codes that may be: those that `bits` can hold, those of finite floats.
     pub fn codes(&self) -> RangeInclusive<u32> {
         match self.number {

@@ -88,9 +88,8 @@ impl Light<'_> {
                 }
                 std::mem::swap(light, &mut next);
             }
-            for (dy, dz) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                let steps = [true, dy != 0, dz != 0];
-                self.passing(self.plane(x), steps, &mut passing[kind(dy, dz)]);
+            for (kind, passing) in passing.iter_mut().enumerate() {
+                self.passing(self.plane(x), [true, kind & 2 > 0, kind & 1 > 0], passing);
             }
         }
         sums
@@ -140,17 +139,17 @@ fn kind(dy: isize, dz: isize) -> usize {
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn step(dz: isize, light: &[f32], passing: &[f32], next: &mut [f32]) {
     let last = light.len() - 1;
-    let (from, to) = match dz {
-        0 => (0..last + 1, 0),
-        1 => (0..last, 1),
-        _ => (1..last + 1, 0),
+    let (from, next) = match dz {
+        0 => (0..last + 1, next),
+        1 => {
+            next[0] = 1.0;
+            (0..last, &mut next[1..])
+        }
+        _ => {
+            next[last] = 1.0;
+            (1..last + 1, &mut next[..last])
+        }
     };
-    match dz {
-        0 => {}
-        1 => next[0] = 1.0,
-        _ => next[last] = 1.0,
-    }
-    let next = &mut next[to..to + from.len()];
     for ((next, light), passing) in next.iter_mut().zip(&light[from.clone()]).zip(&passing[from]) {
         *next = behind(*light, *passing);
     }

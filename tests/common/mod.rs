@@ -17,7 +17,7 @@ pub mod stress_scalar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mipvog_bake::bake::{BakeOptions, Origin, bake};
+use mipvog_bake::bake::{BakeOptions, Changes, Origin, bake, rebake};
 use mipvog_bake::baked::Group;
 use mipvog_bake::bytes::{Output, SourceFile, Storage};
 use mipvog_bake::container::Container;
@@ -190,6 +190,16 @@ pub fn unpack(container: &Container) -> Result<Unpacked> {
     write_tensors(container, &[], &mut output, &Silent)?;
     output.finish()?;
     Ok(Unpacked { file: tensor::open(&path, &Limits::default())?, _folder: folder })
+}
+
+/// Bakes an unpacked container again.
+pub fn packed(input: &mipvog_bake::unpack::Unpacked, changes: &Changes) -> Result<Vec<u8>> {
+    let folder = folder();
+    let path = folder.path().join("again.mipvog");
+    let mut output = Output::create(&path, false)?;
+    rebake(input, changes, &mut output, &Silent)?;
+    output.finish()?;
+    Ok(std::fs::read(path).expect("the container"))
 }
 
 impl Unpacked {
