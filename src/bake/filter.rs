@@ -68,7 +68,7 @@ impl Filter {
             Self::Coverage => (1.0, Settled::Opacity),
             Self::Code | Self::Paper | Self::Kernel(_) => return None,
         };
-        Some(Matter { activation: *activation, reach, settled })
+        Some(Matter::new(*activation, reach, settled))
     }
 
     /// How two levels are mixed, and how far apart samples of coarser levels are.

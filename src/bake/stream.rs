@@ -56,7 +56,7 @@ impl Stream<'_> {
                 false => pruned.needed.clone(),
             });
         }
-        let regions = Regions::new(needed, options.filter.kernel())?;
+        let regions = Regions::new(needed, pruned.matter.as_ref(), options.filter.kernel())?;
         let channels = planes.channels();
         let seen = matter.zip(pruned.visibility.as_ref());
         let lift = Lift::of_levels(seen, options.filter.filters_density(), channels);

@@ -141,16 +141,12 @@ impl NodeMask {
 
     /// What is in both sets.
     pub fn intersect(&mut self, other: &Self) {
-        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
-            *word &= other;
-        }
+        row::and_into(&mut self.bits, &other.bits);
     }
 
     /// What is in either set.
     pub fn unite(&mut self, other: &Self) {
-        for (word, other) in self.bits.iter_mut().zip(&other.bits) {
-            *word |= other;
-        }
+        row::or_into(&mut self.bits, &other.bits);
     }
 
     /// Whether each block, in the order of their numbers, holds a node of the set.
@@ -275,6 +271,16 @@ mod tests {
                 });
                 assert_eq!(rebuilt, mask.row(x, y));
                 assert_eq!(row::span(mask.row(x, y)), first.zip(last));
+                let mut unset = vec![0; mask.row_words()];
+                row::for_each_gap(mask.row(x, y), nodes.0[2], |start, end| {
+                    assert!(start < end);
+                    row::set_between(&mut unset, start, end);
+                });
+                assert_eq!(unset, mask.complement().row(x, y));
+                let values: Vec<f32> =
+                    (0..nodes.0[2]).map(|z| f32::from(row::get(mask.row(x, y), z))).collect();
+                row::pack_above(&values, 0.5, &mut rebuilt);
+                assert_eq!(rebuilt, mask.row(x, y));
                 for start in [0, 1, 63, 64, nodes.0[2] - 1] {
                     let mut flags = vec![false; nodes.0[2].saturating_sub(start)];
                     row::unpack(mask.row(x, y), start, &mut flags);

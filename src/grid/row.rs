@@ -1,5 +1,7 @@
 //! Rows of bits, one for each node along z, in words of 64: the lowest bit first, none set beyond the end.
 
+use multiversion::multiversion;
+
 use super::Nodes;
 
 /// Words of a row of this grid.
@@ -23,6 +25,22 @@ pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
     }
 }
 
+/// Sets the bits of values that are above a threshold, and clears the others.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn pack_above(values: &[f32], threshold: f32, row: &mut [u64]) {
+    // Brings the lowest bits of eight bytes together.
+    const TOGETHER: u64 = 0x0102_0408_1020_4080;
+    for (values, word) in values.chunks(64).zip(row) {
+        let mut flags = [0; 64];
+        for (flag, &value) in flags.iter_mut().zip(values) {
+            *flag = u8::from(value > threshold);
+        }
+        let bytes = flags.as_chunks::<8>().0.iter().map(|&eight| u64::from_le_bytes(eight));
+        let bits = bytes.map(|eight| eight.wrapping_mul(TOGETHER) >> 56).enumerate();
+        *word = bits.fold(0, |word, (byte, bits)| word | bits << (8 * byte));
+    }
+}
+
 /// Sets bit `z` of a row.
 pub fn set(row: &mut [u64], z: usize) {
     row[z / 64] |= 1 << (z % 64);
@@ -39,6 +57,13 @@ pub fn set_between(row: &mut [u64], start: usize, end: usize) {
 pub fn or_into(row: &mut [u64], other: &[u64]) {
     for (word, other) in row.iter_mut().zip(other) {
         *word |= other;
+    }
+}
+
+/// Drops the bits that `other` does not have.
+pub fn and_into(row: &mut [u64], other: &[u64]) {
+    for (word, other) in row.iter_mut().zip(other) {
+        *word &= other;
     }
 }
 
@@ -69,12 +94,31 @@ pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
     }
 }
 
-/// Calls `visit(start, end)` for each run of set bits, lowest first; runs fewer than `gap` bits apart are one.
-pub fn for_each_span(row: &[u64], gap: usize, mut visit: impl FnMut(usize, usize)) {
+/// Calls `visit(start, end)` for each run of the first `count` bits that are not set, lowest first.
+pub fn for_each_gap(row: &[u64], count: usize, mut visit: impl FnMut(usize, usize)) {
+    let mut end_of_last = 0;
+    for_each_run(row, |start, end| {
+        if start > end_of_last {
+            visit(end_of_last, start);
+        }
+        end_of_last = end;
+    });
+    if end_of_last < count {
+        visit(end_of_last, count);
+    }
+}
+
+/// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them may be made of.
+const LANES: usize = 16;
+
+/// Calls `visit(start, end)` with ranges of the first `count` bits, lowest first, that cover all set ones. Few are short:
+/// runs fewer than `gap` bits apart are one, and ends are where vectors end.
+pub fn for_each_span(row: &[u64], count: usize, gap: usize, mut visit: impl FnMut(usize, usize)) {
     let mut span: Option<(usize, usize)> = None;
     for_each_run(row, |start, end| {
+        let (start, end) = (start / LANES * LANES, end.next_multiple_of(LANES).min(count));
         span = match span {
-            Some((first, last)) if start - last < gap => Some((first, end)),
+            Some((first, last)) if start < last + gap => Some((first, end)),
             Some((first, last)) => {
                 visit(first, last);
                 Some((start, end))

@@ -8,23 +8,20 @@
 //! level is ever whole in memory.
 //!
 //! Only some nodes matter. [`Regions`] says which nodes of each level must come out right; what
-//! lies outside is skipped row by row and span by span, and the slabs hold stale numbers there.
+//! lies outside is skipped row by row and span by span. There level 0 holds stale numbers, but goes up as 0
+//! where it is lifted, and coarser levels hold 0.
 //!
 //! Sums run in f64 and are rounded to f32 twice a level (after y, after x and z). A constant
 //! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
 
 use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
 
-use multiversion::multiversion;
-
-use super::lift::{Lift, Lifted, spare_plane};
-use super::regions::{Regions, Step};
+use super::lift::Lift;
+use super::regions::Regions;
+use super::stage::Stage;
 use crate::error::Result;
-use crate::grid::{NodeMask, row};
 use crate::parallel;
-
-/// Output nodes that nobody needs, but fewer than these in a row are made too: stopping costs more.
-const GAP: usize = 16;
 
 /// Consecutive x planes of a level, all channels.
 #[derive(Debug)]
@@ -46,63 +43,6 @@ impl Slab {
     /// One channel of one plane, counted from the slab's first.
     pub fn plane(&self, index: usize, channel: usize) -> &[f32] {
         &self.planes[index * self.channels + channel]
-    }
-}
-
-/// Planes on their way up from one level to the next.
-struct Stage<'a> {
-    step: &'a Step,
-    outputs: &'a NodeMask,
-    /// Number of the first plane in `ring`.
-    ring_first: usize,
-    /// Planes filtered along y, `[plane][channel]`.
-    ring: VecDeque<Vec<Vec<f32>>>,
-    /// Output planes already made.
-    made: usize,
-}
-
-impl Stage<'_> {
-    /// Planes that have come so far.
-    fn fed(&self) -> usize {
-        self.ring_first + self.ring.len()
-    }
-
-    /// Sums the ring along x, and then along z, into output plane `x` of one channel.
-    fn sum_planes(&self, x: usize, channel: usize, out: &mut [f32]) {
-        let [x_taps, _, z_taps] = &self.step.axes;
-        let (first, weights) = x_taps.window(x);
-        let nz = z_taps.inputs();
-        let mut sums = vec![0.0; nz];
-        for (y, out) in out.chunks_exact_mut(z_taps.outputs()).enumerate() {
-            row::for_each_span(self.outputs.row(x, y), GAP, |start, end| {
-                let (low, high) = z_taps.reach(start, end);
-                let sums = &mut sums[low..high];
-                let row = |plane: usize| {
-                    let ring = &self.ring[first + plane - self.ring_first][channel];
-                    &ring[y * nz + low..y * nz + high]
-                };
-                sum_rows(weights, row, sums);
-                z_taps.apply(sums, low, start, &mut out[start..end]);
-            });
-        }
-    }
-
-    /// Filters one channel of a plane of the finer level along y, where output planes read it.
-    fn filter_plane(&self, wanted: &[u64], plane: &[f32], out: &mut [f32]) {
-        let [_, y_taps, z_taps] = &self.step.axes;
-        let nz = z_taps.inputs();
-        let words = self.outputs.row_words();
-        let mut sums = vec![0.0; nz];
-        for (y, wanted) in wanted.chunks_exact(words).enumerate() {
-            let (first, weights) = y_taps.window(y);
-            row::for_each_span(wanted, GAP, |start, end| {
-                let (low, high) = z_taps.reach(start, end);
-                let sums = &mut sums[low..high];
-                let row = |row: usize| &plane[(first + row) * nz + low..(first + row) * nz + high];
-                sum_rows(weights, row, sums);
-                round_to_f32(sums, &mut out[y * nz + low..y * nz + high]);
-            });
-        }
     }
 }
 
@@ -229,7 +169,8 @@ impl<'a> Cascade<'a> {
         }
     }
 
-    /// Makes planes `start..end` of a level, and what they give to the next level's ring.
+    /// Makes planes `start..end` of a level, and what they give to the next level's ring: each plane while it is
+    /// still in a processor's cache.
     fn make(
         &mut self,
         level: usize,
@@ -239,86 +180,92 @@ impl<'a> Cascade<'a> {
     ) -> Result<()> {
         let [_, ny, nz] = self.regions.levels[level].nodes().0;
         let channels = self.slabs[level].channels;
-        let count = (end - start) * channels;
+        let lift = if level == 0 { &self.lift } else { &Lift::Raw(0..channels) };
+        let (count, up) = (end - start, lift.count(channels));
         let mut planes: Vec<_> =
-            (0..count).map(|_| spare_plane(&mut self.spare, ny * nz)).collect();
+            (0..count * channels).map(|_| spare_plane(&mut self.spare, ny * nz)).collect();
         let stages = &self.stages;
-        parallel::map_mut(&mut planes, |i, plane| {
-            fill(stages, start + i / channels, i % channels, plane)
-        })?;
-        self.feed(level, start, &planes)?;
+        let fill = |i: usize, channel, plane: &mut [f32]| fill(stages, start + i, channel, plane);
+        let Some(stage) = stages.get(level) else {
+            parallel::map_mut(&mut planes, |i, plane| fill(i / channels, i % channels, plane))?;
+            self.slabs[level].planes.append(&mut planes);
+            return Ok(());
+        };
+        let coarse_y = stage.outputs.nodes().0[1];
+        let mut risen: Vec<_> =
+            (0..count * up).map(|_| spare_plane(&mut self.spare, coarse_y * nz)).collect();
+        let wanted =
+            parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
+        let rise = |i: usize, plane: &[f32], risen: &mut [f32]| {
+            stage.filter_plane(&wanted[i], plane, risen);
+        };
+        if let Lift::Raw(range) = lift {
+            let mut risen = risen.iter_mut();
+            let with_risen = |(i, plane)| {
+                let rises = range.contains(&(i % channels));
+                (plane, rises.then(|| risen.next()).flatten())
+            };
+            let mut work: Vec<_> = planes.iter_mut().enumerate().map(with_risen).collect();
+            parallel::map_mut(&mut work, |task, (plane, risen)| {
+                let i = task / channels;
+                fill(i, task % channels, plane)?;
+                if let Some(risen) = risen {
+                    rise(i, plane, risen);
+                }
+                Ok(())
+            })?;
+        } else {
+            let region = &self.regions.levels[0];
+            let kinds = lift.weights();
+            let mut weights: Vec<_> =
+                (0..count * kinds).map(|_| spare_plane(&mut self.spare, ny * nz)).collect();
+            let used = self.spare.extract_if(.., |plane| plane.len() == ny * nz);
+            let scratch: Mutex<Vec<Vec<f32>>> = Mutex::new(used.collect());
+            let mut densities = Vec::with_capacity(count);
+            let mut colors = Vec::with_capacity(count * channels);
+            let of_plane = planes.chunks_exact_mut(channels).zip(risen.chunks_exact_mut(up));
+            for ((planes, risen), weights) in of_plane.zip(weights.chunks_exact_mut(kinds)) {
+                let (density, others) = planes.split_at_mut(1);
+                let (of_weights, of_others) = risen.split_at_mut(kinds);
+                densities.push((&mut density[0], weights, of_weights));
+                colors.extend(others.iter_mut().zip(of_others));
+            }
+            parallel::map_mut(&mut densities, |i, (density, weights, risen)| {
+                fill(i, 0, density)?;
+                lift.weigh(region, start + i, density, weights);
+                for (weights, risen) in weights.iter().zip(risen.iter_mut()) {
+                    rise(i, weights, risen);
+                }
+                Ok(())
+            })?;
+            parallel::map_mut(&mut colors, |task, (color, risen)| {
+                let (i, channel) = (task / (channels - 1), 1 + task % (channels - 1));
+                fill(i, channel, color)?;
+                let scratch = || scratch.lock().unwrap_or_else(PoisonError::into_inner);
+                let used = scratch().pop();
+                let mut weighted = used.unwrap_or_else(|| vec![0.0; ny * nz]);
+                let seen = &weights[i * kinds + kinds - 1];
+                lift.lift_color(region, start + i, color, seen, &mut weighted);
+                rise(i, &weighted, risen);
+                scratch().push(weighted);
+                Ok(())
+            })?;
+            self.spare.extend(scratch.into_inner().unwrap_or_else(PoisonError::into_inner));
+            self.spare.append(&mut weights);
+        }
+        if let Some(stage) = self.stages.get_mut(level) {
+            let mut risen = risen.into_iter();
+            stage.ring.extend((0..count).map(|_| risen.by_ref().take(up).collect()));
+        }
         self.slabs[level].planes.append(&mut planes);
         Ok(())
     }
-
-    /// Filters planes of a level, from plane `start` on, along y into the next level's ring.
-    fn feed(&mut self, level: usize, start: usize, planes: &[Vec<f32>]) -> Result<()> {
-        let Some(stage) = self.stages.get(level) else { return Ok(()) };
-        let [_, _, nz] = self.regions.levels[level].nodes().0;
-        let channels = self.slabs[level].channels;
-        let count = planes.len() / channels;
-        let wanted =
-            parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
-        let lifted = match level {
-            0 => {
-                let region = &self.regions.levels[0];
-                Lifted::new(&self.lift, region, start, planes, channels, &mut self.spare)?
-            }
-            _ => Lifted::AsTheyAre(0..channels),
-        };
-        let stage = &self.stages[level];
-        let coarse_y = stage.outputs.nodes().0[1];
-        let up = lifted.channels();
-        let mut filtered: Vec<_> =
-            (0..count * up).map(|_| spare_plane(&mut self.spare, coarse_y * nz)).collect();
-        parallel::map_mut(&mut filtered, |task, filtered| {
-            let (i, channel) = (task / up, task % up);
-            let planes = &planes[i * channels..(i + 1) * channels];
-            lifted.with_plane(start + i, i, channel, planes, |plane| {
-                stage.filter_plane(&wanted[i], plane, filtered);
-            });
-            Ok(())
-        })?;
-        if let Some(stage) = self.stages.get_mut(level) {
-            let mut filtered = filtered.into_iter();
-            stage.ring.extend((0..count).map(|_| filtered.by_ref().take(up).collect()));
-        }
-        lifted.retire(&mut self.spare);
-        Ok(())
-    }
 }
 
-/// Sums rows times weights, in their order. Rows without weight may not be there.
-fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f64]) {
-    sums.fill(0.0);
-    let mut weighted =
-        weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
-    while let Some(first) = weighted.next() {
-        // As many at once as the default filter has: sums then stay in registers.
-        let [second, third, fourth] = [(); 3].map(|()| weighted.next());
-        match (second, third, fourth) {
-            (Some(second), Some(third), Some(fourth)) => {
-                add_scaled([first, second, third, fourth], sums);
-            }
-            (Some(second), Some(third), None) => add_scaled([first, second, third], sums),
-            (Some(second), ..) => add_scaled([first, second], sums),
-            (None, ..) => add_scaled([first], sums),
-        }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_scaled<const N: usize>(rows: [(&[f32], f64); N], sums: &mut [f64]) {
-    let rows = rows.map(|(row, weight)| (&row[..sums.len()], weight));
-    for (i, sum) in sums.iter_mut().enumerate() {
-        let add = |sum, (row, weight): &(&[f32], f64)| sum + weight * f64::from(row[i]);
-        *sum = rows.iter().fold(*sum, add);
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn round_to_f32(sums: &[f64], out: &mut [f32]) {
-    for (out, &sum) in out.iter_mut().zip(sums) {
-        *out = sum as f32;
+/// A plane to be written, used before where there is one.
+pub(super) fn spare_plane(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
+    match spare.iter().rposition(|plane| plane.len() == length) {
+        Some(i) => spare.swap_remove(i),
+        None => vec![0.0; length],
     }
 }

@@ -7,6 +7,9 @@
 
 use crate::grid::row;
 
+/// Numbers of a vector, at most.
+const LANES: usize = 16;
+
 /// Weights of one axis. Every window is equally long; where fewer nodes count, weights are zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisTaps {
@@ -90,6 +93,12 @@ impl AxisTaps {
         (self.first[start], self.first[end - 1] + self.width)
     }
 
+    /// The same, and some after them, so that loops over them are whole vectors.
+    pub fn long_reach(&self, start: usize, end: usize) -> (usize, usize) {
+        let (low, high) = self.reach(start, end);
+        (low, (low + (high - low).next_multiple_of(LANES)).min(self.inputs))
+    }
+
     /// Output nodes `start..end` that read input node `input`.
     pub fn readers(&self, input: usize) -> (usize, usize) {
         let start = self.first.partition_point(|first| first + self.width <= input);
@@ -99,6 +108,13 @@ impl AxisTaps {
     /// Output nodes whose whole window lies below input node `end`.
     pub fn ready(&self, end: usize) -> usize {
         self.first.partition_point(|first| first + self.width <= end)
+    }
+
+    /// Adds to `outputs` every output node that reads a set input node; rows of bits.
+    pub fn gather(&self, inputs: &[u64], outputs: &mut [u64]) {
+        row::for_each_run(inputs, |start, end| {
+            row::set_between(outputs, self.readers(start).0, self.readers(end - 1).1);
+        });
     }
 
     /// Adds to `inputs` every input node that a set output node reads; rows of bits.

@@ -12,23 +12,22 @@
 //! (the research code's levels) a cell is visible if it overlaps a visible cell of level 0.
 
 mod free_space;
-
-use std::sync::{Mutex, PoisonError};
+mod opaque;
 
 pub use free_space::{inside_cells, masked_share, touched_cells};
+use opaque::{Finest, coarser_above, finest_above};
 
 use crate::activate;
-use crate::error::{Error, Result};
-use crate::field::{Nonfinite, Planes, RadianceField, Scene, verify_crc32};
+use crate::error::Result;
+use crate::field::{Nonfinite, Planes, RadianceField, Scene};
 use crate::grid::{Bounds, NodeMask, Nodes};
 use crate::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Visibility};
-use crate::parallel;
 use crate::progress::{Progress, Step};
 
 /// The free-space mask is left out of containers where what it drops, of everything that can be
 /// seen, has less opacity than this: 120 dB below the picture.
 const DROPPED_SHARE: f64 = 1e-6;
-/// Planes of level 0 that are read between two looks at progress.
+/// Planes of level 0 that are filtered together.
 const SLAB: usize = 8;
 
 /// What can be seen of one level, and why the rest cannot.
@@ -53,6 +52,8 @@ pub struct Pruned {
     pub keeps_mask: bool,
     /// How much of each node is seen, for coarser levels of matter.
     pub visibility: Option<Visibility>,
+    /// Nodes of level 0 that hold matter, for coarser levels of it.
+    pub matter: Option<NodeMask>,
     /// Density values that are not finite (refused, or emptied).
     pub nonfinite: u64,
     /// CRC-32 of each plane of density.
@@ -98,10 +99,21 @@ pub fn prune(
         })
         .collect();
     let mut occluders = occluders(planes, filtered, filter.matter);
-    let (opaque, density_checksums) =
-        opaque_nodes(planes, filtered, filter, &thresholds, occluders.as_mut(), progress)?;
-    let visibility = occluders.map(|occluders| occluders.visibility()).transpose()?;
+    let passes = filtered.len().min(2);
+    progress.begin(Step::Prune, (passes * sizes[0].0[0]) as u64);
+    let empty_up_to = filter.matter.map(|matter| matter.empty_up_to());
+    let finest = finest_above(planes, thresholds[0], empty_up_to, occluders.as_mut(), progress)?;
+    let Finest { opaque, mut matter, checksums: density_checksums } = finest;
     let nonfinite = planes.take_nonfinite()?.count;
+    let mut opaque = vec![opaque];
+    if filtered.len() > 1 {
+        let occluders = occluders.as_mut();
+        let (coarser, back) =
+            coarser_above(planes, filtered, filter, matter, &thresholds, occluders, progress)?;
+        opaque.extend(coarser);
+        matter = back;
+    }
+    let visibility = occluders.map(|occluders| occluders.visibility()).transpose()?;
     let inside = field.free_space.as_ref();
     let mut levels = Vec::with_capacity(sizes.len());
     let mut finest_cells = None;
@@ -128,7 +140,15 @@ pub fn prune(
         }
         None => false,
     };
-    Ok(Pruned { levels, raw_threshold, keeps_mask, visibility, nonfinite, density_checksums })
+    Ok(Pruned {
+        levels,
+        raw_threshold,
+        keeps_mask,
+        visibility,
+        matter,
+        nonfinite,
+        density_checksums,
+    })
 }
 
 impl Pruned {
@@ -153,7 +173,7 @@ pub fn visibility(
     let sizes = &sizes[..=Occluders::level(sizes)];
     let mut occluders = Occluders::new(matter, sizes, extent_in_intervals(&planes.field().scene));
     let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    Cascade::new(&Regions::new(whole, kernel)?, 1, Lift::Amounts(matter), SLAB).run(
+    Cascade::new(&Regions::new(whole, None, kernel)?, 1, Lift::Amounts(matter), SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| occluders.take(level, slab),
     )?;
@@ -182,65 +202,6 @@ pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Plan
         None => None,
     };
     Ok(Planes::new(field, outside, nonfinite))
-}
-
-/// Nodes above each level's threshold: the one pass over all of density.
-fn opaque_nodes(
-    planes: &Planes,
-    sizes: &[Nodes],
-    filter: DensityFilter,
-    thresholds: &[f32],
-    mut occluders: Option<&mut Occluders>,
-    progress: &dyn Progress,
-) -> Result<(Vec<NodeMask>, Vec<u32>)> {
-    let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    let regions = Regions::new(whole, filter.kernel)?;
-    let hashers = Mutex::new(vec![crc32fast::Hasher::new(); sizes[0].0[0]]);
-    let mut opaque: Vec<NodeMask> = sizes.iter().map(|&nodes| NodeMask::empty(nodes)).collect();
-    progress.begin(Step::Prune, sizes[0].0[0] as u64);
-    let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Amounts);
-    Cascade::new(&regions, 1, lift, SLAB).run(
-        |x, channel, region, plane| {
-            let read = planes.read(channel, x, region, plane)?;
-            hashers.lock().unwrap_or_else(PoisonError::into_inner)[x] = read.checksum;
-            Ok(())
-        },
-        |level, slab| {
-            let mut planes = opaque[level].planes_mut(slab.first);
-            planes.truncate(slab.count());
-            parallel::map_mut(&mut planes, |i, rows| {
-                above(slab.plane(i, 0), sizes[level], thresholds[level], rows);
-                Ok(())
-            })?;
-            if let Some(occluders) = &mut occluders {
-                occluders.take(level, slab)?;
-            }
-            if level == 0 {
-                progress.advance(Step::Prune, slab.count() as u64);
-            }
-            if progress.cancelled() {
-                return Err(Error::cancelled());
-            }
-            Ok(())
-        },
-    )?;
-    let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if let Some(expected) = planes.density_crc32() {
-        verify_crc32("density", &hashers, expected)?;
-    }
-    let checksums = hashers.into_iter().map(crc32fast::Hasher::finalize).collect();
-    Ok((opaque, checksums))
-}
-
-/// Rows of bits: the nodes of a plane that are above the threshold.
-fn above(plane: &[f32], nodes: Nodes, threshold: f32, rows: &mut [u64]) {
-    let words = plane.chunks_exact(nodes.0[2]).flat_map(|row| row.chunks(64));
-    for (word, values) in rows.iter_mut().zip(words) {
-        *word = values
-            .iter()
-            .enumerate()
-            .fold(0, |word, (bit, &value)| word | u64::from(value > threshold) << bit);
-    }
 }
 
 /// The cells of a coarser grid over the same box that overlap a cell in `fine`.

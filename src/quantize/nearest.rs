@@ -1,7 +1,7 @@
 //! The nearest integer codes of values, many at a time.
 //!
 //! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is near the root of a
-//! cubic: Newton's method finds it, and comparing with the borders of the two codes beside it settles it. Borders are
+//! cubic: Halley's method finds it, and comparing with the borders of the two codes beside it settles it. Borders are
 //! computed as they are defined, in the same order, so which code comes out follows from the encoding alone and not
 //! from how the root was found. Wherever a code is not confirmed by its borders (values that are no numbers, encodings
 //! whose steps are below the spacing of numbers), codes are searched for one by one.
@@ -13,8 +13,10 @@ use crate::baked::Encoding;
 
 /// Values that are looked at together.
 const RUN: usize = 64;
-/// From the start that they get, three steps leave less than 2e-6 of the root.
-const NEWTON_STEPS: usize = 3;
+/// Of the smaller of two bounds of a root, where the search for it starts: at most a fifth off either way.
+const START: f32 = 0.85;
+/// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than 1e-6.
+const BITS_OF_ONE_STEP: u32 = 8;
 /// Makes the cube root's exponent of a third of the number's.
 const CUBE_ROOT_BIAS: u32 = 0x2a51_19f2;
 /// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other conversion that
@@ -25,6 +27,8 @@ const WHOLE: f32 = (1u32 << 23) as f32;
 #[derive(Debug, Clone)]
 pub struct Nearest {
     spacing: Spacing,
+    /// Steps towards a root.
+    steps: u32,
     /// Between the values of neighbouring codes.
     borders: Vec<f32>,
 }
@@ -67,7 +71,9 @@ impl Nearest {
             middle: (1u32 << (encoding.bits - 1)) as f32,
             last: encoding.last_code() as f32,
         };
-        Self { spacing, borders: values.windows(2).map(|pair| border(pair[0], pair[1])).collect() }
+        let borders = values.windows(2).map(|pair| border(pair[0], pair[1])).collect();
+        let steps = if encoding.bits <= BITS_OF_ONE_STEP { 1 } else { 2 };
+        Self { spacing, steps, borders }
     }
 
     /// The code of each value.
@@ -76,7 +82,11 @@ impl Nearest {
             let mut run = [self.spacing.center; RUN];
             run[..values.len()].copy_from_slice(values);
             let mut found = [0; RUN];
-            if nearest(&self.spacing, &run, &mut found) {
+            let certain = match self.steps {
+                1 => nearest::<1>(&self.spacing, &run, &mut found),
+                _ => nearest::<2>(&self.spacing, &run, &mut found),
+            };
+            if certain {
                 for (code, &found) in codes.iter_mut().zip(&found) {
                     *code = T::narrow(found);
                 }
@@ -108,24 +118,19 @@ impl Spacing {
         if code > 0.0 { value } else { self.lowest }
     }
 
-    /// Between the values of a code and the next.
-    #[inline(always)]
-    fn border(&self, code: f32) -> f32 {
-        border(self.value(code), self.value(code + 1.0))
-    }
-
     /// A code that is mostly right, and else beside the right one.
     #[inline(always)]
-    fn guess(&self, value: f32) -> f32 {
+    fn guess<const STEPS: usize>(&self, value: f32) -> f32 {
         let from_center = value.max(self.lowest).min(self.highest) - self.center;
         // In steps: |x| + ratio |x|^3 = distance.
         let (distance, ratio) = (from_center.abs() * self.codes_per_unit, self.ratio);
         let cube_root = f32::from_bits((distance * self.per_ratio).to_bits() / 3 + CUBE_ROOT_BIAS);
         // Both are too large, by half where they are equal.
-        let mut x = 0.8 * distance.min(cube_root);
-        for _ in 0..NEWTON_STEPS {
-            let slope = ratio * (x * x);
-            x = (2.0 * slope * x + distance) / (1.0 + 3.0 * slope);
+        let mut x = START * distance.min(cube_root);
+        for _ in 0..STEPS {
+            let bent = ratio * (x * x);
+            let (off, slope) = (x + x * bent - distance, 1.0 + 3.0 * bent);
+            x -= off * slope / (slope * slope - 3.0 * ratio * x * off);
         }
         let code = self.middle + x.copysign(from_center);
         code.max(0.0).min(self.last) + WHOLE - WHOLE
@@ -134,16 +139,23 @@ impl Spacing {
 
 /// Codes of values. `false` if not all of them are certain.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn nearest(spacing: &Spacing, values: &[f32; RUN], codes: &mut [u32; RUN]) -> bool {
+fn nearest<const STEPS: usize>(
+    spacing: &Spacing,
+    values: &[f32; RUN],
+    codes: &mut [u32; RUN],
+) -> bool {
     let mut uncertain = 0;
     for (code, &value) in codes.iter_mut().zip(values) {
-        let guess = spacing.guess(value);
-        let up = (value >= spacing.border(guess)) & (guess < spacing.last);
-        let down = (value < spacing.border(guess - 1.0)) & (guess > 0.0);
+        let guess = spacing.guess::<STEPS>(value);
+        let around = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|by| spacing.value(guess + by));
+        // The borders below the code that is two below, one below, and so on.
+        let [second, first, own, next] = [0, 1, 2, 3].map(|i| border(around[i], around[i + 1]));
+        let up = (value >= own) & (guess < spacing.last);
+        let down = (value < first) & (guess > 0.0);
         let moved = guess + if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
-        let below = (value < spacing.border(moved - 1.0)) & (moved > 0.0);
-        let above = (value >= spacing.border(moved)) & (moved < spacing.last);
-        uncertain |= u32::from(below | above | value.is_nan());
+        let above = up & (value >= next) & (moved < spacing.last);
+        let below = down & (value < second) & (moved > 0.0);
+        uncertain |= u32::from(below | above | (up & down) | value.is_nan());
         *code = (moved + WHOLE).to_bits() - WHOLE.to_bits();
     }
     uncertain == 0

@@ -171,6 +171,14 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
 fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
     let mut taken = 0;
     if let Some(out) = out.first_chunk_mut::<8>() {
+        // Nearly always all of them are, or none.
+        if let (Ok(nodes), 0xff) = (<&[T; 8]>::try_from(nodes), live) {
+            *out = nodes.map(|residual| residual.byte(byte));
+            return 8;
+        }
+        if live == 0 {
+            return 0;
+        }
         for (i, residual) in nodes.iter().enumerate() {
             out[taken & 7] = residual.byte(byte);
             taken += usize::from(live >> i & 1);

@@ -175,7 +175,7 @@ fn fill<const C: usize>(
         return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
     }
     let whole: Vec<NodeMask> = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    let regions = Regions::new(whole.clone(), levels.kernel)?;
+    let regions = Regions::new(whole.clone(), None, levels.kernel)?;
     let visibility = match levels.matter.filter(|_| nodes.len() > 1) {
         Some(matter) => Some(prune::visibility(&planes, nodes, levels.kernel, matter)?),
         None => None,

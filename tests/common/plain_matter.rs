@@ -20,7 +20,11 @@ pub fn visibility(
     let mut depths: Vec<f64> = raw.iter().map(depth).collect();
     let mut coarse = nodes;
     let reach = f64::from(matter.reach);
-    let mut amounts: Vec<f64> = depths.iter().map(|depth| -(-depth * reach).exp_m1()).collect();
+    let amount = |(depth, &raw): (&f64, &f64)| match is_empty(matter, raw) {
+        true => 0.0,
+        false => -(-depth * reach).exp_m1(),
+    };
+    let mut amounts: Vec<f64> = depths.iter().zip(raw).map(amount).collect();
     while coarse.iter().any(|&size| size > 160) {
         amounts = next_level(coarse, &amounts, kernel);
         coarse = halved(coarse);
@@ -34,6 +38,11 @@ pub fn visibility(
         trilinear(coarse, &seen, u)
     };
     all_nodes(nodes).map(interpolated).collect()
+}
+
+/// Whether a raw density is no matter.
+fn is_empty(matter: &Matter, raw: f64) -> bool {
+    raw <= f64::from(matter.empty_up_to())
 }
 
 /// The optical depth over one interval of an amount.
@@ -77,7 +86,8 @@ pub fn extent(scene: &Scene) -> [f64; 3] {
 pub fn lift(matter: &Matter, channels: &[Vec<f64>], seen: &[f64]) -> Vec<Vec<f64>> {
     let shift = f64::from(matter.activation.shift);
     let reach = f64::from(matter.activation.interval) * f64::from(matter.reach);
-    let amounts: Vec<f64> = channels[0].iter().map(|&raw| opacity(raw, shift, reach)).collect();
+    let amount = |&raw: &f64| if is_empty(matter, raw) { 0.0 } else { opacity(raw, shift, reach) };
+    let amounts: Vec<f64> = channels[0].iter().map(amount).collect();
     let weights: Vec<f64> = amounts.iter().zip(seen).map(|(amount, seen)| amount * seen).collect();
     let weighted = |color: &Vec<f64>| {
         color.iter().zip(&weights).map(|(&raw, weight)| sigmoid(raw) * weight).collect()

@@ -23,7 +23,7 @@ type Channels = Vec<Vec<f32>>;
 fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -> Vec<Channels> {
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
     let whole: Vec<NodeMask> = sizes.iter().map(|&size| NodeMask::full(size)).collect();
-    let regions = Regions::new(whole.clone(), kernel).expect("regions");
+    let regions = Regions::new(whole.clone(), None, kernel).expect("regions");
     let mut levels: Vec<Channels> =
         sizes.iter().map(|size| vec![vec![0.0; size.count()]; channels.len()]).collect();
     let matter = match &lift {
@@ -204,7 +204,7 @@ const EXTENT: f64 = 20.0;
 fn visibility(nodes: [usize; 3], matter: &Matter, kernel: Kernel, raw: &[f32]) -> Visibility {
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
     let regions = sizes.iter().map(|&size| NodeMask::full(size)).collect();
-    let regions = Regions::new(regions, kernel).expect("regions");
+    let regions = Regions::new(regions, None, kernel).expect("regions");
     let mut occluders = Occluders::new(*matter, &sizes, [EXTENT; 3]);
     let length = nodes[1] * nodes[2];
     Cascade::new(&regions, 1, Lift::Amounts(*matter), 8)

@@ -101,7 +101,7 @@ pub fn node_opacity() -> Worst {
     let raw: Vec<f32> = raws().collect();
     for (shift, interval) in activations() {
         let activation = activation(shift, interval);
-        let matter = Matter { activation, reach: 1.0, settled: Settled::Opacity };
+        let matter = Matter::new(activation, 1.0, Settled::Opacity);
         let mut amounts = vec![0.0; raw.len()];
         matter.lift_density(&raw, &mut amounts);
         for (&raw, amount) in raw.iter().zip(amounts) {

@@ -1,0 +1,128 @@
+//! Nodes above each level's threshold.
+//!
+//! One pass over all of density finds those of level 0, and which nodes hold any matter. The levels after it are made
+//! of that matter alone, plane by plane; only where raw density is averaged do they read all of it.
+
+use super::DensityFilter;
+use crate::error::{Error, Result};
+use crate::field::{Planes, verify_crc32};
+use crate::grid::{NodeMask, Nodes, row};
+use crate::mips::{Cascade, Lift, Occluders, Regions, Slab};
+use crate::parallel;
+use crate::progress::{Progress, Step};
+
+/// Planes of level 0 that are worked on between two looks at progress.
+const SLAB: usize = 16;
+/// Planes of a slab that goes through the levels.
+const RISING: usize = 8;
+
+/// What one pass over all of density finds.
+#[derive(Debug)]
+pub struct Finest {
+    /// Nodes above the threshold.
+    pub opaque: NodeMask,
+    /// Nodes that hold matter, where that is averaged.
+    pub matter: Option<NodeMask>,
+    /// CRC-32 of each plane.
+    pub checksums: Vec<u32>,
+}
+
+/// Reads all of density.
+pub fn finest_above(
+    planes: &Planes,
+    threshold: f32,
+    empty_up_to: Option<f32>,
+    mut occluders: Option<&mut Occluders>,
+    progress: &dyn Progress,
+) -> Result<Finest> {
+    let nodes = planes.field().scene.nodes;
+    let [nx, ny, nz] = nodes.0;
+    let full = NodeMask::full(Nodes([1, ny, nz]));
+    let mut opaque = NodeMask::empty(nodes);
+    let mut matter = empty_up_to.map(|_| NodeMask::empty(nodes));
+    let mut hashers = Vec::with_capacity(nx);
+    let mut slab = Slab { first: 0, channels: 1, planes: vec![vec![0.0; ny * nz]; SLAB.min(nx)] };
+    while slab.first < nx {
+        slab.planes.truncate(nx - slab.first);
+        let count = slab.count();
+        let rows_of_matter: Vec<Option<&mut [u64]>> = match &mut matter {
+            Some(mask) => mask.planes_mut(slab.first).into_iter().map(Some).take(count).collect(),
+            None => (0..count).map(|_| None).collect(),
+        };
+        let rows = opaque.planes_mut(slab.first).into_iter().zip(rows_of_matter);
+        let mut work: Vec<_> = slab.planes.iter_mut().zip(rows).collect();
+        let first = slab.first;
+        hashers.extend(parallel::map_mut(&mut work, |i, (plane, (opaque, matter))| {
+            let read = planes.read(0, first + i, full.plane(0), plane)?;
+            above(plane, nz, threshold, opaque);
+            if let (Some(matter), Some(empty_up_to)) = (matter, empty_up_to) {
+                above(plane, nz, empty_up_to, matter);
+            }
+            Ok(read.checksum)
+        })?);
+        if let Some(occluders) = &mut occluders {
+            occluders.take(0, &slab)?;
+        }
+        slab.first += count;
+        progress.advance(Step::Prune, count as u64);
+        if progress.cancelled() {
+            return Err(Error::cancelled());
+        }
+    }
+    if let Some(expected) = planes.density_crc32() {
+        verify_crc32("density", &hashers, expected)?;
+    }
+    let checksums = hashers.into_iter().map(crc32fast::Hasher::finalize).collect();
+    Ok(Finest { opaque, matter, checksums })
+}
+
+/// Makes the coarser levels of `sizes`, of level 0's nodes in `matter` where there is such a set, and finds the nodes of
+/// each that are above its threshold. Gives the set back.
+pub fn coarser_above(
+    planes: &Planes,
+    sizes: &[Nodes],
+    filter: DensityFilter,
+    matter: Option<NodeMask>,
+    thresholds: &[f32],
+    mut occluders: Option<&mut Occluders>,
+    progress: &dyn Progress,
+) -> Result<(Vec<NodeMask>, Option<NodeMask>)> {
+    let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Amounts);
+    let of_matter = matter.is_some();
+    let regions = match matter {
+        Some(matter) => Regions::of_matter(matter, sizes, filter.kernel)?,
+        None => {
+            let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
+            Regions::new(whole, None, filter.kernel)?
+        }
+    };
+    let mut opaque: Vec<NodeMask> =
+        sizes[1..].iter().map(|&nodes| NodeMask::empty(nodes)).collect();
+    Cascade::new(&regions, 1, lift, RISING).run(
+        |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
+        |level, slab| {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            let Some(coarser) = level.checked_sub(1) else {
+                progress.advance(Step::Prune, slab.count() as u64);
+                return Ok(());
+            };
+            let mut rows = opaque[coarser].planes_mut(slab.first);
+            rows.truncate(slab.count());
+            parallel::map_mut(&mut rows, |i, rows| {
+                above(slab.plane(i, 0), sizes[level].0[2], thresholds[level], rows);
+                Ok(())
+            })?;
+            occluders.as_mut().map_or(Ok(()), |occluders| occluders.take(level, slab))
+        },
+    )?;
+    Ok((opaque, regions.into_finest().filter(|_| of_matter)))
+}
+
+/// Rows of bits: the nodes of a plane that are above the threshold.
+fn above(plane: &[f32], nz: usize, threshold: f32, rows: &mut [u64]) {
+    for (values, row) in plane.chunks_exact(nz).zip(rows.chunks_exact_mut(nz.div_ceil(64))) {
+        row::pack_above(values, threshold, row);
+    }
+}
