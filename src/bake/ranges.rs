@@ -36,9 +36,9 @@ impl LevelSpans {
                 let mut span = *span;
                 for (y, row) in slab.plane(i, first_channel + channel).chunks_exact(nz).enumerate()
                 {
-                    row::for_each_run(needed.row(slab.first + i, y), |start, end| {
+                    for (start, end) in row::runs(needed.row(slab.first + i, y)) {
                         span.take(&row[start..end]);
-                    });
+                    }
                 }
                 Ok(span)
             };

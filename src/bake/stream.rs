@@ -66,8 +66,9 @@ impl Stream<'_> {
         progress.begin(step, nx as u64);
         let bytes_read = AtomicU64::new(0);
         let hashers = Mutex::new(vec![crc32fast::Hasher::new(); nx * (channels - 1)]);
-        let whole =
-            reads_whole_color(planes, regions.level(0)).then(|| NodeMask::full(scene.nodes));
+        // A file that states a checksum of all of colour is held to it: a wrong byte costs more than reading what
+        // nobody needs.
+        let whole = planes.color_crc32().map(|expected| (expected, NodeMask::full(scene.nodes)));
         let cascade = Cascade::new(&regions, channels, lift, options.block_size).in_turn(in_turn);
         cascade.run(
             |x, channel, region, plane| {
@@ -76,7 +77,7 @@ impl Stream<'_> {
                     bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
                     return Ok(());
                 };
-                let region = whole.as_ref().map_or(region, |whole| whole.plane(x));
+                let region = whole.as_ref().map_or(region, |(_, whole)| whole.plane(x));
                 let read = planes.read(channel, x, region, plane)?;
                 bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
                 let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
@@ -102,7 +103,7 @@ impl Stream<'_> {
             },
         )?;
         let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-        if let (Some(expected), Some(_)) = (planes.color_crc32(), whole) {
+        if let Some((expected, _)) = whole {
             verify_crc32("k0", &hashers, expected)?;
         }
         Ok(Streamed {
@@ -110,10 +111,4 @@ impl Stream<'_> {
             checksums: hashers.into_iter().map(crc32fast::Hasher::finalize).collect(),
         })
     }
-}
-
-/// Whether to read all of colour: where nearly all of it is needed anyway, the rest costs little and
-/// lets the file's checksum be verified.
-fn reads_whole_color(planes: &Planes, region: &NodeMask) -> bool {
-    planes.color_crc32().is_some() && 8 * region.count() >= 7 * region.nodes().count() as u64
 }

@@ -9,10 +9,12 @@
 //! ```
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::io::Write;
 use std::ops::Range;
 use std::sync::Arc;
 
+use zstd::bulk::Decompressor;
 use zstd::zstd_safe::{CParameter, Strategy};
 
 use crate::baked::{Codes, Encoding, NumberType};
@@ -169,6 +171,11 @@ pub fn compress(bytes: &[u8], level: i32) -> Result<Vec<u8>> {
         .map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
 }
 
+thread_local! {
+    // A context's tables are larger than what most runs inflate to.
+    static DECOMPRESSOR: RefCell<Decompressor<'static>> = RefCell::default();
+}
+
 /// Inflates to exactly `length` bytes.
 pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>> {
     let wrong = |found: String| {
@@ -180,7 +187,7 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     if !is_one {
         return wrong("bytes that are not one zstd frame".to_owned());
     }
-    match zstd::bulk::decompress(bytes, length) {
+    match DECOMPRESSOR.with_borrow_mut(|context| context.decompress(bytes, length)) {
         Ok(out) if out.len() == length => Ok(out),
         Ok(out) => wrong(format!("a zstd frame of {} bytes", out.len())),
         Err(error) => wrong(format!("a broken zstd frame ({error})")),

@@ -13,7 +13,7 @@ use crate::grid::{NodeMask, row};
 pub const EMPTY_DENSITY: f32 = -100.0;
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
-const BRIDGED_BYTES: usize = 512;
+const BRIDGED_BYTES: usize = 2048;
 
 /// What happens to values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -197,7 +197,7 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     let across_rows = volume.rows_are_contiguous();
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (y, row) in region.chunks_exact(words).enumerate() {
-        row::for_each_run(row, |start, end| {
+        for (start, end) in row::runs(row) {
             let run = y * nz + start..y * nz + end;
             match runs.last_mut() {
                 Some(last)
@@ -207,7 +207,7 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
                 }
                 _ => runs.push(run),
             }
-        });
+        }
     }
     runs
 }
@@ -217,10 +217,10 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
 fn empty(outside: &NodeMask, x: usize, plane: &mut [f32]) {
     let nz = outside.nodes().0[2];
     for (y, values) in plane.chunks_exact_mut(nz).enumerate() {
-        row::for_each_run(outside.row(x, y), |start, end| {
+        for (start, end) in row::runs(outside.row(x, y)) {
             for value in &mut values[start..end] {
                 *value = value.min(EMPTY_DENSITY);
             }
-        });
+        }
     }
 }

@@ -263,19 +263,19 @@ mod tests {
             for y in 0..9 {
                 let mut rebuilt = vec![0; mask.row_words()];
                 let (mut last, mut first) = (None, None);
-                row::for_each_run(mask.row(x, y), |start, end| {
+                for (start, end) in row::runs(mask.row(x, y)) {
                     assert!(last.is_none_or(|last| last < start) && start < end);
                     row::set_between(&mut rebuilt, start, end);
                     first = first.or(Some(start));
                     last = Some(end);
-                });
+                }
                 assert_eq!(rebuilt, mask.row(x, y));
                 assert_eq!(row::span(mask.row(x, y)), first.zip(last));
                 let mut unset = vec![0; mask.row_words()];
-                row::for_each_gap(mask.row(x, y), nodes.0[2], |start, end| {
+                for (start, end) in row::gaps(mask.row(x, y), nodes.0[2]) {
                     assert!(start < end);
                     row::set_between(&mut unset, start, end);
-                });
+                }
                 assert_eq!(unset, mask.complement().row(x, y));
                 let values: Vec<f32> =
                     (0..nodes.0[2]).map(|z| f32::from(row::get(mask.row(x, y), z))).collect();

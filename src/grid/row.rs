@@ -67,68 +67,60 @@ pub fn and_into(row: &mut [u64], other: &[u64]) {
     }
 }
 
-/// Calls `visit(start, end)` for each run of set bits, lowest first.
-pub fn for_each_run(row: &[u64], mut visit: impl FnMut(usize, usize)) {
-    let mut run: Option<(usize, usize)> = None;
-    for (i, &word) in row.iter().enumerate() {
-        let (mut rest, mut at) = (word, i * 64);
-        while rest != 0 {
-            let zeros = rest.trailing_zeros() as usize;
-            rest >>= zeros;
-            at += zeros;
-            let ones = rest.trailing_ones() as usize;
-            rest = rest.checked_shr(ones as u32).unwrap_or(0);
-            run = match run {
-                Some((start, end)) if end == at => Some((start, at + ones)),
-                Some((start, end)) => {
-                    visit(start, end);
-                    Some((at, at + ones))
-                }
-                None => Some((at, at + ones)),
-            };
-            at += ones;
-        }
-    }
-    if let Some((start, end)) = run {
-        visit(start, end);
-    }
+/// Runs of set bits, lowest first: first bit, and one past the last.
+#[inline]
+pub fn runs(row: &[u64]) -> impl Iterator<Item = (usize, usize)> {
+    let mut at = 0;
+    std::iter::from_fn(move || {
+        let start = next_bit(row, at, 0)?;
+        at = next_bit(row, start, u64::MAX).unwrap_or(row.len() * 64);
+        Some((start, at))
+    })
 }
 
-/// Calls `visit(start, end)` for each run of the first `count` bits that are not set, lowest first.
-pub fn for_each_gap(row: &[u64], count: usize, mut visit: impl FnMut(usize, usize)) {
-    let mut end_of_last = 0;
-    for_each_run(row, |start, end| {
-        if start > end_of_last {
-            visit(end_of_last, start);
-        }
-        end_of_last = end;
-    });
-    if end_of_last < count {
-        visit(end_of_last, count);
+/// Runs of the first `count` bits that are not set, lowest first.
+#[inline]
+pub fn gaps(row: &[u64], count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut at = 0;
+    std::iter::from_fn(move || {
+        let start = next_bit(row, at, u64::MAX).filter(|&start| start < count)?;
+        at = next_bit(row, start, 0).unwrap_or(count);
+        Some((start, at))
+    })
+}
+
+/// The first bit from `at` on that differs from those of `others`.
+#[inline]
+fn next_bit(row: &[u64], at: usize, others: u64) -> Option<usize> {
+    let mut word = at / 64;
+    let mut left = (row.get(word)? ^ others) & (u64::MAX << (at % 64));
+    while left == 0 {
+        word += 1;
+        left = row.get(word)? ^ others;
     }
+    Some(word * 64 + left.trailing_zeros() as usize)
 }
 
 /// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them may be made of.
 const LANES: usize = 16;
 
-/// Calls `visit(start, end)` with ranges of the first `count` bits, lowest first, that cover all set ones. Few are short:
-/// runs fewer than `gap` bits apart are one, and ends are where vectors end.
-pub fn for_each_span(row: &[u64], count: usize, gap: usize, mut visit: impl FnMut(usize, usize)) {
-    let mut span: Option<(usize, usize)> = None;
-    for_each_run(row, |start, end| {
-        let (start, end) = (start / LANES * LANES, end.next_multiple_of(LANES).min(count));
-        span = match span {
-            Some((first, last)) if start < last + gap => Some((first, end)),
-            Some((first, last)) => {
-                visit(first, last);
-                Some((start, end))
+/// Ranges of the first `count` bits, lowest first, that cover all set ones. Few are short: runs fewer than `gap` bits
+/// apart are one, and ends are where vectors end.
+#[inline]
+pub fn spans(row: &[u64], count: usize, gap: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut runs = runs(row)
+        .map(move |(start, end)| (start / LANES * LANES, end.next_multiple_of(LANES).min(count)));
+    let mut next = runs.next();
+    std::iter::from_fn(move || {
+        let (first, mut last) = next?;
+        loop {
+            next = runs.next();
+            match next {
+                Some((start, end)) if start < last + gap => last = end,
+                _ => return Some((first, last)),
             }
-            None => Some((start, end)),
-        };
-    });
-    if let Some((first, last)) = span {
-        visit(first, last);
-    }
+        }
+    })
 }
 
 /// First set bit and one past the last, if any is set.

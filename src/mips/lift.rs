@@ -101,9 +101,11 @@ fn fill_region(
     let nz = region.nodes().0[2];
     for (y, plane) in plane.chunks_exact_mut(nz).enumerate() {
         let row = region.row(x, y);
-        row::for_each_span(row, nz, GAP, |start, end| {
+        for (start, end) in row::spans(row, nz, GAP) {
             fill(y * nz + start..y * nz + end, &mut plane[start..end]);
-        });
-        row::for_each_gap(row, nz, |start, end| plane[start..end].fill(0.0));
+        }
+        for (start, end) in row::gaps(row, nz) {
+            plane[start..end].fill(0.0);
+        }
     }
 }

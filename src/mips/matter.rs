@@ -256,7 +256,7 @@ impl<'a> Settler<'a> {
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
-            row::for_each_span(self.needed.row(x, y), nz, GAP, |start, end| {
+            for (start, end) in row::spans(self.needed.row(x, y), nz, GAP) {
                 let span = y * nz + start..y * nz + end;
                 // Of a channel, each node's own value and a little of those around it.
                 let mut total = |channel: usize, totals: &mut [f64]| {
@@ -277,7 +277,7 @@ impl<'a> Settler<'a> {
                     total(channel + 1, &mut totals);
                     settle_color(&totals, &weights, &mut settled[span.clone()]);
                 }
-            });
+            }
         }
     }
 }

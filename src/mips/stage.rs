@@ -35,7 +35,7 @@ impl Stage<'_> {
         let nz = z_taps.inputs();
         let mut sums = vec![0.0; nz];
         for (y, out) in out.chunks_exact_mut(z_taps.outputs()).enumerate() {
-            row::for_each_span(self.outputs.row(x, y), out.len(), GAP, |start, end| {
+            for (start, end) in row::spans(self.outputs.row(x, y), out.len(), GAP) {
                 let (low, high) = z_taps.long_reach(start, end);
                 let sums = &mut sums[low..high];
                 let row = |plane: usize| {
@@ -44,10 +44,10 @@ impl Stage<'_> {
                 };
                 sum_rows(weights, row, sums);
                 z_taps.apply(sums, low, start, &mut out[start..end]);
-            });
-            row::for_each_gap(self.outputs.row(x, y), out.len(), |start, end| {
+            }
+            for (start, end) in row::gaps(self.outputs.row(x, y), out.len()) {
                 out[start..end].fill(0.0);
-            });
+            }
         }
     }
 
@@ -59,18 +59,19 @@ impl Stage<'_> {
         let mut sums = vec![0.0; nz];
         for (y, wanted) in wanted.chunks_exact(words).enumerate() {
             let (first, weights) = y_taps.window(y);
-            row::for_each_span(wanted, z_taps.outputs(), GAP, |start, end| {
+            for (start, end) in row::spans(wanted, z_taps.outputs(), GAP) {
                 let (low, high) = z_taps.long_reach(start, end);
                 let sums = &mut sums[low..high];
                 let row = |row: usize| &plane[(first + row) * nz + low..(first + row) * nz + high];
                 sum_rows(weights, row, sums);
                 round_to_f32(sums, &mut out[y * nz + low..y * nz + high]);
-            });
+            }
         }
     }
 }
 
 /// Sums rows times weights, in their order. Rows without weight may not be there.
+#[inline(always)]
 fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f64]) {
     sums.fill(0.0);
     let mut weighted =

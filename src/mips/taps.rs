@@ -112,17 +112,17 @@ impl AxisTaps {
 
     /// Adds to `outputs` every output node that reads a set input node; rows of bits.
     pub fn gather(&self, inputs: &[u64], outputs: &mut [u64]) {
-        row::for_each_run(inputs, |start, end| {
+        for (start, end) in row::runs(inputs) {
             row::set_between(outputs, self.readers(start).0, self.readers(end - 1).1);
-        });
+        }
     }
 
     /// Adds to `inputs` every input node that a set output node reads; rows of bits.
     pub fn spread(&self, outputs: &[u64], inputs: &mut [u64]) {
-        row::for_each_run(outputs, |start, end| {
+        for (start, end) in row::runs(outputs) {
             let (start, end) = self.reach(start, end);
             row::set_between(inputs, start, end);
-        });
+        }
     }
 }
 

@@ -131,12 +131,14 @@ impl Visibility {
         let [coarse_x, coarse_y, coarse_z] = self.nodes.0;
         let plane = |x: usize| &self.seen[x * coarse_y * coarse_z..][..coarse_y * coarse_z];
         let at = between(x, nx, coarse_x);
-        Weigher {
-            nodes,
-            coarse: self.nodes,
-            seen: mix(plane(at.low), plane(at.high), at.fraction).collect(),
-            columns: (0..nz).map(|z| between(z, nz, coarse_z)).collect(),
+        let on_plane: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
+        let columns: Vec<Between> = (0..nz).map(|z| between(z, nz, coarse_z)).collect();
+        let mut seen = Vec::with_capacity(coarse_y * nz);
+        for row in on_plane.chunks_exact(coarse_z) {
+            let at = |at: &Between| row[at.low] + (row[at.high] - row[at.low]) * at.fraction;
+            seen.extend(columns.iter().map(at));
         }
+        Weigher { nodes, coarse_y, seen }
     }
 }
 
@@ -144,27 +146,24 @@ impl Visibility {
 #[derive(Debug)]
 pub struct Weigher {
     nodes: Nodes,
-    coarse: Nodes,
-    /// On the plane, at the coarser nodes along y and z.
+    coarse_y: usize,
+    /// On the plane: at the coarser nodes along y, and at all along z.
     seen: Vec<f32>,
-    columns: Vec<Between>,
 }
 
 impl Weigher {
     /// Multiplies `values`, all of one row, of which node number `first` of the plane is the first.
     pub fn weigh(&self, first: usize, values: &[f32], weighted: &mut [f32]) {
         let [_, ny, nz] = self.nodes.0;
-        let [_, coarse_y, coarse_z] = self.coarse.0;
         let (y, z) = (first / nz, first % nz);
-        let columns = &self.columns[z..z + values.len()];
-        let Some(low) = columns.first().map(|at| at.low) else { return };
-        let high = columns.last().map_or(coarse_z, |at| at.high + 1);
-        let at = between(y, ny, coarse_y);
-        let line = |y: usize| &self.seen[y * coarse_z + low..y * coarse_z + high];
-        let row: Vec<f32> = mix(line(at.low), line(at.high), at.fraction).collect();
-        for ((weighted, value), at) in weighted.iter_mut().zip(values).zip(columns) {
-            let [below, above] = [row[at.low - low], row[at.high - low]];
-            *weighted = value * (below + (above - below) * at.fraction);
-        }
+        let at = between(y, ny, self.coarse_y);
+        let row = |y: usize| &self.seen[y * nz + z..][..values.len()];
+        multiply(values, mix(row(at.low), row(at.high), at.fraction), weighted);
+    }
+}
+
+fn multiply(values: &[f32], by: impl Iterator<Item = f32>, products: &mut [f32]) {
+    for ((product, value), by) in products.iter_mut().zip(values).zip(by) {
+        *product = value * by;
     }
 }

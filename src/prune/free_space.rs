@@ -57,7 +57,7 @@ pub fn masked_share(
             planes.read(0, x + i, corners.plane(x + i), plane)?;
         }
         for y in 0..ny - 1 {
-            row::for_each_run(partial.row(x, y), |start, end| {
+            for (start, end) in row::runs(partial.row(x, y)) {
                 for z in start..end {
                     let corner = |i: usize, j: usize, k: usize| pair[i][(y + j) * nz + z + k];
                     for at in probes() {
@@ -72,7 +72,7 @@ pub fn masked_share(
                         }
                     }
                 }
-            });
+            }
         }
         Ok(sum)
     })?;

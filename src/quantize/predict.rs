@@ -21,6 +21,8 @@ use super::wide::{Code, Wide};
 pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
+/// Of so many nodes one says what weights should be.
+const SAMPLED: usize = 5;
 /// Weights are in 32nds.
 const SHIFT: usize = 5;
 
@@ -29,11 +31,29 @@ pub type Lanes<T, const L: usize> = Vec<[T; L]>;
 
 /// What is known of one channel of some blocks.
 #[derive(Debug, Clone, Default)]
-pub struct Channel<T, const L: usize> {
+pub struct Channel<T: Code, const L: usize> {
     /// Its codes.
     pub codes: Lanes<T, L>,
-    /// The means of lower neighbours.
-    pub means: Lanes<T, L>,
+    /// How far they are from the means of lower neighbours.
+    pub off: Lanes<T::Wide, L>,
+}
+
+impl<T: Code, const L: usize> Channel<T, L> {
+    /// Of blocks of so many nodes.
+    pub fn new(nodes: usize) -> Self {
+        Self { codes: vec![[T::default(); L]; nodes], off: vec![[T::Wide::default(); L]; nodes] }
+    }
+
+    /// The means of a node.
+    #[inline(always)]
+    fn means(&self, node: usize) -> [T; L] {
+        let (codes, off) = (&self.codes[node], &self.off[node]);
+        let mut means = [T::default(); L];
+        for lane in 0..L {
+            means[lane] = T::wrap(codes[lane].wide() - off[lane]);
+        }
+        means
+    }
 }
 
 /// Where a node is in its block.
@@ -101,16 +121,16 @@ fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) 
     })
 }
 
-/// Codes and means of the channels before at a node, the nearest first. Where there is none they are equal.
+/// How far codes of the channels before are from their means at a node, the nearest first; 0 where there is none.
 #[inline(always)]
-fn others<'a, T, const L: usize>(
+fn others<'a, T: Code, const L: usize>(
     before: &'a [Channel<T, L>],
     node: usize,
-    none: &'a [T; L],
-) -> [(&'a [T; L], &'a [T; L]); CHANNELS_BEFORE] {
+    none: &'a [T::Wide; L],
+) -> [&'a [T::Wide; L]; CHANNELS_BEFORE] {
     std::array::from_fn(|i| match before.len().checked_sub(i + 1) {
-        Some(channel) => (&before[channel].codes[node], &before[channel].means[node]),
-        None => (none, none),
+        Some(channel) => &before[channel].off[node],
+        None => none,
     })
 }
 
@@ -120,11 +140,11 @@ fn terms<T: Code, const L: usize>(
     lane: usize,
     mean: T::Wide,
     [xy, xz, yz, corner]: [&[T; L]; 4],
-    others: [(&[T; L], &[T; L]); CHANNELS_BEFORE],
+    others: [&[T::Wide; L]; CHANNELS_BEFORE],
 ) -> [T::Wide; WEIGHTS] {
     let e = xy[lane].wide() + xz[lane].wide() + yz[lane].wide() - (mean + mean + mean);
     let k = corner[lane].wide() - mean;
-    let [d1, d2, d3] = others.map(|(codes, means)| codes[lane].wide() - means[lane].wide());
+    let [d1, d2, d3] = others.map(|off| off[lane]);
     [e, k, d1, d2, d3]
 }
 
@@ -137,7 +157,8 @@ fn predictions<T: Code, const L: usize>(
     mean: &[T; L],
     weights: &[[T::Wide; L]; WEIGHTS],
 ) -> [T::Wide; L] {
-    let (beyond, others) = (beyond(codes, at, mean), others(before, at.node, mean));
+    let none = [T::Wide::default(); L];
+    let (beyond, others) = (beyond(codes, at, mean), others(before, at.node, &none));
     let mut out = [T::Wide::default(); L];
     for lane in 0..L {
         let mean = mean[lane].wide();
@@ -165,12 +186,12 @@ pub fn restore<T: Code, const L: usize>(
         let mean = mean(&channel.codes, at, origin);
         let predicted = predictions(&channel.codes, before, at, &mean, weights);
         let (live, residuals) = (&live[at.node], &residuals[at.node]);
-        let codes = &mut channel.codes[at.node];
+        let (codes, off) = (&mut channel.codes[at.node], &mut channel.off[at.node]);
         for lane in 0..L {
             let code = T::wrap(predicted[lane] + residuals[lane].wide() - T::bias());
             codes[lane] = code.choose(mean[lane], live[lane]);
+            off[lane] = codes[lane].wide() - mean[lane].wide();
         }
-        channel.means[at.node] = mean;
     });
 }
 
@@ -188,13 +209,13 @@ pub fn fill<T: Code, const L: usize>(
     for_each_node(edge, |at| {
         let mean = mean(&channel.codes, at, origin);
         let (needed, codes) = (&needed[at.node], &mut channel.codes[at.node]);
-        let live = &mut live[at.node];
+        let (live, off) = (&mut live[at.node], &mut channel.off[at.node]);
         for lane in 0..L {
             let filler = if mean[lane] < most { mean[lane] } else { most };
             codes[lane] = codes[lane].choose(filler, needed[lane]);
             live[lane] = live[lane].with_all_if(codes[lane] != mean[lane]);
+            off[lane] = codes[lane].wide() - mean[lane].wide();
         }
-        channel.means[at.node] = mean;
     });
 }
 
@@ -208,8 +229,8 @@ pub fn residuals<T: Code, const L: usize>(
     out: &mut [[T; L]],
 ) {
     for_each_node(edge, |at| {
-        let (codes, mean) = (&channel.codes[at.node], &channel.means[at.node]);
-        let predicted = predictions(&channel.codes, before, at, mean, weights);
+        let (codes, mean) = (&channel.codes[at.node], channel.means(at.node));
+        let predicted = predictions(&channel.codes, before, at, &mean, weights);
         let out = &mut out[at.node];
         for lane in 0..L {
             out[lane] = T::wrap(codes[lane].wide() - predicted[lane] + T::bias());
@@ -236,12 +257,13 @@ pub fn sums<T: Code, const L: usize>(
 ) -> Sums<L> {
     let mut sums =
         Sums { sizes: [0.0; L], products: [[0.0; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2] };
+    let none = [T::Wide::default(); L];
     for_each_node(edge, |at| {
-        if !at.has.contains(&true) || at.node % 5 != 0 {
+        if !at.has.contains(&true) || at.node % SAMPLED != 0 {
             return;
         }
-        let (codes, mean) = (&channel.codes[at.node], &channel.means[at.node]);
-        let (beyond, others) = (beyond(&channel.codes, at, mean), others(before, at.node, mean));
+        let (off, mean) = (&channel.off[at.node], channel.means(at.node));
+        let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
         let mut all = [[0.0; L]; WEIGHTS + 1];
         for lane in 0..L {
             // Of what is not live the mean is right, whatever the weights.
@@ -251,7 +273,7 @@ pub fn sums<T: Code, const L: usize>(
             for (all, term) in all.iter_mut().zip(terms) {
                 all[lane] = if live { term.to_f64() } else { 0.0 };
             }
-            all[WEIGHTS][lane] = if live { (codes[lane].wide() - mean).to_f64() } else { 0.0 };
+            all[WEIGHTS][lane] = if live { off[lane].to_f64() } else { 0.0 };
         }
         for (size, own) in sums.sizes.iter_mut().zip(&all[WEIGHTS]) {
             *size += own.abs();
@@ -325,8 +347,7 @@ mod tests {
             });
             let residuals: Lanes<T, L> =
                 repeat_with(|| [(); L].map(|()| T::narrow(random()))).take(nodes).collect();
-            let empty = vec![[origin; L]; nodes];
-            let mut made = Channel { codes: empty.clone(), means: empty };
+            let mut made = Channel::<T, L>::new(nodes);
             let wide: [[T::Wide; L]; WEIGHTS] =
                 std::array::from_fn(|i| weights.map(|weights| T::Wide::from_i8(weights[i])));
             let live = vec![[origin.with_all_if(true); L]; nodes];

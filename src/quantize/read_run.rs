@@ -1,9 +1,23 @@
 //! The bytes of a run to codes.
 
 use super::lanes::{gather, spread};
-use super::predict::{self, CHANNELS_BEFORE, Channel, WEIGHTS};
+use super::predict::{self, CHANNELS_BEFORE, Channel, Lanes, WEIGHTS};
 use super::run::{FrameShape, before, lane_weights, terms};
 use super::wide::Code;
+
+/// For each byte of live bits, how many are set below each: where the residual of a live node is among those of eight.
+const PLACES: [[u8; 8]; 256] = places();
+
+const fn places() -> [[u8; 8]; 256] {
+    let mut places = [[0; 8]; 256];
+    let mut place = 0;
+    while place < 256 * 8 {
+        let (live, bit) = (place / 8, place % 8);
+        places[live][bit] = (live & ((1 << bit) - 1)).count_ones() as u8;
+        place += 1;
+    }
+    places
+}
 
 /// A run whose parts are found.
 pub struct RunParts<'a> {
@@ -17,6 +31,23 @@ pub struct RunParts<'a> {
     /// Live nodes in all.
     count: usize,
     residuals: &'a [u8],
+}
+
+/// What batches of frames are restored in.
+pub struct Scratch<T: Code, const L: usize> {
+    live: Lanes<T, L>,
+    residuals: Lanes<T, L>,
+    rows: Vec<T>,
+    spare: Vec<Channel<T, L>>,
+}
+
+impl<T: Code, const L: usize> Scratch<T, L> {
+    /// For batches of blocks of so many nodes.
+    pub fn new(nodes: usize) -> Self {
+        let empty = || vec![[T::default(); L]; nodes];
+        let rows = vec![T::default(); L * nodes];
+        Self { live: empty(), residuals: empty(), rows, spare: Vec::new() }
+    }
 }
 
 impl<'a> RunParts<'a> {
@@ -75,14 +106,18 @@ impl<'a> RunParts<'a> {
     }
 
     /// Codes of up to `L` frames from `first` on.
-    pub fn restore<T: Code, const L: usize>(&self, first: usize, codes: &mut [T]) {
+    pub fn restore<T: Code, const L: usize>(
+        &self,
+        first: usize,
+        codes: &mut [T],
+        scratch: &mut Scratch<T, L>,
+    ) {
         let FrameShape { number, channels, edge } = self.shape;
         let nodes = self.shape.nodes();
         let frames = codes.len() / (channels * nodes);
         let modes = &self.modes[first..][..frames];
-        let empty = || vec![[T::default(); L]; nodes];
-        let (mut live, mut residuals) = (empty(), empty());
-        let mut rows = vec![T::default(); frames * nodes];
+        let Scratch { live, residuals, rows, spare } = scratch;
+        let rows = &mut rows[..frames * nodes];
         let bits = self.live.chunks_exact(self.shape.live_bytes()).skip(first);
         for (row, bits) in rows.chunks_exact_mut(nodes).zip(bits) {
             for (row, &byte) in row.chunks_mut(8).zip(bits) {
@@ -91,26 +126,27 @@ impl<'a> RunParts<'a> {
                 }
             }
         }
-        spread(&rows, nodes, &mut live);
+        spread(rows, nodes, live);
         // The channel that is made, after those that its predictions look at.
         let mut known: Vec<Channel<T, L>> = Vec::with_capacity(CHANNELS_BEFORE + 1);
         for channel in 0..channels {
             for (lane, row) in rows.chunks_exact_mut(nodes).enumerate() {
                 self.take_residuals(first + lane, channel, row);
             }
-            spread(&rows, nodes, &mut residuals);
+            spread(rows, nodes, residuals);
             let weights =
                 lane_weights::<T, L>(modes, |mode| self.weights[usize::from(mode)][channel]);
-            let mut made = match known.len() > CHANNELS_BEFORE {
-                true => known.remove(0),
-                false => Channel { codes: empty(), means: empty() },
-            };
+            if known.len() > CHANNELS_BEFORE {
+                spare.push(known.remove(0));
+            }
+            let mut made = spare.pop().unwrap_or_else(|| Channel::new(nodes));
             let before = before(&known, known.len());
             let origin = T::origin(number);
-            predict::restore(edge, origin, &live, &residuals, before, &weights, &mut made);
+            predict::restore(edge, origin, live, residuals, before, &weights, &mut made);
             gather(&made.codes, &mut codes[channel * nodes..], channels * nodes, nodes);
             known.push(made);
         }
+        spare.append(&mut known);
     }
 
     /// Residuals of one frame and channel. What is not live may get anything.
@@ -132,20 +168,21 @@ impl<'a> RunParts<'a> {
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
         // The next bytes of each plane. After the last live node there may be fewer than eight, and none is needed.
-        let mut next = [[0; 8]; 4];
-        for (byte, next) in next.iter_mut().enumerate().take(T::BYTES) {
+        let mut last = [[0; 8]; 4];
+        let mut next = [&[0; 8]; 4];
+        for (byte, (next, last)) in next.iter_mut().zip(&mut last).enumerate().take(T::BYTES) {
             let left = planes.get(byte * self.count + at..).unwrap_or_default();
-            match left.first_chunk() {
-                Some(eight) => *next = *eight,
-                None => next[..left.len()].copy_from_slice(left),
-            }
+            *next = left.first_chunk().unwrap_or_else(|| {
+                last[..left.len()].copy_from_slice(left);
+                last
+            });
         }
-        let mut taken = 0;
-        for (i, residual) in row.iter_mut().enumerate() {
-            let byte = |byte: usize| u32::from(next[byte][taken & 7]) << (8 * byte);
-            *residual = T::narrow((0..T::BYTES).fold(0, |number, i| number | byte(i)));
-            taken += usize::from(live >> i & 1);
+        // Without branches: live nodes come and go along surfaces.
+        let places = &PLACES[usize::from(live)];
+        for (out, &place) in row.iter_mut().zip(places) {
+            let byte = |byte: usize| u32::from(next[byte][usize::from(place & 7)]) << (8 * byte);
+            *out = T::narrow((0..T::BYTES).fold(0, |number, i| number | byte(i)));
         }
-        taken
+        usize::from(places[7] + (live >> 7))
     }
 }

@@ -13,14 +13,14 @@
 use std::sync::Arc;
 
 use super::predict::{CHANNELS_BEFORE, Channel, WEIGHTS};
-use super::read_run::RunParts;
+use super::read_run::{RunParts, Scratch};
 use super::wide::{Code, Wide};
 use super::write_run::Encoder;
 use crate::baked::{Codes, NumberType};
 use crate::error::{Error, Place, Result};
 
 /// Frames that are worked on together; of few frames fewer.
-const MANY: usize = 32;
+const MANY: usize = 64;
 const FEW: usize = 4;
 
 /// Shape of the frames of an atlas.
@@ -141,7 +141,7 @@ pub(super) fn lane_weights<T: Code, const L: usize>(
 }
 
 /// The channels that predictions of `channel` look at.
-pub(super) fn before<T, const L: usize>(
+pub(super) fn before<T: Code, const L: usize>(
     channels: &[Channel<T, L>],
     channel: usize,
 ) -> &[Channel<T, L>] {
@@ -160,14 +160,18 @@ pub fn run_codes<T: Code>(
         let found = format!("a run of {} bytes for {frames} frames", bytes.len());
         Error::malformed(place.clone(), found, expected)
     })?;
-    let size = if frames <= 2 * FEW { FEW } else { MANY };
-    let length = size * shape.channels * shape.nodes();
-    for (batch, codes) in codes.chunks_mut(length).enumerate() {
-        if size == FEW {
-            run.restore::<T, FEW>(batch * size, codes);
-        } else {
-            run.restore::<T, MANY>(batch * size, codes);
-        }
+    if frames <= 2 * FEW {
+        restore_all::<T, FEW>(shape, &run, codes);
+    } else {
+        restore_all::<T, MANY>(shape, &run, codes);
     }
     Ok(())
+}
+
+/// Restores a run's frames, `L` at once.
+fn restore_all<T: Code, const L: usize>(shape: FrameShape, run: &RunParts, codes: &mut [T]) {
+    let mut scratch = Scratch::<T, L>::new(shape.nodes());
+    for (batch, codes) in codes.chunks_mut(L * shape.channels * shape.nodes()).enumerate() {
+        run.restore(batch * L, codes, &mut scratch);
+    }
 }

@@ -12,13 +12,13 @@ const FRAMES_OF_A_MODE: usize = 24;
 const MOST_MODES: usize = 8;
 
 /// Frames that are encoded together, lane by lane.
-struct Batch<T, const L: usize> {
+struct Batch<T: Code, const L: usize> {
     channels: Vec<Channel<T, L>>,
     live: Lanes<T, L>,
 }
 
 /// A run's frames, filled.
-pub struct Encoder<T, const L: usize> {
+pub struct Encoder<T: Code, const L: usize> {
     shape: FrameShape,
     frames: usize,
     batches: Vec<Batch<T, L>>,
@@ -47,7 +47,7 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
                 for frame in frames {
                     rows.extend(&T::of(&frame.codes)[channel * nodes..][..nodes]);
                 }
-                let mut lanes = Channel { codes: empty(), means: empty() };
+                let mut lanes = Channel::new(nodes);
                 spread(&rows, nodes, &mut lanes.codes);
                 let most = T::narrow(most);
                 predict::fill(shape.edge, origin, most, &needed, &mut lanes, &mut live);
@@ -166,25 +166,37 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
     }
 }
 
-/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live.
+/// For each byte of live bits, which are set, lowest first.
+const LIVE: [[u8; 8]; 256] = live_places();
+
+const fn live_places() -> [[u8; 8]; 256] {
+    let mut places = [[0; 8]; 256];
+    let mut place = 0;
+    while place < 256 * 8 {
+        let (live, bit) = (place / 8, place % 8);
+        if live >> bit & 1 == 1 {
+            places[live][(live & ((1 << bit) - 1)).count_ones() as usize] = bit as u8;
+        }
+        place += 1;
+    }
+    places
+}
+
+/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those come first.
 #[inline(always)]
 fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
-    let mut taken = 0;
+    let mut whole = [T::default(); 8];
+    let nodes = nodes.first_chunk().unwrap_or_else(|| {
+        whole[..nodes.len()].copy_from_slice(nodes);
+        &whole
+    });
     if let Some(out) = out.first_chunk_mut::<8>() {
-        // Nearly always all of them are, or none.
-        if let (Ok(nodes), 0xff) = (<&[T; 8]>::try_from(nodes), live) {
-            *out = nodes.map(|residual| residual.byte(byte));
-            return 8;
-        }
-        if live == 0 {
-            return 0;
-        }
-        for (i, residual) in nodes.iter().enumerate() {
-            out[taken & 7] = residual.byte(byte);
-            taken += usize::from(live >> i & 1);
+        // Without branches: live nodes come and go along surfaces.
+        for (out, &place) in out.iter_mut().zip(&LIVE[usize::from(live)]) {
+            *out = nodes[usize::from(place & 7)].byte(byte);
         }
     }
-    taken
+    live.count_ones() as usize
 }
 
 /// The live bits of a frame.

@@ -85,9 +85,9 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "activation, of a node",
-        inputs: "raw values to opacity, shifts 0 and -4.6, intervals 1e-7 to 1e5; relative from 4e-35, or as many intervals where they are longer",
-        bound: [5e-7, 5e-6, 80.0],
-        reason: "raw + shift is rounded once: of a faint opacity half a spacing of the sum, 3.8e-6 from 64 on, is a relative error",
+        inputs: "raw values to opacity, shifts 0 and -4.6, intervals 1e-7 to 1e5; what is below 1e-7 is none",
+        bound: [5e-7, 1e-6, 14.0],
+        reason: "raw + shift is rounded once: of a faint opacity half a spacing of the sum, 4.8e-7 from 8 on, is a relative error",
         portable: true,
         run: stress_scalar::node_opacity,
     },
@@ -141,7 +141,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "weighted averages, colour",
-        inputs: "their colours, raw from -1e30 to 1e30, where there is an amount of 1e-30",
+        inputs: "their colours, raw from -1e30 to 1e30, where there is matter",
         bound: [4e-5, ANY, ANY],
         reason: "light behind many nodes is a product of as many exponentials, each 2e-7 off; then the quotient of two f32 means",
         portable: true,

@@ -289,7 +289,7 @@ pub fn matter_color() -> Worst {
     matter(|level, matter, got, want, amounts| {
         for channel in 1..3 {
             let pairs = got[channel].iter().zip(&want[channel]);
-            for ((&got, &want), &amount) in pairs.zip(amounts).filter(|(_, a)| **a >= 1e-30) {
+            for ((&got, &want), &amount) in pairs.zip(amounts).filter(|(_, a)| **a > 0.0) {
                 let at = || format!("level {level}, {matter:?}, amount {amount}, {got} for {want}");
                 worst.take(sigmoid(got.into()), sigmoid(want), 0.0, &at);
             }
