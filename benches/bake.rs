@@ -8,7 +8,7 @@
 //! Upsamples the scene to each size (`--half` in float16) once, in `--scenes` (default
 //! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, once with a cold file cache, what
 //! threads gain, stages with bytes and GB/s, peak resident memory as the operating system counts it, and the ratio to a floor measured in the
-//! same run: one pass over the density with all threads, a copy of the colour that was read, and zstd of
+//! same run: one pass over the density with all threads, a copy of the colour of needed nodes, and zstd of
 //! the codes at the same level and threads.
 
 mod arguments;
@@ -76,8 +76,8 @@ fn measure(scene: &Path, side: usize, options: &str) {
     let file = SourceFile::open(scene).expect("a scene");
     let element = file.length() / (8 * (side as u64).pow(3));
     let density = element * (side as u64).pow(3);
-    let read = report["bytes_read"].as_u64().expect("bytes");
-    let color = read.saturating_sub(2 * density);
+    let needed = report["pruned"][0]["needed_nodes"].as_u64().expect("nodes");
+    let color = needed * element * color_channels(&output);
     let level = report["options"]["zstd_level"].as_i64().expect("a level") as i32;
     let floors = [pass_seconds(&file, density), copy_seconds(color), zstd_seconds(&output, level)];
     let floor: f64 = floors.iter().sum();
@@ -170,6 +170,12 @@ fn copy_seconds(bytes: u64) -> f64 {
         std::hint::black_box(copied.expect("no errors"));
     });
     one * rounds
+}
+
+/// Colour channels of a container.
+fn color_channels(container: &Path) -> u64 {
+    let bytes = std::fs::read(container).expect("a container");
+    3 + open_bytes(&bytes).expect("valid").metadata().features as u64
 }
 
 /// Compressing the codes of a container in frames, with all threads.

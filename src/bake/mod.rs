@@ -1,9 +1,9 @@
 //! The whole bake, in order.
 //!
-//! 1. **Prune** ([`crate::prune`]): one pass over all of density finds, for every level, the nodes
-//!    that must be right and the blocks that are kept.
+//! 1. **Prune** ([`crate::prune`]): one pass over all of density, and one over what of it holds matter, find for every
+//!    level the nodes that must be right and the blocks that are kept.
 //!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposure`]).
-//! 2. **Encode**: a second pass streams density and colour through all levels at once ([`stream`]),
+//! 2. **Encode**: another pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
 //!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
 //!    finds what each level holds, lowest to highest ([`ranges`]). What cameras see little of is

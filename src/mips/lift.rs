@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::visibility::Weigher;
 use super::{Matter, Visibility};
 use crate::grid::{NodeMask, row};
 
@@ -38,74 +39,59 @@ impl<'a> Lift<'a> {
         }
     }
 
-    /// How many planes of weights there are: amounts, and where there are colours how much of them is seen.
-    pub(super) fn weights(&self) -> usize {
+    /// What is lifted, if anything is, and how much of it is seen where there are colours.
+    pub(super) fn matter(&self) -> Option<(&Matter, Option<&'a Visibility>)> {
         match self {
-            Self::Raw(_) => 0,
-            Self::Amounts(_) => 1,
-            Self::Seen(..) => 2,
+            Self::Raw(_) => None,
+            Self::Amounts(matter) => Some((matter, None)),
+            Self::Seen(matter, visibility) => Some((matter, Some(visibility))),
         }
     }
+}
 
-    /// Fills planes of weights for plane `x` of density: what lies outside the region weighs 0.
-    pub(super) fn weigh(
-        &self,
-        region: &NodeMask,
-        x: usize,
-        density: &[f32],
-        weights: &mut [Vec<f32>],
-    ) {
-        if let (Self::Amounts(matter) | Self::Seen(matter, _), [amounts, ..]) =
-            (self, &mut *weights)
-        {
-            fill_region(region, x, amounts, |span, amounts| {
-                matter.lift_density(&density[span], amounts);
-            });
-        }
-        if let (Self::Seen(_, visibility), [amounts, seen]) = (self, weights) {
-            let weigher = visibility.weigher(region.nodes(), x);
-            fill_region(region, x, seen, |span, seen| {
-                weigher.weigh(span.start, &amounts[span], seen);
-            });
-        }
+/// A part of a plane of level 0 that goes up.
+#[derive(Clone)]
+pub(super) struct Part<'a> {
+    /// What must come out right; the rest goes up as 0.
+    pub region: &'a NodeMask,
+    /// The plane's number.
+    pub x: usize,
+    /// Rows.
+    pub rows: Range<usize>,
+}
+
+impl Part<'_> {
+    /// Amounts of a plane of density.
+    pub fn weigh(&self, matter: &Matter, density: &[f32], amounts: &mut [f32]) {
+        self.fill(amounts, |span, amounts| matter.lift_density(&density[span], amounts));
     }
 
-    /// Fills a plane with colours of plane `x`, multiplied by how much of them is `seen`.
-    pub(super) fn lift_color(
-        &self,
-        region: &NodeMask,
-        x: usize,
-        raw: &[f32],
-        seen: &[f32],
-        weighted: &mut [f32],
-    ) {
-        if let Self::Seen(matter, _) = self {
-            fill_region(region, x, weighted, |span, weighted| {
-                matter.lift_color(&raw[span.clone()], &seen[span], weighted);
-            });
+    /// How much of a plane of amounts is seen.
+    pub fn see(&self, weigher: &Weigher, amounts: &[f32], seen: &mut [f32]) {
+        self.fill(seen, |span, seen| weigher.weigh(span.start, &amounts[span], seen));
+    }
+
+    /// A plane of colours, multiplied by how much of them is seen.
+    pub fn color(&self, matter: &Matter, raw: &[f32], seen: &[f32], weighted: &mut [f32]) {
+        self.fill(weighted, |span, weighted| {
+            matter.lift_color(&raw[span.clone()], &seen[span], weighted);
+        });
+    }
+
+    /// Calls `fill` with ranges of nodes, each in one row, that cover the region, and their part of `plane`.
+    fn fill(&self, plane: &mut [f32], mut fill: impl FnMut(Range<usize>, &mut [f32])) {
+        let nz = self.region.nodes().0[2];
+        for y in self.rows.clone() {
+            let (row, plane) = (self.region.row(self.x, y), &mut plane[y * nz..][..nz]);
+            for (start, end) in row::spans(row, nz, GAP) {
+                fill(y * nz + start..y * nz + end, &mut plane[start..end]);
+            }
+            for (start, end) in row::gaps(row, nz) {
+                plane[start..end].fill(0.0);
+            }
         }
     }
 }
 
 /// Nodes that do not go up, but fewer than these in a row are lifted too: stopping costs more.
 const GAP: usize = 32;
-
-/// Calls `fill` with ranges of nodes of plane `x`, each in one row, that cover the region, and their part of `plane`;
-/// what lies outside the region becomes 0.
-fn fill_region(
-    region: &NodeMask,
-    x: usize,
-    plane: &mut [f32],
-    mut fill: impl FnMut(Range<usize>, &mut [f32]),
-) {
-    let nz = region.nodes().0[2];
-    for (y, plane) in plane.chunks_exact_mut(nz).enumerate() {
-        let row = region.row(x, y);
-        for (start, end) in row::spans(row, nz, GAP) {
-            fill(y * nz + start..y * nz + end, &mut plane[start..end]);
-        }
-        for (start, end) in row::gaps(row, nz) {
-            plane[start..end].fill(0.0);
-        }
-    }
-}

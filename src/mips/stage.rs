@@ -1,12 +1,15 @@
 //! One step from a level to the next: rows are summed along y as planes come, then along x and z.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use multiversion::multiversion;
 
 use super::regions::Step;
 use crate::grid::{NodeMask, row};
 
+/// Rows of a plane that are worked on together: as many as leave room in the caches for what they are made of.
+const BAND_BYTES: usize = 64 << 10;
 /// Output nodes that nobody needs, but fewer than these in a row are made too: stopping costs more.
 const GAP: usize = 16;
 
@@ -51,21 +54,37 @@ impl Stage<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where output planes read it.
-    pub(super) fn filter_plane(&self, wanted: &[u64], plane: &[f32], out: &mut [f32]) {
+    /// Filters one channel of a plane of the finer level along y, where output planes read it: some rows at a time, as
+    /// soon as `fill(rows, plane)` has made those, so that they are still in a processor's cache.
+    pub(super) fn filter_plane(
+        &self,
+        wanted: &[u64],
+        plane: &mut [f32],
+        out: &mut [f32],
+        mut fill: impl FnMut(Range<usize>, &mut [f32]),
+    ) {
         let [_, y_taps, z_taps] = &self.step.axes;
-        let nz = z_taps.inputs();
+        let (ny, nz) = (y_taps.inputs(), z_taps.inputs());
         let words = self.outputs.row_words();
         let mut sums = vec![0.0; nz];
-        for (y, wanted) in wanted.chunks_exact(words).enumerate() {
-            let (first, weights) = y_taps.window(y);
-            for (start, end) in row::spans(wanted, z_taps.outputs(), GAP) {
-                let (low, high) = z_taps.long_reach(start, end);
-                let sums = &mut sums[low..high];
-                let row = |row: usize| &plane[(first + row) * nz + low..(first + row) * nz + high];
-                sum_rows(weights, row, sums);
-                round_to_f32(sums, &mut out[y * nz + low..y * nz + high]);
+        let mut made = 0;
+        let rows = (BAND_BYTES / (4 * nz)).max(1);
+        for start in (0..ny).step_by(rows) {
+            let end = ny.min(start + rows);
+            fill(start..end, plane);
+            let ready = y_taps.ready(end);
+            for y in made..ready {
+                let (first, weights) = y_taps.window(y);
+                let wanted = &wanted[y * words..][..words];
+                for (start, end) in row::spans(wanted, z_taps.outputs(), GAP) {
+                    let (low, high) = z_taps.long_reach(start, end);
+                    let sums = &mut sums[low..high];
+                    let row = |row: usize| &plane[(first + row) * nz..][low..high];
+                    sum_rows(weights, row, sums);
+                    round_to_f32(sums, &mut out[y * nz..][low..high]);
+                }
             }
+            made = ready;
         }
     }
 }
