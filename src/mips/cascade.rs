@@ -15,10 +15,10 @@
 //! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, PoisonError};
 
-use super::lift::{Lift, Part};
+use super::lift::Lift;
 use super::regions::Regions;
+use super::rise::Rise;
 use super::stage::Stage;
 use crate::error::Result;
 use crate::parallel;
@@ -169,8 +169,7 @@ impl<'a> Cascade<'a> {
         }
     }
 
-    /// Makes planes `start..end` of a level, and what they give to the next level's ring: each plane while it is
-    /// still in a processor's cache.
+    /// Makes planes `start..end` of a level, and what they give to the next level's ring.
     fn make(
         &mut self,
         level: usize,
@@ -196,70 +195,13 @@ impl<'a> Cascade<'a> {
             (0..count * up).map(|_| spare_plane(&mut self.spare, coarse_y * nz)).collect();
         let wanted =
             parallel::map(count, |i| Ok(stage.step.wanted_rows(start + i, stage.outputs)))?;
-        match lift.matter() {
-            None => {
-                let rising = if let Lift::Raw(range) = lift { range.clone() } else { 0..0 };
-                let mut risen = risen.iter_mut();
-                let with_risen = |(i, plane)| {
-                    let rises = rising.contains(&(i % channels));
-                    (plane, rises.then(|| risen.next()).flatten())
-                };
-                let mut work: Vec<_> = planes.iter_mut().enumerate().map(with_risen).collect();
-                parallel::map_mut(&mut work, |task, (plane, risen)| {
-                    let i = task / channels;
-                    fill(i, task % channels, plane)?;
-                    if let Some(risen) = risen {
-                        stage.filter_plane(&wanted[i], plane, risen, |_, _| ());
-                    }
-                    Ok(())
-                })?;
-            }
-            Some((matter, visibility)) => {
-                let region = &self.regions.levels[0];
-                let part = |i: usize, rows| Part { region, x: start + i, rows };
-                let kinds = if visibility.is_some() { 2 } else { 1 };
-                let mut weights: Vec<_> =
-                    (0..count * kinds).map(|_| spare_plane(&mut self.spare, ny * nz)).collect();
-                let used = self.spare.extract_if(.., |plane| plane.len() == ny * nz);
-                let scratch: Mutex<Vec<Vec<f32>>> = Mutex::new(used.collect());
-                let mut densities = Vec::with_capacity(count);
-                let mut colors = Vec::with_capacity(count * channels);
-                let of_plane = planes.chunks_exact_mut(channels).zip(risen.chunks_exact_mut(up));
-                for ((planes, risen), weights) in of_plane.zip(weights.chunks_exact_mut(kinds)) {
-                    let (density, others) = planes.split_at_mut(1);
-                    let (of_weights, of_others) = risen.split_at_mut(kinds);
-                    densities.push((&mut density[0], weights.split_at_mut(1), of_weights));
-                    colors.extend(others.iter_mut().zip(of_others));
-                }
-                parallel::map_mut(&mut densities, |i, (density, (amounts, seen), risen)| {
-                    fill(i, 0, density)?;
-                    let amounts = &mut amounts[0];
-                    stage.filter_plane(&wanted[i], amounts, &mut risen[0], |rows, amounts| {
-                        part(i, rows).weigh(matter, density, amounts);
-                    });
-                    if let (Some(visibility), [seen]) = (visibility, &mut **seen) {
-                        let weigher = visibility.weigher(region.nodes(), start + i);
-                        stage.filter_plane(&wanted[i], seen, &mut risen[1], |rows, seen| {
-                            part(i, rows).see(&weigher, amounts, seen);
-                        });
-                    }
-                    Ok(())
-                })?;
-                parallel::map_mut(&mut colors, |task, (color, risen)| {
-                    let (i, channel) = (task / (channels - 1), 1 + task % (channels - 1));
-                    fill(i, channel, color)?;
-                    let scratch = || scratch.lock().unwrap_or_else(PoisonError::into_inner);
-                    let used = scratch().pop();
-                    let mut weighted = used.unwrap_or_else(|| vec![0.0; ny * nz]);
-                    let seen = &weights[i * kinds + kinds - 1];
-                    stage.filter_plane(&wanted[i], &mut weighted, risen, |rows, weighted| {
-                        part(i, rows).color(matter, color, seen, weighted);
-                    });
-                    scratch().push(weighted);
-                    Ok(())
-                })?;
-                self.spare.extend(scratch.into_inner().unwrap_or_else(PoisonError::into_inner));
-                self.spare.append(&mut weights);
+        let rise = Rise { stage, region: &self.regions.levels[level], start, channels, wanted };
+        let (own, above, spare) = (&mut planes, &mut risen, &mut self.spare);
+        match lift {
+            Lift::Raw(range) => rise.raw(range, fill, own, above)?,
+            Lift::Amounts(matter) => rise.matter((matter, None), fill, own, above, spare)?,
+            Lift::Seen(matter, visibility) => {
+                rise.matter((matter, Some(visibility)), fill, own, above, spare)?;
             }
         }
         if let Some(stage) = self.stages.get_mut(level) {

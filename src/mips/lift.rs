@@ -38,19 +38,9 @@ impl<'a> Lift<'a> {
             Self::Seen(..) => channels + 1,
         }
     }
-
-    /// What is lifted, if anything is, and how much of it is seen where there are colours.
-    pub(super) fn matter(&self) -> Option<(&Matter, Option<&'a Visibility>)> {
-        match self {
-            Self::Raw(_) => None,
-            Self::Amounts(matter) => Some((matter, None)),
-            Self::Seen(matter, visibility) => Some((matter, Some(visibility))),
-        }
-    }
 }
 
 /// A part of a plane of level 0 that goes up.
-#[derive(Clone)]
 pub(super) struct Part<'a> {
     /// What must come out right; the rest goes up as 0.
     pub region: &'a NodeMask,

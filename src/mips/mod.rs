@@ -15,6 +15,7 @@ mod lift;
 mod light;
 mod matter;
 mod regions;
+mod rise;
 mod stage;
 pub mod taps;
 mod visibility;
