@@ -65,8 +65,8 @@ pub fn forecast(
     let all_tables = tables(&pruned, options.block_size)?;
     let mut metadata = metadata(field, options, &sizes, &all_tables, pruned.keeps_mask);
     let reports = prune_reports(&pruned);
-    for level in &mut pruned.levels {
-        level.needed.intersect(&windows(level.needed.nodes(), options.block_size)?);
+    for (number, level) in pruned.levels.iter_mut().enumerate() {
+        level.needed.intersect(&windows(level.needed.nodes(), options.block_size, number)?);
     }
     let part: Vec<u64> = pruned.levels.iter().map(|level| level.needed.count()).collect();
     let times = whole.iter().sum::<u64>() as f64 / part.iter().sum::<u64>().max(1) as f64;
@@ -118,12 +118,13 @@ pub fn forecast(
     })
 }
 
-/// The nodes inside the windows, whole rows of blocks; all of a box that is too short for windows.
-fn windows(nodes: Nodes, edge: usize) -> Result<NodeMask> {
+/// The nodes of a level inside the windows, whole rows of blocks. Where level 0 is too short for windows, all of it; no
+/// coarser level that is: it is made of everything around the windows, and hardly counts itself.
+fn windows(nodes: Nodes, edge: usize, level: usize) -> Result<NodeMask> {
     let full = NodeMask::full(nodes);
     let rows = nodes.0[0].div_ceil(edge);
     if rows < 16 {
-        return Ok(full);
+        return Ok(if level == 0 { full } else { NodeMask::empty(nodes) });
     }
     let inside = |x: usize| {
         let place = x / edge * 16 / rows;

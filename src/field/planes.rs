@@ -13,7 +13,7 @@ use crate::grid::{NodeMask, row};
 pub const EMPTY_DENSITY: f32 = -100.0;
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
-const BRIDGED_BYTES: usize = 2048;
+const BRIDGED_BYTES: usize = 1024;
 
 /// What happens to values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

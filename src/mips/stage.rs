@@ -63,6 +63,9 @@ impl Stage<'_> {
         out: &mut [f32],
         mut fill: impl FnMut(Range<usize>, &mut [f32]),
     ) {
+        if wanted.iter().all(|&word| word == 0) {
+            return;
+        }
         let [_, y_taps, z_taps] = &self.step.axes;
         let (ny, nz) = (y_taps.inputs(), z_taps.inputs());
         let words = self.outputs.row_words();
