@@ -102,7 +102,7 @@ fn next_bit(row: &[u64], at: usize, others: u64) -> Option<usize> {
 }
 
 /// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them may be made of.
-const LANES: usize = 16;
+pub const LANES: usize = 16;
 
 /// Ranges of the first `count` bits, lowest first, that cover all set ones. Few are short: runs fewer than `gap` bits
 /// apart are one, and ends are where vectors end.

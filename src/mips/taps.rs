@@ -7,9 +7,6 @@
 
 use crate::grid::row;
 
-/// Numbers of a vector, at most.
-const LANES: usize = 16;
-
 /// Weights of one axis. Every window is equally long; where fewer nodes count, weights are zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisTaps {
@@ -96,7 +93,7 @@ impl AxisTaps {
     /// The same, and some after them, so that loops over them are whole vectors.
     pub fn long_reach(&self, start: usize, end: usize) -> (usize, usize) {
         let (low, high) = self.reach(start, end);
-        (low, (low + (high - low).next_multiple_of(LANES)).min(self.inputs))
+        (low, (low + (high - low).next_multiple_of(row::LANES)).min(self.inputs))
     }
 
     /// Output nodes `start..end` that read input node `input`.

@@ -3,7 +3,7 @@
 //! One pass over all of density finds those of level 0, and which nodes hold any matter. The levels after it are made
 //! of that matter alone, plane by plane; only where raw density is averaged do they read all of it.
 
-use super::DensityFilter;
+use super::{DensityFilter, SLAB};
 use crate::error::{Error, Result};
 use crate::field::{Planes, verify_crc32};
 use crate::grid::{NodeMask, Nodes, row};
@@ -12,9 +12,7 @@ use crate::parallel;
 use crate::progress::{Progress, Step};
 
 /// Planes of level 0 that are worked on between two looks at progress.
-const SLAB: usize = 16;
-/// Planes of a slab that goes through the levels.
-const RISING: usize = 8;
+const READ_TOGETHER: usize = 16;
 
 /// What one pass over all of density finds.
 #[derive(Debug)]
@@ -41,7 +39,8 @@ pub fn finest_above(
     let mut opaque = NodeMask::empty(nodes);
     let mut matter = empty_up_to.map(|_| NodeMask::empty(nodes));
     let mut hashers = Vec::with_capacity(nx);
-    let mut slab = Slab { first: 0, channels: 1, planes: vec![vec![0.0; ny * nz]; SLAB.min(nx)] };
+    let mut slab =
+        Slab { first: 0, channels: 1, planes: vec![vec![0.0; ny * nz]; READ_TOGETHER.min(nx)] };
     while slab.first < nx {
         slab.planes.truncate(nx - slab.first);
         let count = slab.count();
@@ -98,7 +97,7 @@ pub fn coarser_above(
     };
     let mut opaque: Vec<NodeMask> =
         sizes[1..].iter().map(|&nodes| NodeMask::empty(nodes)).collect();
-    Cascade::new(&regions, 1, lift, RISING).run(
+    Cascade::new(&regions, 1, lift, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
         |level, slab| {
             if progress.cancelled() {

@@ -13,7 +13,7 @@ use crate::baked::Encoding;
 
 /// Values that are looked at together.
 const RUN: usize = 64;
-/// Of the smaller of two bounds of a root, where the search for it starts: at most a fifth off either way.
+/// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
 const START: f32 = 0.85;
 /// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than 1e-6.
 const BITS_OF_ONE_STEP: u32 = 8;
