@@ -2,12 +2,15 @@
 
 mod common;
 
+use std::ops::Range;
+use std::sync::Mutex;
+
 use common::Random;
 use mipvog_bake::bake::Filter;
 use mipvog_bake::error::Result;
 use mipvog_bake::field::{Activation, ActivationOrder};
 use mipvog_bake::grid::{NodeMask, Nodes};
-use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Slab, level_sizes};
+use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, level_sizes};
 
 const SIZES: [[usize; 3]; 8] = [
     [2, 2, 2],
@@ -41,7 +44,15 @@ fn some_nodes(nodes: Nodes, of: usize, random: &mut Random) -> NodeMask {
 fn levels(field: &Channels, regions: &Regions, sizes: &[Nodes], lift: Lift) -> Vec<Channels> {
     let channels = if matches!(lift, Lift::Amounts(_)) { 1 } else { field.len() };
     let [_, ny, nz] = sizes[0].0;
-    let mut levels: Vec<Channels> = vec![Vec::new(); sizes.len()];
+    let above = match lift {
+        Lift::Raw(ref range) => range.len(),
+        Lift::Amounts(_) => 1,
+        Lift::Seen(..) => channels + 1,
+    };
+    let levels: Vec<Vec<Mutex<Vec<f32>>>> = sizes
+        .iter()
+        .map(|size| (0..above).map(|_| Mutex::new(vec![0.0; size.count()])).collect())
+        .collect();
     let read = |x: usize, channel: usize, _: &[u64], plane: &mut [f32]| -> Result<()> {
         for (i, value) in plane.iter_mut().enumerate() {
             let inside = regions.level(0).contains([x, i / nz, i % nz]);
@@ -49,17 +60,22 @@ fn levels(field: &Channels, regions: &Regions, sizes: &[Nodes], lift: Lift) -> V
         }
         Ok(())
     };
-    let mut take = |level: usize, slab: &Slab| -> Result<()> {
-        levels[level].resize(slab.channels, Vec::new());
-        for i in 0..slab.count() {
-            for (channel, values) in levels[level].iter_mut().enumerate() {
-                values.extend(slab.plane(i, channel));
-            }
-        }
+    let pass = |level: usize, x: usize, channel: usize, plane: &mut Vec<f32>| {
+        let mut values = levels[level][channel].lock().expect("a level");
+        values[x * plane.len()..][..plane.len()].copy_from_slice(plane);
         Ok(())
     };
-    Cascade::new(regions, channels, lift, 3).run(read, &mut take).expect("levels");
-    levels
+    // Planes of each level are told about in order, all of them.
+    let mut told = vec![0; sizes.len()];
+    let take = |level: usize, planes: Range<usize>| {
+        assert_eq!(planes.start, told[level]);
+        told[level] = planes.end;
+        Ok(())
+    };
+    Cascade::new(regions, channels, lift, 3).run(read, pass, take).expect("levels");
+    assert!(told.iter().zip(sizes).all(|(&told, size)| told == size.0[0]));
+    let values = |values: Mutex<Vec<f32>>| values.into_inner().expect("a level");
+    levels.into_iter().map(|level| level.into_iter().map(values).collect()).collect()
 }
 
 /// Holds levels from 1 on to those of everything: the same bits in their regions, and 0 elsewhere.
@@ -114,13 +130,10 @@ fn empty_nodes_are_left_out_of_matter() {
                 assert!((0..nodes.count()).filter(outside).all(|i| want[level][0][i] == 0.0));
             }
 
-            let mut occluders = Occluders::new(matter, &sizes, EXTENT);
-            let finest = Slab {
-                first: 0,
-                channels: 1,
-                planes: field[0].chunks(ny * nz).map(<[f32]>::to_vec).collect(),
-            };
-            occluders.take(0, &finest).expect("occluders");
+            let occluders = Occluders::new(matter, &sizes, EXTENT);
+            for (x, plane) in field[0].chunks(ny * nz).enumerate() {
+                occluders.take(0, x, plane);
+            }
             if Occluders::level(&sizes) > 0 {
                 continue;
             }

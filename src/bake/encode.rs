@@ -1,5 +1,9 @@
-//! Slabs of a level to compressed runs, as they come.
+//! Planes of a level to compressed runs, as they come.
+//!
+//! Each plane is quantized on its own, by whoever made it; blocks are cut from slabs of codes, and wait as frames until
+//! there are enough for all threads to compress runs of them.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::MaxErrors;
@@ -9,9 +13,8 @@ use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run
 use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::NodeMask;
-use crate::mips::Slab;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource, Coarsening, Frame};
+use crate::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;
@@ -51,11 +54,37 @@ pub struct Check {
     pub level: usize,
 }
 
+/// Quantizes planes of one level.
+#[derive(Debug)]
+pub struct LevelPlanes<'a> {
+    codes: CodePlanes<'a>,
+    /// The group of each channel.
+    groups: Vec<Group>,
+    /// The level that errors name.
+    level: usize,
+}
+
+impl LevelPlanes<'_> {
+    /// Takes plane `x` of a channel, counted over the groups in their order. From any thread.
+    ///
+    /// # Errors
+    ///
+    /// A needed value that is moved too far, where that is looked for.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
+        let Some([y, z]) = self.codes.put(x, channel, values) else { return Ok(()) };
+        let place = format!("level{}.{}", self.level, self.groups[channel].name());
+        let found = format!("a value at node {:?} that moves by more than its bound", [x, y, z]);
+        let expected = "values as they were unpacked, or --bits for other encodings";
+        Err(Error::malformed(Place::Tensor(place), found, expected))
+    }
+}
+
 /// Encodes one level, slab by slab.
 #[derive(Debug)]
 pub struct LevelEncoder<'a> {
     table: Table,
     needed: &'a NodeMask,
+    planes: Arc<LevelPlanes<'a>>,
     options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
 }
@@ -74,7 +103,7 @@ struct GroupEncoder {
 }
 
 impl<'a> LevelEncoder<'a> {
-    /// For the stored blocks of `table`; `encodings` by [`Group`], and slabs whose channels are
+    /// For the stored blocks of `table`; `encodings` by [`Group`], and planes whose channels are
     /// those of the present groups in that order.
     pub fn new(
         table: Table,
@@ -83,46 +112,65 @@ impl<'a> LevelEncoder<'a> {
         options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
-        let mut groups = Vec::new();
-        let mut first_channel = 0;
+        let (mut groups, mut group_of, mut of_channels) = (Vec::new(), Vec::new(), Vec::new());
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
             let channels = group.channels(options.features);
+            // Bounds are proved where encodings are made; debug builds look.
+            let bound = match options.check {
+                Some(Check { most: Some(most), .. }) => {
+                    Some(most.of(group).min(encoding.max_error))
+                }
+                Some(Check { most: None, .. }) => Some(encoding.max_error),
+                None => cfg!(debug_assertions).then_some(encoding.max_error),
+            };
             groups.push(GroupEncoder {
                 group,
-                first_channel,
+                first_channel: group_of.len(),
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
                 moved: 0.0,
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
-            first_channel += channels;
+            group_of.extend(std::iter::repeat_n(group, channels));
+            of_channels.extend(std::iter::repeat_n((encoding, bound), channels));
         }
-        Self { table, needed, options, groups }
+        let codes = CodePlanes::new(needed, options.activation, of_channels);
+        let level = options.check.map_or(0, |check| check.level);
+        let planes = Arc::new(LevelPlanes { codes, groups: group_of, level });
+        Self { table, needed, planes, options, groups }
     }
 
-    /// Encodes the slab's stored blocks. Slabs come in order, each a block thick.
-    pub fn take(&mut self, slab: &Slab) -> Result<()> {
+    /// Where planes go.
+    pub fn planes(&self) -> Arc<LevelPlanes<'a>> {
+        Arc::clone(&self.planes)
+    }
+
+    /// Encodes the stored blocks of planes that have come. They are told about in order, each time a block's thickness.
+    pub fn take(&mut self, planes: Range<usize>) -> Result<()> {
         let grid = self.table.grid();
-        let row = slab.first / grid.edge;
+        let row = planes.start / grid.edge;
+        let slab = self.planes.codes.take(planes);
         let [_, by, bz] = grid.counts();
         let places: Vec<[usize; 3]> = (0..by * bz)
             .map(|block| [row, block / bz, block % bz])
             .filter(|&place| self.table.frame(place).is_some())
             .collect();
-        let (groups, needed, options) = (&self.groups, self.needed, &self.options);
+        let (groups, needed) = (&self.groups, self.needed);
+        let importance = self.options.importance;
         let frames = parallel::map(places.len(), |i| {
-            let source = BlockSource { slab, needed, place: places[i] };
+            let source = BlockSource { slab: &slab, needed, place: places[i] };
             let counted = source.needed_nodes(grid.edge);
             let filled = self.table.is_filled(places[i]);
             // Colours of filled blocks follow from the next coarser level.
             let stored = |group: &&GroupEncoder| !filled || group.group == Group::Density;
             let frame = |group: &GroupEncoder| {
                 let group = Some(group).filter(stored);
-                group.map(|group| group.frame(source, counted.clone(), options)).transpose()
+                group.map(|group| group.frame(source, counted.clone(), importance))
             };
-            groups.iter().map(frame).collect::<Result<Vec<_>>>()
+            Ok(groups.iter().map(frame).collect::<Vec<_>>())
         })?;
+        self.planes.codes.reuse(slab);
         for frame in frames {
             for (group, frame) in self.groups.iter_mut().zip(frame) {
                 let Some((frame, moved)) = frame else { continue };
@@ -205,32 +253,13 @@ impl GroupEncoder {
         &self,
         source: BlockSource,
         needed: Arc<[bool]>,
-        options: &EncodeOptions,
-    ) -> Result<(Frame, f64)> {
-        let channels = self.first_channel..self.first_channel + self.encoder.shape().channels;
-        let bound = self.encoder.encoding().max_error;
-        let most = options.check.and_then(|check| check.most);
-        let bound = most.map_or(bound, |most| most.of(self.group).min(bound));
-        let kept = || {
-            let mut channels = channels.clone();
-            channels.all(|c| self.encoder.keeps(bound, source, c, &options.activation))
-        };
-        if let Some(check) = options.check
-            && !kept()
-        {
-            let place = format!("level{}.{}", check.level, self.group.name());
-            let found =
-                format!("a value in block {:?} that moves by more than {bound}", source.place);
-            let expected = "values as they were unpacked, or --bits for other encodings";
-            return Err(Error::malformed(Place::Tensor(place), found, expected));
-        }
-        // The bound is proved where encodings are made; here it must hold.
-        debug_assert!(kept(), "{:?} of {}", source.place, self.group.name());
-        let coarser = options.importance.filter(|_| self.group != Group::Density);
+        importance: Option<Importance>,
+    ) -> (Frame, f64) {
+        let coarser = importance.filter(|_| self.group != Group::Density);
         let of_block = coarser.map(|all| all.of_block(source, self.encoder.shape().edge));
         let coarsening = coarser
             .zip(of_block.as_deref())
             .map(|(all, importance)| Coarsening { importance, coarseness: all.coarseness });
-        Ok(self.encoder.frame(source, needed, self.first_channel, coarsening))
+        self.encoder.frame(source, needed, self.first_channel, coarsening)
     }
 }

@@ -18,7 +18,7 @@ use crate::container::CompressedRun;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::RadianceField;
 use crate::grid::{BlockGrid, NodeMask, Nodes};
-use crate::mips::Occluders;
+use crate::mips::{Occluders, SLAB};
 use crate::parallel;
 use crate::quantize::Bits;
 
@@ -26,10 +26,6 @@ use crate::quantize::Bits;
 const PROGRAM_BYTES: u64 = 24 << 20;
 /// What a thread needs to compress a run, and its stack.
 const THREAD_BYTES: u64 = 8 << 20;
-/// Planes of a slab while what can be seen is found.
-const PRUNE_SLAB: u64 = 8;
-/// Planes that a plane of the next level is made of, at most.
-const WINDOW: u64 = 8;
 
 /// How a bake keeps to its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,10 +87,16 @@ impl Needs<'_> {
         inflated.sum::<u64>() + free_space
     }
 
-    /// Bits of nodes: what is needed, what that reads, and those that these are made of.
+    /// Bits of nodes. While it is found what is needed: what is opaque and what is needed of all levels, matter, cells and
+    /// corners of level 0. Then, of all levels, what is needed and what is read for it; matter, and all of level 0.
     fn masks(&self) -> u64 {
         let all: u64 = self.sizes.iter().map(|&nodes| NodeMask::bytes(nodes)).sum();
-        3 * all + 6 * NodeMask::bytes(self.sizes[0])
+        2 * all + 4 * NodeMask::bytes(self.sizes[0])
+    }
+
+    /// Planes that a plane of the next level is made of.
+    fn window(&self) -> u64 {
+        self.options.filter.kernel().weights().len() as u64 + 1
     }
 
     /// One channel of a plane.
@@ -104,10 +106,10 @@ impl Needs<'_> {
 
     /// Planes of density on their way through the levels, and the light that is followed.
     fn pruning(&self) -> u64 {
-        // Two slabs at once, what is lifted, what waits for the next level; each level a fourth of the last.
-        let planes = (4 * PRUNE_SLAB + WINDOW) * Self::plane(self.sizes[0]) * 4 / 3;
+        // A slab's amounts, what each thread works on, what waits for the next level; each level a fourth of the last.
+        let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
         // Depths, what passes and what is seen.
-        planes + 3 * self.visibility()
+        planes * Self::plane(self.sizes[0]) * 4 / 3 + 3 * self.visibility()
     }
 
     fn visibility(&self) -> u64 {
@@ -124,33 +126,42 @@ impl Needs<'_> {
         let thickness = self.options.block_size as u64;
         let slabs = if in_turn { 1 } else { 2 };
         let of_level = |level: usize| {
-            let slab = if level == 0 { channels } else { rising } * thickness;
-            // Matter and how much of it is seen, colours on their way, and what conversions need.
-            let lifted = if level == 0 { 2 * thickness + 2 * self.threads } else { 0 };
+            // What each thread works on; of matter also what a slab's colours are weighted by.
+            let at_work = match (matter, level) {
+                (false, _) => self.threads,
+                (true, 0) => thickness + 2 * self.threads,
+                (true, _) => (1 + channels) * self.threads,
+            };
             // Half as long along y.
-            let ring = rising * (thickness + WINDOW).div_ceil(2);
-            // What waits for the plane after it, and what it becomes.
-            let settled = if matter && level > 0 { rising * (2 * thickness + 1) } else { 0 };
-            (slabs * slab + lifted + ring + settled) * Self::plane(self.sizes[level])
+            let ring = rising * (thickness + self.window()).div_ceil(2);
+            // A slab that waits for the plane after it, and the plane before it.
+            let waiting =
+                if matter && level > 0 { rising * ((1 + slabs) * thickness + 1) } else { 0 };
+            let plane = Self::plane(self.sizes[level]);
+            let codes = slabs * thickness * channels * plane / 4 * self.bytes_per_code();
+            codes + (at_work + ring + waiting) * plane
         };
         let levels = 0..self.sizes.len();
-        levels.map(|level| of_level(level) + self.codes(level, channels)).sum::<u64>()
+        levels.map(|level| of_level(level) + self.frames(level, channels)).sum::<u64>()
             + self.visibility()
     }
 
-    /// Codes of a level that wait until there are enough to compress, and what they become.
-    fn codes(&self, level: usize, channels: u64) -> u64 {
-        let grid = BlockGrid { nodes: self.sizes[level], edge: self.options.block_size };
-        let bytes_per_code = match (self.options.max_error, self.options.bits) {
+    fn bytes_per_code(&self) -> u64 {
+        match (self.options.max_error, self.options.bits) {
             (None, Bits::F32) => 4,
             (None, Bits::Integer(..=8)) => 1,
             _ => 2,
-        };
-        // With each group go flags of the nodes that count.
-        let frame = (grid.edge as u64).pow(3) * (channels * bytes_per_code + 3);
+        }
+    }
+
+    /// Codes of a level that wait until there are enough to compress.
+    fn frames(&self, level: usize, channels: u64) -> u64 {
+        let grid = BlockGrid { nodes: self.sizes[level], edge: self.options.block_size };
+        // And a flag of each node, whether it counts.
+        let frame = (grid.edge as u64).pow(3) * (channels * self.bytes_per_code() + 1);
         let [rows, by, bz] = grid.counts().map(|count| count as u64);
         let slab = by * bz * frame;
-        2 * (PENDING_BYTES as u64 + slab).min(rows * slab)
+        (PENDING_BYTES as u64 + slab).min(rows * slab)
     }
 }
 

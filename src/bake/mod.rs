@@ -4,8 +4,8 @@
 //!    level the nodes that must be right and the blocks that are kept.
 //!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposure`]).
 //! 2. **Encode**: another pass streams density and colour through all levels at once ([`stream`]),
-//!    reading only what needed nodes reach, and turns each slab of blocks into compressed runs as it
-//!    comes ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
+//!    reading only what needed nodes reach, quantizes each plane as it goes by, and turns slabs of blocks into
+//!    compressed runs as they come ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
 //!    finds what each level holds, lowest to highest ([`ranges`]). What cameras see little of is
 //!    stored coarser ([`importance`]). Blocks whose colours the next coarser level says well enough
 //!    lose their own, if wanted ([`fill`]).
@@ -38,7 +38,7 @@ use std::time::Instant;
 use serde_json::json;
 
 pub use current::is_current;
-pub use encode::{Check, EncodeOptions, Importance, LevelEncoder};
+pub use encode::{Check, EncodeOptions, Importance, LevelEncoder, LevelPlanes};
 use fill::fill_levels;
 pub use filter::Filter;
 pub use forecast::{Forecast, forecast};
@@ -292,11 +292,16 @@ fn fit_encodings(
     progress: &dyn Progress,
 ) -> Result<u64> {
     let Metadata { levels, activation, features, .. } = metadata;
-    let spans = levels.iter().map(|level| LevelSpans::new(level, activation, *features));
-    let mut spans: Vec<LevelSpans> = spans.collect();
-    let streamed = stream.run(Step::Ranges, progress, |level, slab| {
-        spans[level].take(slab, &stream.pruned.levels[level].needed)
-    })?;
+    let spans: Vec<LevelSpans> = levels
+        .iter()
+        .zip(&stream.pruned.levels)
+        .map(|(level, pruned)| LevelSpans::new(level, &pruned.needed, activation, *features))
+        .collect();
+    let put = |level: usize, x, channel, plane: &[f32]| {
+        spans[level].put(x, channel, plane);
+        Ok(())
+    };
+    let streamed = stream.run(Step::Ranges, progress, put, |_, _| Ok(()))?;
     // The pass that encodes finds the same again, and counts it.
     stream.planes.take_nonfinite()?;
     let found = encodings_within(max_errors, levels, activation, &spans)?;
@@ -334,7 +339,10 @@ fn encode_levels(
         let encode_options = EncodeOptions { importance, ..encode_options };
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
-    let streamed = stream.run(Step::Encode, progress, |level, slab| encoders[level].take(slab))?;
+    let planes: Vec<_> = encoders.iter().map(LevelEncoder::planes).collect();
+    let put = |level: usize, x, channel, plane: &[f32]| planes[level].put(x, channel, plane);
+    let streamed =
+        stream.run(Step::Encode, progress, put, |level, planes| encoders[level].take(planes))?;
     for (level, encoder) in metadata.levels.iter_mut().zip(&encoders) {
         for (group, error) in Group::ALL.into_iter().zip(encoder.max_errors()) {
             if let (Some(encoding), Some(error)) = (level.encoding_mut(group), error) {

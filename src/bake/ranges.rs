@@ -1,53 +1,50 @@
 //! What each group of each level holds, lowest to highest, and encodings for just that.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::MaxErrors;
 use crate::baked::{Encoding, Group, LevelMetadata};
 use crate::error::Result;
 use crate::field::Activation;
 use crate::grid::{NodeMask, row};
-use crate::mips::Slab;
 use crate::parallel;
 use crate::quantize::{ValueSpan, encoding_within};
 
 /// The values of one level.
 #[derive(Debug)]
-pub struct LevelSpans {
+pub struct LevelSpans<'a> {
+    needed: &'a NodeMask,
     /// By [`Group`].
-    spans: [Option<ValueSpan>; 3],
-    /// Specular features of a node.
-    features: usize,
+    spans: [Option<Mutex<ValueSpan>>; 3],
+    /// The group of each channel.
+    groups: Vec<Group>,
 }
 
-impl LevelSpans {
+impl<'a> LevelSpans<'a> {
     /// Of no values yet: those of the groups that `level` has, by what they mean.
-    pub fn new(level: &LevelMetadata, activation: &Activation, features: usize) -> Self {
-        let span = |encoding: &Encoding| ValueSpan::new(encoding.decode, activation);
-        Self { spans: Group::ALL.map(|group| level.encoding(group).map(span)), features }
+    pub fn new(
+        level: &LevelMetadata,
+        needed: &'a NodeMask,
+        activation: &Activation,
+        features: usize,
+    ) -> Self {
+        let span = |encoding: &Encoding| Mutex::new(ValueSpan::new(encoding.decode, activation));
+        let spans = Group::ALL.map(|group| level.encoding(group).map(span));
+        let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
+        let of_group = |group: Group| std::iter::repeat_n(group, group.channels(features));
+        Self { needed, spans, groups: present.flat_map(of_group).collect() }
     }
 
-    /// Takes the needed nodes of a slab, whose channels are those of the level's groups in order.
-    pub fn take(&mut self, slab: &Slab, needed: &NodeMask) -> Result<()> {
-        let mut first_channel = 0;
-        let nz = needed.nodes().0[2];
-        for (group, span) in Group::ALL.into_iter().zip(&mut self.spans) {
-            let Some(span) = span else { continue };
-            let channels = group.channels(self.features);
-            let of_plane = |i: usize, channel: usize| {
-                let mut span = *span;
-                for (y, row) in slab.plane(i, first_channel + channel).chunks_exact(nz).enumerate()
-                {
-                    for (start, end) in row::runs(needed.row(slab.first + i, y)) {
-                        span.take(&row[start..end]);
-                    }
-                }
-                Ok(span)
-            };
-            let found =
-                parallel::map(slab.count() * channels, |i| of_plane(i / channels, i % channels))?;
-            found.iter().for_each(|found| span.join(found));
-            first_channel += channels;
+    /// Takes the needed nodes of plane `x` of a channel, counted over the level's groups in order. From any thread.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) {
+        let Some(all) = &self.spans[self.groups[channel] as usize] else { return };
+        let mut span = *all.lock().unwrap_or_else(PoisonError::into_inner);
+        for (y, row) in values.chunks_exact(self.needed.nodes().0[2]).enumerate() {
+            for (start, end) in row::runs(self.needed.row(x, y)) {
+                span.take(&row[start..end]);
+            }
         }
-        Ok(())
+        all.lock().unwrap_or_else(PoisonError::into_inner).join(&span);
     }
 }
 
@@ -63,9 +60,10 @@ pub fn encodings_within(
         let (level, group) = (i / groups, Group::ALL[i % groups]);
         let decode = levels[level].encoding(group).map(|encoding| encoding.decode);
         let span = &spans[level].spans[group as usize];
-        Ok(decode
-            .zip(span.as_ref())
-            .map(|(decode, span)| encoding_within(max_errors.of(group), decode, activation, span)))
+        Ok(decode.zip(span.as_ref()).map(|(decode, span)| {
+            let span = span.lock().unwrap_or_else(PoisonError::into_inner);
+            encoding_within(max_errors.of(group), decode, activation, &span)
+        }))
     })?;
     Ok(found.as_chunks().0.to_vec())
 }

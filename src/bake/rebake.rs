@@ -4,6 +4,7 @@
 //! encodings are searched only where an error is asked for. Decoding and encoding are inverse for
 //! codes, so without changes the result is the same file that was unpacked, byte for byte.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -18,7 +19,6 @@ use crate::container::{self, Head};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{March, Scene, Volume};
 use crate::grid::{BlockGrid, NodeMask, Nodes, row};
-use crate::mips::Slab;
 use crate::parallel;
 use crate::progress::{Progress, Step};
 use crate::quantize::{Bits, color_encoding, density_encoding};
@@ -146,7 +146,9 @@ pub fn rebake(
         let needed = stored_nodes(&level.table);
         let encodings = Group::ALL.map(|group| of_level.encoding(group));
         let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
-        for_each_slab(level, number, |slab| encoder.take(slab))?;
+        let planes = encoder.planes();
+        let put = |x, channel, plane: &[f32]| planes.put(x, channel, plane);
+        for_each_plane(level, number, put, |planes| encoder.take(planes))?;
         levels.push(encoder.finish()?);
         bytes_read += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
         progress.advance(Step::Encode, 1);
@@ -191,11 +193,16 @@ fn fit_encodings(
     metadata: &mut Metadata,
 ) -> Result<()> {
     let Metadata { levels, activation, features, .. } = metadata;
+    let needed: Vec<NodeMask> =
+        unpacked.levels.iter().map(|level| stored_nodes(&level.table)).collect();
     let mut spans = Vec::new();
     for (number, (level, of_level)) in unpacked.levels.iter().zip(levels.iter()).enumerate() {
-        let needed = stored_nodes(&level.table);
-        let mut of_values = LevelSpans::new(of_level, activation, *features);
-        for_each_slab(level, number, |slab| of_values.take(slab, &needed))?;
+        let of_values = LevelSpans::new(of_level, &needed[number], activation, *features);
+        let put = |x, channel, plane: &[f32]| {
+            of_values.put(x, channel, plane);
+            Ok(())
+        };
+        for_each_plane(level, number, put, |_| Ok(()))?;
         spans.push(of_values);
     }
     let found = encodings_within(max_errors, levels, activation, &spans)?;
@@ -229,11 +236,13 @@ fn stored_nodes(table: &Table) -> NodeMask {
     stored
 }
 
-/// Calls `take` with every slab of a level, all channels, each a block thick.
-fn for_each_slab(
+/// Calls `put(x, channel, plane)` with every plane of a level, from any thread, and tells `take` which have come, a
+/// block's thickness at a time.
+fn for_each_plane(
     level: &UnpackedLevel,
     number: usize,
-    mut take: impl FnMut(&Slab) -> Result<()>,
+    put: impl Fn(usize, usize, &[f32]) -> Result<()> + Sync + Send,
+    mut take: impl FnMut(Range<usize>) -> Result<()>,
 ) -> Result<()> {
     let channels: Vec<(Group, &Volume, usize)> = Group::ALL
         .into_iter()
@@ -243,8 +252,8 @@ fn for_each_slab(
         .collect();
     let BlockGrid { nodes: Nodes([nx, ny, nz]), edge } = level.table.grid();
     for first in (0..nx).step_by(edge) {
-        let count = edge.min(nx - first);
-        let planes = parallel::map(count * channels.len(), |i| {
+        let planes = first..nx.min(first + edge);
+        parallel::map(planes.len() * channels.len(), |i| {
             let (group, volume, channel) = channels[i % channels.len()];
             let x = first + i / channels.len();
             let mut plane = vec![0.0; ny * nz];
@@ -257,9 +266,9 @@ fn for_each_slab(
                     return Err(Error::new(kind, Place::Tensor(name)));
                 }
             }
-            Ok(plane)
+            put(x, i % channels.len(), &plane)
         })?;
-        take(&Slab { first, channels: channels.len(), planes })?;
+        take(planes)?;
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
-//! A field through all its levels, slab by slab, as they are to be stored.
+//! A field through all its levels, plane by plane, as they are to be stored.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -8,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::field::{Planes, verify_crc32};
 use crate::fit::Fitted;
 use crate::grid::NodeMask;
-use crate::mips::{Cascade, Lift, Regions, Settler, Slab};
+use crate::mips::{Cascade, Lift, Regions, Settler};
 use crate::progress::{Progress, Step};
 use crate::prune::Pruned;
 
@@ -37,13 +38,15 @@ pub struct Streamed {
 }
 
 impl Stream<'_> {
-    /// Streams the field through all levels. `take(level, slab)` gets every slab of every level, each
+    /// Streams the field through all levels. `put(level, x, channel, plane)` gets every plane, from any thread, and
+    /// `take(level, planes)` is told which have come, a slab at a time, each
     /// level's in order; `step` is what its progress is told as.
     pub fn run(
         &self,
         step: Step,
         progress: &dyn Progress,
-        mut take: impl FnMut(usize, &Slab) -> Result<()> + Send,
+        put: impl Fn(usize, usize, usize, &[f32]) -> Result<()> + Sync + Send,
+        mut take: impl FnMut(usize, Range<usize>) -> Result<()> + Send,
     ) -> Result<Streamed> {
         let Self { planes, options, pruned, fitted, in_turn } = *self;
         let scene = &planes.field().scene;
@@ -60,8 +63,15 @@ impl Stream<'_> {
         let channels = planes.channels();
         let seen = matter.zip(pruned.visibility.as_ref());
         let lift = Lift::of_levels(seen, options.filter.filters_density(), channels);
-        let mut settlers =
-            Settler::of_levels(matter, pruned.levels.iter().map(|level| &level.needed));
+        let of_levels = pruned.levels.iter().map(|level| &level.needed);
+        let settlers = Settler::of_levels(matter, channels, of_levels);
+        // Of a coarser level as it is to be stored.
+        let settled = |level, x, channel, plane: &mut [f32]| {
+            if let Some(fitted) = fitted {
+                fitted.replace(level, x, channel, plane);
+            }
+            put(level, x, channel, plane)
+        };
         let nx = scene.nodes.0[0];
         progress.begin(step, nx as u64);
         let bytes_read = AtomicU64::new(0);
@@ -72,33 +82,38 @@ impl Stream<'_> {
         let cascade = Cascade::new(&regions, channels, lift, options.block_size).in_turn(in_turn);
         cascade.run(
             |x, channel, region, plane| {
-                let Some(color) = channel.checked_sub(1) else {
-                    let read = planes.read(channel, x, region, plane)?;
-                    bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-                    return Ok(());
-                };
-                let region = whole.as_ref().map_or(region, |(_, whole)| whole.plane(x));
+                let color = channel.checked_sub(1);
+                let whole = whole.as_ref().filter(|_| color.is_some());
+                let region = whole.map_or(region, |(_, whole)| whole.plane(x));
                 let read = planes.read(channel, x, region, plane)?;
                 bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
-                let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
-                hashers[color * nx + x] = read.checksum;
-                Ok(())
+                if let Some(color) = color {
+                    let mut hashers = hashers.lock().unwrap_or_else(PoisonError::into_inner);
+                    hashers[color * nx + x] = read.checksum;
+                }
+                put(0, x, channel, plane)
             },
-            |level, slab| {
+            |level, x, channel, plane| match &settlers[level] {
+                Some(settler) => {
+                    settler.put(x, channel, plane);
+                    Ok(())
+                }
+                None => settled(level, x, channel, plane),
+            },
+            |level, planes| {
                 if level == 0 {
-                    progress.advance(step, slab.count() as u64);
+                    progress.advance(step, planes.len() as u64);
                 }
                 if progress.cancelled() {
                     return Err(Error::cancelled());
                 }
-                match &mut settlers[level] {
-                    Some(settler) => settler.take(slab, |slab| {
-                        if let Some(fitted) = fitted {
-                            fitted.replace(level, slab);
-                        }
-                        take(level, slab)
-                    }),
-                    None => take(level, slab),
+                match &settlers[level] {
+                    Some(settler) => settler.settle(
+                        planes,
+                        |x, channel, plane| settled(level, x, channel, plane),
+                        |planes| take(level, planes),
+                    ),
+                    None => take(level, planes),
                 }
             },
         )?;

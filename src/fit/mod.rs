@@ -33,7 +33,6 @@ use crate::error::Result;
 use crate::field::RadianceField;
 use crate::grid::NodeMask;
 use crate::limits::Limits;
-use crate::mips::Slab;
 use crate::progress::{Progress, Step};
 use crate::render::{Field, TrainedLevels, View};
 use crate::sample::{Dense, Stored};
@@ -77,15 +76,10 @@ pub struct FittedLevel {
 }
 
 impl Fitted {
-    /// Puts fitted values in the place of a slab's of `level`.
-    pub fn replace(&self, level: usize, slab: &mut Slab) {
-        let Some(fitted) = level.checked_sub(1).and_then(|level| self.levels.get(level)) else {
-            return;
-        };
-        let (first, channels) = (slab.first, slab.channels);
-        for (i, plane) in slab.planes.iter_mut().enumerate() {
-            let (length, x) = (plane.len(), first + i / channels);
-            plane.copy_from_slice(&fitted[i % channels][x * length..][..length]);
+    /// Puts fitted values in the place of plane `x` of a channel of `level`.
+    pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
+        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.levels.get(level)) {
+            plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);
         }
     }
 }

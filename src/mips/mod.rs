@@ -6,7 +6,7 @@
 //! The low-pass mirrors the grid at its faces without repeating the end node. Low-pass and resize
 //! are separable and linear, so one axis of one step is a short list of weights for each output
 //! node: [`taps`]. [`kernel`] says which low-pass, [`cascade`] streams a field through all levels,
-//! plane by plane, touching only the nodes that somebody needs. Matter is coloured by what can be seen
+//! plane by plane, touching only the nodes that somebody needs; [`settle`] turns filtered matter into what is stored. Matter is coloured by what can be seen
 //! of it: [`visibility`].
 
 pub mod cascade;
@@ -14,17 +14,21 @@ pub mod kernel;
 mod lift;
 mod light;
 mod matter;
+mod pool;
 mod regions;
 mod rise;
+mod settle;
 mod stage;
 pub mod taps;
 mod visibility;
 
-pub use cascade::{Cascade, Slab};
+pub use cascade::{Cascade, SLAB};
 pub use kernel::Kernel;
 pub use lift::Lift;
-pub use matter::{Matter, Settled, Settler};
+pub use matter::{Matter, Settled};
+pub use pool::Pool;
 pub use regions::Regions;
+pub use settle::Settler;
 pub use visibility::{Occluders, Visibility};
 
 use crate::grid::Nodes;

@@ -2,10 +2,9 @@
 //! is still in a processor's cache.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
-use super::cascade::spare_plane;
 use super::lift::Part;
+use super::pool::Pool;
 use super::stage::Stage;
 use super::{Matter, Visibility};
 use crate::error::Result;
@@ -14,100 +13,122 @@ use crate::parallel;
 
 /// Consecutive planes of a level that go up.
 pub struct Rise<'a, 's> {
-    /// The step that they take.
-    pub stage: &'a Stage<'s>,
+    /// The step that they take, unless theirs is the last level.
+    pub stage: Option<&'a Stage<'s>>,
     /// What must come out right of their level.
     pub region: &'a NodeMask,
-    /// The first one's number.
-    pub start: usize,
+    /// Their numbers.
+    pub planes: Range<usize>,
     /// Channels of each.
     pub channels: usize,
-    /// Of each the output nodes that read it.
-    pub wanted: Vec<Vec<u64>>,
+    /// Where planes come from that nobody keeps.
+    pub pool: &'a Pool,
 }
 
 impl Rise<'_, '_> {
-    /// Fills `planes`, `[plane][channel]`, by `fill(plane, channel, values)`, and filters the channels in `rising` as they
-    /// are into `risen`.
+    /// Fills planes by `fill(x, channel, plane)`, filters the channels in `rising` as they are, and shows all to `pass`.
+    /// Returns what goes up, `[plane][channel]`.
     pub fn raw(
         &self,
         rising: &Range<usize>,
         fill: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
-        planes: &mut [Vec<f32>],
-        risen: &mut [Vec<f32>],
-    ) -> Result<()> {
-        let mut risen = risen.iter_mut();
-        let with_risen = |(i, plane)| {
-            let rises = rising.contains(&(i % self.channels));
-            (plane, rises.then(|| risen.next()).flatten())
+        pass: impl Fn(usize, usize, &mut Vec<f32>) -> Result<()> + Sync + Send,
+    ) -> Result<Vec<Vec<Vec<f32>>>> {
+        let wanted = self.wanted()?;
+        let mut risen = self.room_above(rising.len());
+        let mut above = risen.iter_mut().flatten();
+        let of_task = |task| {
+            let rises = rising.contains(&(task % self.channels));
+            rises.then(|| above.next()).flatten()
         };
-        let mut work: Vec<_> = planes.iter_mut().enumerate().map(with_risen).collect();
-        parallel::map_mut(&mut work, |task, (plane, risen)| {
-            let i = task / self.channels;
-            fill(i, task % self.channels, plane)?;
-            if let Some(risen) = risen {
-                self.stage.filter_plane(&self.wanted[i], plane, risen, |_, _| ());
+        let mut work: Vec<_> = (0..self.planes.len() * self.channels).map(of_task).collect();
+        parallel::map_mut(&mut work, |task, risen| {
+            let (i, channel) = (task / self.channels, task % self.channels);
+            let x = self.planes.start + i;
+            let mut plane = self.plane();
+            fill(x, channel, &mut plane)?;
+            if let (Some(stage), Some(risen)) = (self.stage, risen) {
+                stage.filter_plane(&wanted[i], &mut plane, risen, |_, _| ());
             }
+            pass(x, channel, &mut plane)?;
+            self.pool.give([plane]);
             Ok(())
         })?;
-        Ok(())
+        Ok(risen)
     }
 
-    /// Fills `planes`, and filters into `risen` the amounts of density, the first channel; with `visibility` how much of
-    /// them is seen, and all colours weighted by that. Planes between come from `spare`, and go back.
+    /// Fills planes of level 0, and filters the amounts of density, the first channel; with `visibility` how much of
+    /// them is seen, and all colours weighted by that. Returns what goes up, `[plane][channel]`.
     pub fn matter(
         &self,
         (matter, visibility): (&Matter, Option<&Visibility>),
         fill: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
-        planes: &mut [Vec<f32>],
-        risen: &mut [Vec<f32>],
-        spare: &mut Vec<Vec<f32>>,
-    ) -> Result<()> {
-        let Self { stage, region, start, channels, ref wanted } = *self;
-        let [_, ny, nz] = region.nodes().0;
-        let part = |i: usize, rows| Part { region, x: start + i, rows };
+    ) -> Result<Vec<Vec<Vec<f32>>>> {
+        let Some(stage) = self.stage else { return self.raw(&(0..0), fill, |_, _, _| Ok(())) };
+        let wanted = self.wanted()?;
+        let (region, pool, others) = (self.region, self.pool, self.channels - 1);
+        let part = |x, rows| Part { region, x, rows };
         let kinds = if visibility.is_some() { 2 } else { 1 };
-        let (count, up) = (wanted.len(), risen.len() / wanted.len());
-        let mut weights: Vec<_> = (0..count * kinds).map(|_| spare_plane(spare, ny * nz)).collect();
-        let used = spare.extract_if(.., |plane| plane.len() == ny * nz);
-        let scratch: Mutex<Vec<Vec<f32>>> = Mutex::new(used.collect());
+        let mut risen = self.room_above(kinds + others);
         let (mut densities, mut colors) = (Vec::new(), Vec::new());
-        let of_plane = planes.chunks_exact_mut(channels).zip(risen.chunks_exact_mut(up));
-        for ((planes, risen), weights) in of_plane.zip(weights.chunks_exact_mut(kinds)) {
-            let (density, others) = planes.split_at_mut(1);
-            let (of_weights, of_others) = risen.split_at_mut(kinds);
-            densities.push((&mut density[0], weights.split_at_mut(1), of_weights));
-            colors.extend(others.iter_mut().zip(of_others));
+        for risen in &mut risen {
+            let (of_weights, of_colors) = risen.split_at_mut(kinds);
+            densities.push(of_weights);
+            colors.extend(of_colors);
         }
-        parallel::map_mut(&mut densities, |i, (density, (amounts, seen), risen)| {
-            fill(i, 0, density)?;
-            let amounts = &mut amounts[0];
-            stage.filter_plane(&wanted[i], amounts, &mut risen[0], |rows, amounts| {
-                part(i, rows).weigh(matter, density, amounts);
+        // What colours are weighted by.
+        let weights = parallel::map_mut(&mut densities, |i, risen| {
+            let x = self.planes.start + i;
+            let (mut density, mut amounts) = (self.plane(), self.plane());
+            fill(x, 0, &mut density)?;
+            stage.filter_plane(&wanted[i], &mut amounts, &mut risen[0], |rows, amounts| {
+                part(x, rows).weigh(matter, &density, amounts);
             });
-            if let (Some(visibility), [seen]) = (visibility, &mut **seen) {
-                let weigher = visibility.weigher(region.nodes(), start + i);
-                stage.filter_plane(&wanted[i], seen, &mut risen[1], |rows, seen| {
-                    part(i, rows).see(&weigher, amounts, seen);
-                });
-            }
-            Ok(())
+            let (Some(visibility), Some(risen)) = (visibility, risen.get_mut(1)) else {
+                pool.give([density]);
+                return Ok(amounts);
+            };
+            let weigher = visibility.weigher(region.nodes(), x);
+            let mut seen = density;
+            stage.filter_plane(&wanted[i], &mut seen, risen, |rows, seen| {
+                part(x, rows).see(&weigher, &amounts, seen);
+            });
+            pool.give([amounts]);
+            Ok(seen)
         })?;
-        parallel::map_mut(&mut colors, |task, (color, risen)| {
-            let (i, channel) = (task / (channels - 1), 1 + task % (channels - 1));
-            fill(i, channel, color)?;
-            let scratch = || scratch.lock().unwrap_or_else(PoisonError::into_inner);
-            let used = scratch().pop();
-            let mut weighted = used.unwrap_or_else(|| vec![0.0; ny * nz]);
-            let seen = &weights[i * kinds + kinds - 1];
+        parallel::map_mut(&mut colors, |task, risen| {
+            let (i, channel) = (task / others, 1 + task % others);
+            let x = self.planes.start + i;
+            let (mut color, mut weighted) = (self.plane(), self.plane());
+            fill(x, channel, &mut color)?;
             stage.filter_plane(&wanted[i], &mut weighted, risen, |rows, weighted| {
-                part(i, rows).color(matter, color, seen, weighted);
+                part(x, rows).color(matter, &color, &weights[i], weighted);
             });
-            scratch().push(weighted);
+            pool.give([color, weighted]);
             Ok(())
         })?;
-        spare.extend(scratch.into_inner().unwrap_or_else(PoisonError::into_inner));
-        spare.append(&mut weights);
-        Ok(())
+        pool.give(weights);
+        Ok(risen)
+    }
+
+    /// Planes for what goes up, so many channels of each.
+    fn room_above(&self, channels: usize) -> Vec<Vec<Vec<f32>>> {
+        let Some(stage) = self.stage else { return Vec::new() };
+        let length = stage.outputs.nodes().0[1] * self.region.nodes().0[2];
+        let of_plane = |_| (0..channels).map(|_| self.pool.take(length)).collect();
+        self.planes.clone().map(of_plane).collect()
+    }
+
+    /// Of each plane the output nodes that read it.
+    fn wanted(&self) -> Result<Vec<Vec<u64>>> {
+        let Some(stage) = self.stage else { return Ok(Vec::new()) };
+        let of_plane = |i| Ok(stage.step.wanted_rows(self.planes.start + i, stage.outputs));
+        parallel::map(self.planes.len(), of_plane)
+    }
+
+    /// A plane of the level, whatever it holds.
+    fn plane(&self) -> Vec<f32> {
+        let [_, ny, nz] = self.region.nodes().0;
+        self.pool.take(ny * nz)
     }
 }

@@ -17,14 +17,15 @@
 //! interpolated, so that time and memory do not grow with the field. [`Occluders`] collects that
 //! level's matter as it streams by.
 
+use std::sync::{Mutex, PoisonError};
+
 use multiversion::multiversion;
 
+use super::Matter;
 use super::light::{LEAST, Light};
-use super::{Matter, Slab};
 use crate::activate::lanes;
 use crate::error::Result;
 use crate::grid::Nodes;
-use crate::parallel;
 
 /// Nodes along the longest axis of the level on which light is followed, at most.
 const MOST_NODES: usize = 160;
@@ -40,7 +41,7 @@ pub struct Occluders {
     /// Intervals from a node to the next along each axis.
     spacing: [f32; 3],
     /// Optical depth over one interval, z fastest.
-    depths: Vec<f32>,
+    depths: Mutex<Vec<f32>>,
 }
 
 impl Occluders {
@@ -49,7 +50,7 @@ impl Occluders {
         let level = Self::level(sizes);
         let nodes = sizes[level];
         let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
-        Self { matter, level, nodes, spacing, depths: Vec::with_capacity(nodes.count()) }
+        Self { matter, level, nodes, spacing, depths: Mutex::new(vec![0.0; nodes.count()]) }
     }
 
     /// The level on which light is followed, of levels of `sizes`.
@@ -58,27 +59,25 @@ impl Occluders {
         sizes.iter().position(small).unwrap_or(sizes.len() - 1)
     }
 
-    /// Takes the next slab of a level's raw densities (level 0) or amounts; other levels' are let by.
-    pub fn take(&mut self, level: usize, slab: &Slab) -> Result<()> {
+    /// Takes plane `x` of a level's raw densities (level 0) or amounts; other levels' are let by.
+    pub fn take(&self, level: usize, x: usize, values: &[f32]) {
         if level != self.level {
-            return Ok(());
+            return;
         }
-        let depths = parallel::map(slab.count(), |i| {
-            let mut depths = slab.plane(i, 0).to_vec();
-            match level {
-                0 => optical_depths(&mut depths, &self.matter),
-                _ => self.matter.depths(slab.plane(i, 0), &mut depths),
-            }
-            Ok(depths)
-        })?;
-        depths.iter().for_each(|plane| self.depths.extend_from_slice(plane));
-        Ok(())
+        let mut of_plane = values.to_vec();
+        match level {
+            0 => optical_depths(&mut of_plane, &self.matter),
+            _ => self.matter.depths(values, &mut of_plane),
+        }
+        let mut depths = self.depths.lock().unwrap_or_else(PoisonError::into_inner);
+        depths[x * values.len()..][..values.len()].copy_from_slice(&of_plane);
     }
 
     /// What can be seen past them.
-    pub fn visibility(&self) -> Result<Visibility> {
-        let Self { nodes, spacing, ref depths, .. } = *self;
-        let mut seen = Light { nodes, spacing, depths }.sums()?;
+    pub fn visibility(self) -> Result<Visibility> {
+        let Self { nodes, spacing, depths, .. } = self;
+        let depths = depths.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut seen = Light { nodes, spacing, depths: &depths }.sums()?;
         for seen in &mut seen {
             let mean = *seen / 26.0;
             *seen = mean * mean + LEAST_SEEN;

@@ -21,14 +21,12 @@ use crate::activate;
 use crate::error::Result;
 use crate::field::{Nonfinite, Planes, RadianceField, Scene};
 use crate::grid::{Bounds, NodeMask, Nodes};
-use crate::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Visibility};
-use crate::progress::{Progress, Step};
+use crate::mips::{Kernel, Matter, Occluders, Visibility};
+use crate::progress::{Progress, Silent, Step};
 
 /// The free-space mask is left out of containers where what it drops, of everything that can be
 /// seen, has less opacity than this: 120 dB below the picture.
 const DROPPED_SHARE: f64 = 1e-6;
-/// Planes of level 0 that are filtered together.
-const SLAB: usize = 8;
 
 /// What can be seen of one level, and why the rest cannot.
 #[derive(Debug)]
@@ -98,16 +96,16 @@ pub fn prune(
             None => raw_threshold,
         })
         .collect();
-    let mut occluders = occluders(planes, filtered, filter.matter);
+    let occluders = occluders(planes, filtered, filter.matter);
     let passes = filtered.len().min(2);
     progress.begin(Step::Prune, (passes * sizes[0].0[0]) as u64);
     let empty_up_to = filter.matter.map(|matter| matter.empty_up_to());
-    let finest = finest_above(planes, thresholds[0], empty_up_to, occluders.as_mut(), progress)?;
+    let finest = finest_above(planes, thresholds[0], empty_up_to, occluders.as_ref(), progress)?;
     let Finest { opaque, mut matter, checksums: density_checksums } = finest;
     let nonfinite = planes.take_nonfinite()?.count;
     let mut opaque = vec![opaque];
     if filtered.len() > 1 {
-        let occluders = occluders.as_mut();
+        let occluders = occluders.as_ref();
         let (coarser, back) =
             coarser_above(planes, filtered, filter, matter, &thresholds, occluders, progress)?;
         opaque.extend(coarser);
@@ -163,7 +161,7 @@ impl Pruned {
     }
 }
 
-/// How much of each node is seen, in a pass over density of its own.
+/// How much of each node is seen, in passes over density of their own.
 pub fn visibility(
     planes: &Planes,
     sizes: &[Nodes],
@@ -171,12 +169,14 @@ pub fn visibility(
     matter: Matter,
 ) -> Result<Visibility> {
     let sizes = &sizes[..=Occluders::level(sizes)];
-    let mut occluders = Occluders::new(matter, sizes, extent_in_intervals(&planes.field().scene));
-    let whole = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    Cascade::new(&Regions::new(whole, None, kernel)?, 1, Lift::Amounts(matter), SLAB).run(
-        |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
-        |level, slab| occluders.take(level, slab),
-    )?;
+    let occluders = Occluders::new(matter, sizes, extent_in_intervals(&planes.field().scene));
+    let (occludes, empty_up_to) = (Some(&occluders), Some(matter.empty_up_to()));
+    let finest = finest_above(planes, f32::INFINITY, empty_up_to, occludes, &Silent)?;
+    if sizes.len() > 1 {
+        let filter = DensityFilter { kernel, matter: Some(matter) };
+        let thresholds = vec![f32::INFINITY; sizes.len()];
+        coarser_above(planes, sizes, filter, finest.matter, &thresholds, occludes, &Silent)?;
+    }
     occluders.visibility()
 }
 

@@ -3,11 +3,13 @@
 //! One pass over all of density finds those of level 0, and which nodes hold any matter. The levels after it are made
 //! of that matter alone, plane by plane; only where raw density is averaged do they read all of it.
 
-use super::{DensityFilter, SLAB};
+use std::sync::{Mutex, PoisonError};
+
+use super::DensityFilter;
 use crate::error::{Error, Result};
 use crate::field::{Planes, verify_crc32};
 use crate::grid::{NodeMask, Nodes, row};
-use crate::mips::{Cascade, Lift, Occluders, Regions, Slab};
+use crate::mips::{Cascade, Lift, Occluders, Pool, Regions, SLAB};
 use crate::parallel;
 use crate::progress::{Progress, Step};
 
@@ -30,7 +32,7 @@ pub fn finest_above(
     planes: &Planes,
     threshold: f32,
     empty_up_to: Option<f32>,
-    mut occluders: Option<&mut Occluders>,
+    occluders: Option<&Occluders>,
     progress: &dyn Progress,
 ) -> Result<Finest> {
     let nodes = planes.field().scene.nodes;
@@ -38,32 +40,27 @@ pub fn finest_above(
     let full = NodeMask::full(Nodes([1, ny, nz]));
     let mut opaque = NodeMask::empty(nodes);
     let mut matter = empty_up_to.map(|_| NodeMask::empty(nodes));
+    let mut of_matter = matter.as_mut().map(|mask| mask.planes_mut(0)).into_iter().flatten();
+    let mut rows: Vec<_> =
+        opaque.planes_mut(0).into_iter().map(|opaque| (opaque, of_matter.next())).collect();
+    let pool = Pool::default();
     let mut hashers = Vec::with_capacity(nx);
-    let mut slab =
-        Slab { first: 0, channels: 1, planes: vec![vec![0.0; ny * nz]; READ_TOGETHER.min(nx)] };
-    while slab.first < nx {
-        slab.planes.truncate(nx - slab.first);
-        let count = slab.count();
-        let rows_of_matter: Vec<Option<&mut [u64]>> = match &mut matter {
-            Some(mask) => mask.planes_mut(slab.first).into_iter().map(Some).take(count).collect(),
-            None => (0..count).map(|_| None).collect(),
-        };
-        let rows = opaque.planes_mut(slab.first).into_iter().zip(rows_of_matter);
-        let mut work: Vec<_> = slab.planes.iter_mut().zip(rows).collect();
-        let first = slab.first;
-        hashers.extend(parallel::map_mut(&mut work, |i, (plane, (opaque, matter))| {
-            let read = planes.read(0, first + i, full.plane(0), plane)?;
-            above(plane, nz, threshold, opaque);
+    for rows in rows.chunks_mut(READ_TOGETHER) {
+        let first = hashers.len();
+        hashers.extend(parallel::map_mut(rows, |i, (opaque, matter)| {
+            let mut plane = pool.take(ny * nz);
+            let read = planes.read(0, first + i, full.plane(0), &mut plane)?;
+            above(&plane, nz, threshold, opaque);
             if let (Some(matter), Some(empty_up_to)) = (matter, empty_up_to) {
-                above(plane, nz, empty_up_to, matter);
+                above(&plane, nz, empty_up_to, matter);
             }
+            if let Some(occluders) = occluders {
+                occluders.take(0, first + i, &plane);
+            }
+            pool.give([plane]);
             Ok(read.checksum)
         })?);
-        if let Some(occluders) = &mut occluders {
-            occluders.take(0, &slab)?;
-        }
-        slab.first += count;
-        progress.advance(Step::Prune, count as u64);
+        progress.advance(Step::Prune, rows.len() as u64);
         if progress.cancelled() {
             return Err(Error::cancelled());
         }
@@ -83,7 +80,7 @@ pub fn coarser_above(
     filter: DensityFilter,
     matter: Option<NodeMask>,
     thresholds: &[f32],
-    mut occluders: Option<&mut Occluders>,
+    occluders: Option<&Occluders>,
     progress: &dyn Progress,
 ) -> Result<(Vec<NodeMask>, Option<NodeMask>)> {
     let lift = filter.matter.map_or(Lift::Raw(0..1), Lift::Amounts);
@@ -97,25 +94,31 @@ pub fn coarser_above(
     };
     let mut opaque: Vec<NodeMask> =
         sizes[1..].iter().map(|&nodes| NodeMask::empty(nodes)).collect();
+    let rows: Vec<Vec<Mutex<&mut [u64]>>> = opaque
+        .iter_mut()
+        .map(|mask| mask.planes_mut(0).into_iter().map(Mutex::new).collect())
+        .collect();
     Cascade::new(&regions, 1, lift, SLAB).run(
         |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
-        |level, slab| {
+        |level, x, _, plane| {
+            let mut rows = rows[level - 1][x].lock().unwrap_or_else(PoisonError::into_inner);
+            above(plane, sizes[level].0[2], thresholds[level], &mut rows);
+            if let Some(occluders) = occluders {
+                occluders.take(level, x, plane);
+            }
+            Ok(())
+        },
+        |level, planes| {
             if progress.cancelled() {
                 return Err(Error::cancelled());
             }
-            let Some(coarser) = level.checked_sub(1) else {
-                progress.advance(Step::Prune, slab.count() as u64);
-                return Ok(());
-            };
-            let mut rows = opaque[coarser].planes_mut(slab.first);
-            rows.truncate(slab.count());
-            parallel::map_mut(&mut rows, |i, rows| {
-                above(slab.plane(i, 0), sizes[level].0[2], thresholds[level], rows);
-                Ok(())
-            })?;
-            occluders.as_mut().map_or(Ok(()), |occluders| occluders.take(level, slab))
+            if level == 0 {
+                progress.advance(Step::Prune, planes.len() as u64);
+            }
+            Ok(())
         },
     )?;
+    drop(rows);
     Ok((opaque, regions.into_finest().filter(|_| of_matter)))
 }
 

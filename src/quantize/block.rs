@@ -1,22 +1,21 @@
-//! One block of a slab to codes.
+//! One block of a slab of codes to a frame.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::coarsen::{Coarsener, Coarsening};
-use super::code::Quantizer;
-use super::run::{Frame, FrameShape};
-use super::wide::Code;
+use super::code::{Quantizer, decode_values};
+use super::planes::CodeSlab;
+use super::run::{Frame, FrameShape, Typed, each_width};
 use crate::baked::{Codes, Encoding, NumberType};
 use crate::field::Activation;
 use crate::grid::{NodeMask, row};
-use crate::mips::Slab;
 
 /// Where a block's values are.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockSource<'a> {
     /// The block's planes are among these.
-    pub slab: &'a Slab,
+    pub slab: &'a CodeSlab,
     /// Nodes whose values count.
     pub needed: &'a NodeMask,
     /// The block's place along x, y and z.
@@ -41,18 +40,14 @@ impl<'a> BlockSource<'a> {
         xs.flat_map(move |x| ys.clone().map(move |y| (x, y, at(x, y))))
     }
 
-    /// The same rows with their values in a channel of the slab.
-    fn rows(
-        &self,
-        edge: usize,
-        channel: usize,
-    ) -> impl Iterator<Item = (usize, &'a [f32])> + Clone {
-        let (slab, nz) = (self.slab, self.needed.nodes().0[2]);
+    /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
+    fn copy<T: Typed>(&self, edge: usize, channel: usize, codes: &mut [T]) {
         let [_, _, zs] = self.span(edge);
-        self.places(edge).map(move |(x, y, at)| {
-            let plane = slab.plane(x - slab.first, channel);
-            (at, &plane[y * nz + zs.start..y * nz + zs.end])
-        })
+        let nz = self.needed.nodes().0[2];
+        for (x, y, at) in self.places(edge) {
+            let plane = T::of(self.slab.plane(x, channel));
+            copy_row(&plane[y * nz + zs.start..y * nz + zs.end], &mut codes[at..]);
+        }
     }
 
     /// Whose values count, of the nodes of a block of `edge`.
@@ -69,7 +64,7 @@ impl<'a> BlockSource<'a> {
 /// Encodes blocks of one group of one level.
 #[derive(Debug, Clone)]
 pub struct BlockEncoder {
-    quantizer: Quantizer,
+    encoding: Encoding,
     shape: FrameShape,
     unneeded_limit: u32,
     coarsener: Option<Coarsener>,
@@ -82,14 +77,13 @@ impl BlockEncoder {
         let shape = FrameShape { number: encoding.number, channels, edge };
         let coarsener = Coarsener::new(&encoding, activation);
         let unneeded = encoding.decode.unseen(activation);
-        let quantizer = Quantizer::new(encoding);
-        let unneeded_limit = highest_code_up_to(&quantizer, unneeded);
-        Self { quantizer, shape, unneeded_limit, coarsener }
+        let unneeded_limit = highest_code_up_to(&encoding, unneeded);
+        Self { encoding, shape, unneeded_limit, coarsener }
     }
 
     /// The encoding of every block.
     pub fn encoding(&self) -> &Encoding {
-        self.quantizer.encoding()
+        &self.encoding
     }
 
     /// The shape of every frame.
@@ -104,7 +98,7 @@ impl BlockEncoder {
 
     /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
     /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
-    /// Codes of nodes that the grid does not have are 0.
+    /// Codes of other nodes are any: they are filled with what costs least.
     pub fn frame(
         &self,
         source: BlockSource,
@@ -120,90 +114,38 @@ impl BlockEncoder {
         let mut moved = 0.0;
         if let (Some(coarsener), Some(coarsening)) = (&self.coarsener, coarsening) {
             let limit = self.unneeded_limit;
-            moved = match &mut codes {
-                Codes::U8(codes) => {
-                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
-                }
-                Codes::U16(codes) => {
-                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
-                }
-                Codes::U32(codes) => {
-                    coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
-                }
-            };
+            moved = each_width!(&mut codes, codes => {
+                coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+            });
         }
         (Frame { codes, needed }, moved)
     }
 
     /// Codes of all channels, channel by channel.
-    fn codes<T: Code>(&self, source: BlockSource, first_channel: usize) -> Vec<T> {
+    fn codes<T: Typed>(&self, source: BlockSource, first_channel: usize) -> Vec<T> {
         let nodes = self.shape.nodes();
         let mut codes = vec![T::default(); self.shape.channels * nodes];
-        let mut values = vec![0.0; nodes];
-        for (channel, codes) in codes.chunks_exact_mut(nodes).enumerate() {
-            self.gather(source, first_channel + channel, &mut values, codes);
+        for (channel, codes) in (first_channel..).zip(codes.chunks_exact_mut(nodes)) {
+            source.copy(self.shape.edge, channel, codes);
         }
         codes
-    }
-
-    /// Whether what every needed value of one channel of a block comes to is moved by no more than
-    /// `bound`.
-    pub fn keeps(
-        &self,
-        bound: f32,
-        source: BlockSource,
-        channel: usize,
-        activation: &Activation,
-    ) -> bool {
-        let (edge, encoding) = (self.shape.edge, self.encoding());
-        let (mut values, mut codes) = (vec![0.0; edge.pow(3)], vec![0u32; edge.pow(3)]);
-        self.gather(source, channel, &mut values, &mut codes);
-        let mut decoded = values;
-        super::code::decode_values(encoding, codes.into_iter(), &mut decoded);
-        let needed = source.needed_nodes(edge);
-        let activated = |value: f32| encoding.decode.activated(value.into(), activation);
-        let mut kept = true;
-        for (at, row) in source.rows(edge, channel) {
-            for ((&value, &decoded), needed) in row.iter().zip(&decoded[at..]).zip(&needed[at..]) {
-                let error = || (activated(decoded) - activated(value)).abs();
-                kept &= !needed || decoded == value || error() <= bound.into();
-            }
-        }
-        kept
-    }
-
-    /// Quantizes the nodes that the grid has; codes of the others stay. `values` has a block's length.
-    fn gather<T: Code>(
-        &self,
-        source: BlockSource,
-        channel: usize,
-        values: &mut [f32],
-        codes: &mut [T],
-    ) {
-        let rows = source.rows(self.shape.edge, channel);
-        if rows.clone().map(|(_, row)| row.len()).sum::<usize>() == values.len() {
-            rows.for_each(|(at, row)| copy_row(row, &mut values[at..]));
-            self.quantizer.encode(values, codes);
-        } else {
-            rows.for_each(|(at, row)| self.quantizer.encode(row, &mut codes[at..at + row.len()]));
-        }
     }
 }
 
 /// Copies a row; of eight, the usual number, without a call for so few.
 #[inline(always)]
-fn copy_row(row: &[f32], values: &mut [f32]) {
-    match (<&[f32; 8]>::try_from(row), values.first_chunk_mut()) {
-        (Ok(row), Some(values)) => *values = *row,
-        _ => values[..row.len()].copy_from_slice(row),
+fn copy_row<T: Copy>(row: &[T], to: &mut [T]) {
+    match (<&[T; 8]>::try_from(row), to.first_chunk_mut()) {
+        (Ok(row), Some(to)) => *to = *row,
+        _ => to[..row.len()].copy_from_slice(row),
     }
 }
 
 /// The highest code whose value is at most `limit`; the lowest of all if none is.
-fn highest_code_up_to(quantizer: &Quantizer, limit: f32) -> u32 {
+fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
     let (mut codes, mut values) = ([0u32], [0.0]);
-    quantizer.encode(&[limit], &mut codes);
+    Quantizer::new(encoding.clone()).encode(&[limit], &mut codes);
     // The nearest code may lie above the limit; the one below it cannot.
-    super::code::decode_values(quantizer.encoding(), codes.into_iter(), &mut values);
+    decode_values(encoding, codes.into_iter(), &mut values);
     if values[0] > limit { codes[0].saturating_sub(1) } else { codes[0] }
 }

@@ -1,6 +1,7 @@
 //! Values to codes and back, row by row.
 
 use super::nearest::Nearest;
+use super::run::each_width;
 use super::wide::Code;
 use crate::baked::{Codes, Encoding, NumberType};
 
@@ -67,15 +68,9 @@ pub fn decode_codes(
     run: std::ops::Range<usize>,
     values: &mut [f32],
 ) {
-    match codes {
-        Codes::U8(codes) => {
-            decode_values(encoding, codes[run].iter().map(|&code| code.into()), values);
-        }
-        Codes::U16(codes) => {
-            decode_values(encoding, codes[run].iter().map(|&code| code.into()), values);
-        }
-        Codes::U32(codes) => decode_values(encoding, codes[run].iter().copied(), values),
-    }
+    each_width!(codes, codes => {
+        decode_values(encoding, codes[run].iter().map(|code| code.code()), values);
+    });
 }
 
 /// A float's bits as a number that grows with the float: the sign bit is flipped, and of negative

@@ -1,8 +1,8 @@
 //! The nearest integer codes of values, many at a time.
 //!
 //! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is near the root of a
-//! cubic: Halley's method finds it, and comparing with the borders of the two codes beside it settles it. Borders are
-//! computed as they are defined, in the same order, so which code comes out follows from the encoding alone and not
+//! cubic: Halley's method finds it, and comparing with the borders of the codes to the side on which the value lies settles
+//! it. Borders are computed as they are defined, so which code comes out follows from the encoding alone and not
 //! from how the root was found. Wherever a code is not confirmed by its borders (values that are no numbers, encodings
 //! whose steps are below the spacing of numbers), codes are searched for one by one.
 
@@ -10,9 +10,12 @@ use multiversion::multiversion;
 
 use super::wide::Code;
 use crate::baked::Encoding;
+use crate::grid::row;
 
-/// Values that are looked at together.
-const RUN: usize = 64;
+/// Values of a vector, at most: loops over just so many leave no rest.
+const LANES: usize = row::LANES;
+/// Vectors that are looked at together.
+const RUN: usize = 16;
 /// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
 const START: f32 = 0.85;
 /// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than 1e-6.
@@ -27,7 +30,7 @@ const WHOLE: f32 = (1u32 << 23) as f32;
 #[derive(Debug, Clone)]
 pub struct Nearest {
     spacing: Spacing,
-    /// Steps towards a root.
+    /// Steps towards a root; 0 where values are not in the order of their codes, and roots say nothing.
     steps: u32,
     /// Between the values of neighbouring codes.
     borders: Vec<f32>,
@@ -72,28 +75,46 @@ impl Nearest {
             last: encoding.last_code() as f32,
         };
         let borders = values.windows(2).map(|pair| border(pair[0], pair[1])).collect();
-        let steps = if encoding.bits <= BITS_OF_ONE_STEP { 1 } else { 2 };
+        let steps = match encoding.bits {
+            _ if !values.is_sorted() => 0,
+            ..=BITS_OF_ONE_STEP => 1,
+            _ => 2,
+        };
         Self { spacing, steps, borders }
     }
 
     /// The code of each value.
     pub fn codes<T: Code>(&self, values: &[f32], codes: &mut [T]) {
-        for (values, codes) in values.chunks(RUN).zip(codes.chunks_mut(RUN)) {
-            let mut run = [self.spacing.center; RUN];
-            run[..values.len()].copy_from_slice(values);
-            let mut found = [0; RUN];
-            let certain = match self.steps {
-                1 => nearest::<1>(&self.spacing, &run, &mut found),
-                _ => nearest::<2>(&self.spacing, &run, &mut found),
-            };
-            if certain {
-                for (code, &found) in codes.iter_mut().zip(&found) {
-                    *code = T::narrow(found);
-                }
-            } else {
-                for (code, value) in codes.iter_mut().zip(values) {
-                    *code = T::narrow(self.search(*value));
-                }
+        let (vectors, rest) = values.as_chunks::<LANES>();
+        let (codes, codes_of_rest) = codes.split_at_mut(vectors.as_flattened().len());
+        for (vectors, codes) in vectors.chunks(RUN).zip(codes.chunks_mut(RUN * LANES)) {
+            self.codes_of(vectors, codes);
+        }
+        if !rest.is_empty() {
+            let mut vector = [self.spacing.center; LANES];
+            vector[..rest.len()].copy_from_slice(rest);
+            let mut codes = [T::default(); LANES];
+            self.codes_of(&[vector], &mut codes);
+            codes_of_rest.copy_from_slice(&codes[..rest.len()]);
+        }
+    }
+
+    /// The code of each value of at most `RUN` vectors.
+    fn codes_of<T: Code>(&self, vectors: &[[f32; LANES]], codes: &mut [T]) {
+        let mut found = [[0; LANES]; RUN];
+        let found = &mut found[..vectors.len()];
+        let certain = match self.steps {
+            0 => false,
+            1 => nearest::<1>(&self.spacing, vectors, found),
+            _ => nearest::<2>(&self.spacing, vectors, found),
+        };
+        if certain {
+            for (code, &found) in codes.iter_mut().zip(found.as_flattened()) {
+                *code = T::narrow(found);
+            }
+        } else {
+            for (code, value) in codes.iter_mut().zip(vectors.as_flattened()) {
+                *code = T::narrow(self.search(*value));
             }
         }
     }
@@ -141,24 +162,28 @@ impl Spacing {
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn nearest<const STEPS: usize>(
     spacing: &Spacing,
-    values: &[f32; RUN],
-    codes: &mut [u32; RUN],
+    values: &[[f32; LANES]],
+    codes: &mut [[u32; LANES]],
 ) -> bool {
-    let mut uncertain = 0;
-    for (code, &value) in codes.iter_mut().zip(values) {
-        let guess = spacing.guess::<STEPS>(value);
-        let around = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|by| spacing.value(guess + by));
-        // The borders below the code that is two below, one below, and so on.
-        let [second, first, own, next] = [0, 1, 2, 3].map(|i| border(around[i], around[i + 1]));
-        let up = (value >= own) & (guess < spacing.last);
-        let down = (value < first) & (guess > 0.0);
-        let moved = guess + if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
-        let above = up & (value >= next) & (moved < spacing.last);
-        let below = down & (value < second) & (moved > 0.0);
-        uncertain |= u32::from(below | above | (up & down) | value.is_nan());
-        *code = (moved + WHOLE).to_bits() - WHOLE.to_bits();
+    let mut uncertain = [0; LANES];
+    for (codes, values) in codes.iter_mut().zip(values) {
+        for lane in 0..LANES {
+            let value = values[lane];
+            let guess = spacing.guess::<STEPS>(value);
+            let own = spacing.value(guess);
+            let is_above = value >= own;
+            let (side, end) = if is_above { (1.0, spacing.last) } else { (-1.0, 0.0) };
+            let [next, second] = [1.0, 2.0].map(|by| spacing.value(guess + by * side));
+            // What is on a border belongs to the code above it.
+            let is_past = |border: f32| (value >= border) == is_above;
+            let past = is_past(border(own, next)) & (guess != end);
+            let moved = guess + if past { side } else { 0.0 };
+            let far = past & is_past(border(next, second)) & (moved != end);
+            uncertain[lane] |= u32::from(far | value.is_nan());
+            codes[lane] = (moved + WHOLE).to_bits() - WHOLE.to_bits();
+        }
     }
-    uncertain == 0
+    uncertain == [0; LANES]
 }
 
 #[cfg(test)]

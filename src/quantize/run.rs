@@ -103,6 +103,18 @@ pub fn run_bytes(shape: FrameShape, frames: &[Frame], most: u32) -> RunBytes {
     }
 }
 
+/// The same with codes of each width.
+macro_rules! each_width {
+    ($codes:expr, $of_one:ident => $value:expr) => {
+        match $codes {
+            Codes::U8($of_one) => $value,
+            Codes::U16($of_one) => $value,
+            Codes::U32($of_one) => $value,
+        }
+    };
+}
+pub(super) use each_width;
+
 /// Codes of one type.
 pub(super) trait Typed: Code {
     /// The codes, if they are of this type.

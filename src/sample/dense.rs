@@ -1,5 +1,7 @@
 //! A field as trained, in memory.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::level::{Cell, Values, split};
 use super::skip::{SeenCells, SkipGrid};
 use super::{Sample, interpolated_density};
@@ -8,11 +10,8 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::grid::{NodeMask, Nodes};
 use crate::limits::{Budget, Limits};
-use crate::mips::{Cascade, Kernel, Lift, Matter, Regions, Settled, Settler, Slab, level_sizes};
+use crate::mips::{Cascade, Kernel, Lift, Matter, Regions, SLAB, Settled, Settler, level_sizes};
 use crate::prune;
-
-/// Planes of level 0 that are filtered together.
-const SLAB: usize = 8;
 
 /// Coarser levels to make of a trained field.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,18 +180,29 @@ fn fill<const C: usize>(
         None => None,
     };
     let lift = Lift::of_levels(levels.matter.zip(visibility.as_ref()), levels.density, channels);
-    let mut settlers = Settler::of_levels(levels.matter, &whole);
+    let settlers = Settler::of_levels(levels.matter, channels, &whole);
+    let values: Vec<Vec<Mutex<PlaneOf<C>>>> = values.iter_mut().map(Values::planes).collect();
+    let put = |level: usize, x: usize, channel, plane: &[f32]| {
+        values[level][x].lock().unwrap_or_else(PoisonError::into_inner).put(channel, plane);
+        Ok(())
+    };
     Cascade::new(&regions, channels, lift, SLAB).run(
-        |x, channel, region, plane| planes.read(channel, x, region, plane).map(|_| ()),
-        |level, slab| {
-            let mut place = |slab: &Slab| {
-                place(slab, &mut values[level]);
+        |x, channel, region, plane| {
+            planes.read(channel, x, region, plane)?;
+            put(0, x, channel, plane)
+        },
+        |level, x, channel, plane| match &settlers[level] {
+            Some(settler) => {
+                settler.put(x, channel, plane);
                 Ok(())
-            };
-            match &mut settlers[level] {
-                Some(settler) => settler.take(slab, |slab| place(slab)),
-                None => place(slab),
             }
+            None => put(level, x, channel, plane),
+        },
+        |level, range| match &settlers[level] {
+            Some(settler) => {
+                settler.settle(range, |x, channel, plane| put(level, x, channel, plane), |_| Ok(()))
+            }
+            None => Ok(()),
         },
     )?;
     planes.take_nonfinite().map(|_| ()).map_err(|error| match error.kind() {
@@ -201,21 +211,34 @@ fn fill<const C: usize>(
     })
 }
 
-/// Copies a slab into a level's arrays.
-fn place<const C: usize>(slab: &Slab, values: &mut Values<C>) {
-    let Values { density, color, strides, .. } = values;
-    let plane = strides[0];
-    for i in 0..slab.count() {
-        let start = (slab.first + i) * plane;
-        let mut channel = 0;
-        if let Some(density) = density {
-            density[start..start + plane].copy_from_slice(slab.plane(i, 0));
-            channel = 1;
-        }
-        for lane in 0..slab.channels - channel {
-            let from = slab.plane(i, channel + lane);
-            for (node, &value) in color[start..start + plane].iter_mut().zip(from) {
-                node[lane] = value;
+/// A plane of a level's arrays.
+struct PlaneOf<'a, const C: usize> {
+    density: Option<&'a mut [f32]>,
+    color: &'a mut [[f32; C]],
+}
+
+impl<const C: usize> Values<C> {
+    fn planes(&mut self) -> Vec<Mutex<PlaneOf<'_, C>>> {
+        let length = self.strides[0];
+        let mut density = self.density.as_mut().map(|all| all.chunks_exact_mut(length));
+        let plane = |color| {
+            let density = density.as_mut().and_then(Iterator::next);
+            Mutex::new(PlaneOf { density, color })
+        };
+        self.color.chunks_exact_mut(length).map(plane).collect()
+    }
+}
+
+impl<const C: usize> PlaneOf<'_, C> {
+    /// Copies a channel, of which density is the first where the level has it.
+    fn put(&mut self, channel: usize, values: &[f32]) {
+        match (&mut self.density, channel) {
+            (Some(density), 0) => density.copy_from_slice(values),
+            (density, _) => {
+                let lane = channel - usize::from(density.is_some());
+                for (node, &value) in self.color.iter_mut().zip(values) {
+                    node[lane] = value;
+                }
             }
         }
     }

@@ -1,13 +1,15 @@
 //! The stages that make levels: filters, weighted averages, quantization, against their slow twins.
 
+use std::sync::Mutex;
+
 use mipvog_bake::bake::Filter;
 use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
 use mipvog_bake::error::Place;
 use mipvog_bake::grid::{NodeMask, Nodes};
 use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settler};
-use mipvog_bake::mips::{Slab, Visibility, level_sizes, taps::AxisTaps};
+use mipvog_bake::mips::{Visibility, level_sizes, taps::AxisTaps};
 use mipvog_bake::quantize::{
-    Bits, BlockEncoder, BlockSource, Code, FrameShape, color_encoding, decode_codes,
+    Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, color_encoding, decode_codes,
     density_encoding, run_bytes, run_codes,
 };
 
@@ -24,37 +26,46 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
     let whole: Vec<NodeMask> = sizes.iter().map(|&size| NodeMask::full(size)).collect();
     let regions = Regions::new(whole.clone(), None, kernel).expect("regions");
-    let mut levels: Vec<Channels> =
-        sizes.iter().map(|size| vec![vec![0.0; size.count()]; channels.len()]).collect();
+    let levels: Vec<Vec<Mutex<Vec<f32>>>> = sizes
+        .iter()
+        .map(|size| channels.iter().map(|_| Mutex::new(vec![0.0; size.count()])).collect())
+        .collect();
     let matter = match &lift {
         Lift::Seen(matter, _) => Some(*matter),
         _ => None,
     };
-    let mut settlers = Settler::of_levels(matter, &whole);
-    let plane = |size: Nodes| size.0[1] * size.0[2];
-    let mut place = |level: usize, slab: &Slab| {
-        let length = plane(sizes[level]);
-        for (i, channel) in (0..slab.count()).flat_map(|i| (0..slab.channels).map(move |c| (i, c)))
-        {
-            let start = (slab.first + i) * length;
-            levels[level][channel][start..start + length].copy_from_slice(slab.plane(i, channel));
-        }
+    let settlers = Settler::of_levels(matter, channels.len(), &whole);
+    let put = |level: usize, x: usize, channel: usize, plane: &[f32]| {
+        let mut values = levels[level][channel].lock().expect("a level");
+        values[x * plane.len()..][..plane.len()].copy_from_slice(plane);
         Ok(())
     };
-    let length = plane(sizes[0]);
     Cascade::new(&regions, channels.len(), lift.clone(), 8)
         .run(
             |x, channel, _, plane| {
+                let length = plane.len();
                 plane.copy_from_slice(&channels[channel][x * length..(x + 1) * length]);
-                Ok(())
+                put(0, x, channel, plane)
             },
-            |level, slab| match &mut settlers[level] {
-                Some(settler) => settler.take(slab, |slab| place(level, slab)),
-                None => place(level, slab),
+            |level, x, channel, plane| match &settlers[level] {
+                Some(settler) => {
+                    settler.put(x, channel, plane);
+                    Ok(())
+                }
+                None => put(level, x, channel, plane),
+            },
+            |level, planes| match &settlers[level] {
+                Some(settler) => settler.settle(
+                    planes,
+                    |x, channel, plane| put(level, x, channel, plane),
+                    |_| Ok(()),
+                ),
+                None => Ok(()),
             },
         )
         .expect("levels");
-    levels
+    let values = |values: Mutex<Vec<f32>>| values.into_inner().expect("a level");
+    levels.into_iter().map(|level| level.into_iter().map(values).collect()).collect()
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {
@@ -205,15 +216,20 @@ fn visibility(nodes: [usize; 3], matter: &Matter, kernel: Kernel, raw: &[f32]) -
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
     let regions = sizes.iter().map(|&size| NodeMask::full(size)).collect();
     let regions = Regions::new(regions, None, kernel).expect("regions");
-    let mut occluders = Occluders::new(*matter, &sizes, [EXTENT; 3]);
+    let occluders = Occluders::new(*matter, &sizes, [EXTENT; 3]);
     let length = nodes[1] * nodes[2];
     Cascade::new(&regions, 1, Lift::Amounts(*matter), 8)
         .run(
             |x, _, _, plane| {
                 plane.copy_from_slice(&raw[x * length..(x + 1) * length]);
+                occluders.take(0, x, plane);
                 Ok(())
             },
-            |level, slab| occluders.take(level, slab),
+            |level, x, _, plane| {
+                occluders.take(level, x, plane);
+                Ok(())
+            },
+            |_, _| Ok(()),
         )
         .expect("amounts");
     occluders.visibility().expect("a visibility")
@@ -322,14 +338,15 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
     let mut padded = values.to_vec();
     padded.resize(edge.pow(3), values[0]);
-    let slab = Slab {
-        first: 0,
-        channels: 1,
-        planes: padded.chunks(edge * edge).map(<[f32]>::to_vec).collect(),
-    };
     let needed = NodeMask::full(Nodes([edge; 3]));
+    let activation = activation(SHIFTS[0], 0.5);
+    let planes = CodePlanes::new(&needed, activation, [(encoding, None)]);
+    for (x, plane) in padded.chunks(edge * edge).enumerate() {
+        planes.put(x, 0, plane);
+    }
+    let slab = planes.take(0..edge);
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
-    let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation(SHIFTS[0], 0.5));
+    let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation);
     let (frame, _) = encoder.frame(source, source.needed_nodes(edge), 0, None);
     let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
     let codes = match encoding.number {
