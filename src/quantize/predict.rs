@@ -114,11 +114,18 @@ pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T;
 #[inline(always)]
 fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) -> [&'a [T; L]; 4] {
     let steps = [at.edge * at.edge, at.edge, 1];
-    [[true, true, false], [true, false, true], [false, true, true], [true; 3]].map(|axes| {
+    let beyond = |axes: [bool; 3]| {
         let has = (0..3).all(|axis| !axes[axis] || at.has[axis]);
         let step = |axis: usize| if axes[axis] { steps[axis] } else { 0 };
         if has { &codes[at.node - step(0) - step(1) - step(2)] } else { mean }
-    })
+    };
+    // Not as a map of an array: that would be a call for each node.
+    [
+        beyond([true, true, false]),
+        beyond([true, false, true]),
+        beyond([false, true, true]),
+        beyond([true; 3]),
+    ]
 }
 
 /// How far codes of the channels before are from their means at a node, the nearest first; 0 where there is none.

@@ -19,6 +19,15 @@ const fn places() -> [[u8; 8]; 256] {
     places
 }
 
+/// For each bit, the lowest first, a byte of just such bits.
+fn byte_masks(bits: u8) -> [u8; 8] {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    // Each byte keeps its bit, and carries into the highest where that is set.
+    let own = (u64::from(bits) * ONES) & 0x8040_2010_0804_0201;
+    let set = ((own + ONES * 0x7f) >> 7) & ONES;
+    (set * 0xff).to_le_bytes()
+}
+
 /// A run whose parts are found.
 pub struct RunParts<'a> {
     shape: FrameShape,
@@ -86,7 +95,10 @@ impl<'a> RunParts<'a> {
             if spare > 0 && live[live.len() - 1] >> spare != 0 {
                 return Err("no live bits of nodes that a block does not have");
             }
-            let count: usize = live.iter().map(|byte| byte.count_ones() as usize).sum();
+            let (words, bytes) = live.as_chunks();
+            let of_words = words.iter().map(|&word| u64::from_le_bytes(word).count_ones());
+            let of_bytes = bytes.iter().map(|byte| byte.count_ones());
+            let count = of_words.chain(of_bytes).sum::<u32>() as usize;
             by_mode[usize::from(mode)] += count;
             counts.push(count);
         }
@@ -120,10 +132,13 @@ impl<'a> RunParts<'a> {
         let rows = &mut rows[..frames * nodes];
         let bits = self.live.chunks_exact(self.shape.live_bytes()).skip(first);
         for (row, bits) in rows.chunks_exact_mut(nodes).zip(bits) {
-            for (row, &byte) in row.chunks_mut(8).zip(bits) {
-                for (i, live) in row.iter_mut().enumerate() {
-                    *live = T::default().with_all_if(byte >> i & 1 == 1);
-                }
+            let mask = |mask: u8| T::narrow(u32::from_ne_bytes([mask; 4]));
+            let (whole, rest) = row.as_chunks_mut::<8>();
+            for (row, &bits) in whole.iter_mut().zip(bits) {
+                *row = byte_masks(bits).map(mask);
+            }
+            if let Some(&bits) = bits.get(whole.len()) {
+                rest.iter_mut().zip(byte_masks(bits)).for_each(|(live, bits)| *live = mask(bits));
             }
         }
         spread(rows, nodes, live);
@@ -184,5 +199,18 @@ impl<'a> RunParts<'a> {
             *out = T::narrow((0..T::BYTES).fold(0, |number, i| number | byte(i)));
         }
         usize::from(places[7] + (live >> 7))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_are_the_bits_of_a_byte() {
+        for bits in 0..=u8::MAX {
+            let plain = std::array::from_fn(|i| if bits >> i & 1 == 1 { u8::MAX } else { 0 });
+            assert_eq!(byte_masks(bits), plain, "{bits:#b}");
+        }
     }
 }
