@@ -114,9 +114,14 @@ pub fn bake(
     if let Some(fitted) = &fitted {
         metadata.level_of_detail = fitted.level_of_detail;
     }
-    let (fitted_levels, in_turn) = (fitted.as_ref(), plan.is_some_and(|plan| plan.in_turn));
-    let stream =
-        Stream { planes: &planes, options, pruned: &pruned, fitted: fitted_levels, in_turn };
+    let stream = Stream {
+        planes: &planes,
+        options,
+        pruned: &pruned,
+        fitted: fitted.as_ref(),
+        in_turn: plan.is_some_and(|plan| plan.in_turn),
+        is_part: false,
+    };
     if let Some(max_error) = options.max_error {
         let bytes = fit_encodings(&stream, max_error, &mut metadata, progress)?;
         stage("ranges", bytes);

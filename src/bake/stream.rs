@@ -26,6 +26,9 @@ pub struct Stream<'a> {
     pub fitted: Option<&'a Fitted>,
     /// Whether slabs are taken before the next ones are made.
     pub in_turn: bool,
+    /// Whether only some of the planes are needed, for a forecast: others are left out, and checksums of all are not held
+    /// to what the file states.
+    pub is_part: bool,
 }
 
 /// What a pass read.
@@ -48,7 +51,7 @@ impl Stream<'_> {
         put: impl Fn(usize, usize, usize, &[f32]) -> Result<()> + Sync + Send,
         mut take: impl FnMut(usize, Range<usize>) -> Result<()> + Send,
     ) -> Result<Streamed> {
-        let Self { planes, options, pruned, fitted, in_turn } = *self;
+        let Self { planes, options, pruned, fitted, in_turn, is_part } = *self;
         let scene = &planes.field().scene;
         let matter = options.filter.matter(&scene.activation);
         let mut needed = Vec::with_capacity(pruned.levels.len());
@@ -83,7 +86,8 @@ impl Stream<'_> {
         cascade.run(
             |x, channel, region, plane| {
                 let color = channel.checked_sub(1);
-                let whole = whole.as_ref().filter(|_| color.is_some());
+                let is_left_out = is_part && region.iter().all(|&row| row == 0);
+                let whole = whole.as_ref().filter(|_| color.is_some() && !is_left_out);
                 let region = whole.map_or(region, |(_, whole)| whole.plane(x));
                 let read = planes.read(channel, x, region, plane)?;
                 bytes_read.fetch_add(read.bytes, Ordering::Relaxed);
@@ -118,7 +122,7 @@ impl Stream<'_> {
             },
         )?;
         let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);
-        if let Some((expected, _)) = whole {
+        if let Some((expected, _)) = whole.filter(|_| !is_part) {
             verify_crc32("k0", &hashers, expected)?;
         }
         Ok(Streamed {

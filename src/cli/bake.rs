@@ -250,7 +250,7 @@ impl Arguments {
             "dry_run": true,
             "seconds": forecast.seconds,
             "peak_memory_bytes": memory,
-            "bytes_read": file.file.bytes_read(),
+            "bytes_read": file.file.bytes_read() + forecast.more_bytes_read,
             "options": options.to_json(),
         });
         if let (Value::Object(json), Ok(Value::Object(report))) =
