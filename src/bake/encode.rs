@@ -22,6 +22,8 @@ pub(super) const PENDING_BYTES: usize = 4 << 20;
 /// What all groups of a level share.
 #[derive(Debug, Clone, Copy)]
 pub struct EncodeOptions<'a> {
+    /// The level that errors name.
+    pub level: usize,
     /// Specular features of a node.
     pub features: usize,
     /// Raw density to opacity: nodes that nobody needs must not be seen.
@@ -50,17 +52,26 @@ pub struct Importance<'a> {
 pub struct Check {
     /// The most that they may be moved, where their encoding's bound is no less.
     pub most: Option<MaxErrors>,
-    /// The level that errors name.
-    pub level: usize,
+}
+
+impl EncodeOptions<'_> {
+    /// What values of a group are held to, whose encoding has a bound. That is proved where encodings are made; debug builds
+    /// look all the same.
+    fn bound(&self, group: Group, of_encoding: f32) -> Option<f32> {
+        match self.check {
+            Some(Check { most: Some(most) }) => Some(most.of(group).min(of_encoding)),
+            Some(Check { most: None }) => Some(of_encoding),
+            None => cfg!(debug_assertions).then_some(of_encoding),
+        }
+    }
 }
 
 /// Quantizes planes of one level.
 #[derive(Debug)]
 pub struct LevelPlanes<'a> {
     codes: CodePlanes<'a>,
-    /// The group of each channel.
-    groups: Vec<Group>,
-    /// The level that errors name.
+    /// The group of each channel, and what its values may be moved by, where that is looked for.
+    channels: Vec<(Group, Option<f32>)>,
     level: usize,
 }
 
@@ -72,8 +83,10 @@ impl LevelPlanes<'_> {
     /// A needed value that is moved too far, where that is looked for.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
         let Some([y, z]) = self.codes.put(x, channel, values) else { return Ok(()) };
-        let place = format!("level{}.{}", self.level, self.groups[channel].name());
-        let found = format!("a value at node {:?} that moves by more than its bound", [x, y, z]);
+        let (group, bound) = self.channels[channel];
+        let place = format!("level{}.{}", self.level, group.name());
+        let bound = bound.unwrap_or_default();
+        let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
         let expected = "values as they were unpacked, or --bits for other encodings";
         Err(Error::malformed(Place::Tensor(place), found, expected))
     }
@@ -112,32 +125,26 @@ impl<'a> LevelEncoder<'a> {
         options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
-        let (mut groups, mut group_of, mut of_channels) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut groups, mut of_channels) = (Vec::new(), Vec::new());
+        let mut with_bounds = Vec::new();
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
             let channels = group.channels(options.features);
-            // Bounds are proved where encodings are made; debug builds look.
-            let bound = match options.check {
-                Some(Check { most: Some(most), .. }) => {
-                    Some(most.of(group).min(encoding.max_error))
-                }
-                Some(Check { most: None, .. }) => Some(encoding.max_error),
-                None => cfg!(debug_assertions).then_some(encoding.max_error),
-            };
+            let bound = options.bound(group, encoding.max_error);
             groups.push(GroupEncoder {
                 group,
-                first_channel: group_of.len(),
+                first_channel: of_channels.len(),
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
                 moved: 0.0,
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
-            group_of.extend(std::iter::repeat_n(group, channels));
-            of_channels.extend(std::iter::repeat_n((encoding, bound), channels));
+            of_channels.extend(std::iter::repeat_n((group, bound), channels));
+            with_bounds.extend(std::iter::repeat_n((encoding, bound), channels));
         }
-        let codes = CodePlanes::new(needed, options.activation, of_channels);
-        let level = options.check.map_or(0, |check| check.level);
-        let planes = Arc::new(LevelPlanes { codes, groups: group_of, level });
+        let codes = CodePlanes::new(needed, options.activation, with_bounds);
+        let planes = LevelPlanes { codes, channels: of_channels, level: options.level };
+        let planes = Arc::new(planes);
         Self { table, needed, planes, options, groups }
     }
 

@@ -327,6 +327,7 @@ fn encode_levels(
     progress: &dyn Progress,
 ) -> Result<(Vec<EncodedLevel>, Streamed)> {
     let encode_options = EncodeOptions {
+        level: 0,
         features: metadata.features,
         activation: metadata.activation,
         zstd_level: stream.options.zstd_level,
@@ -341,7 +342,7 @@ fn encode_levels(
         let coarseness = stream.options.coarseness;
         let importance = importance.get(number).filter(|_| coarseness > 0.0);
         let importance = importance.map(|level| level.importance(coarseness));
-        let encode_options = EncodeOptions { importance, ..encode_options };
+        let encode_options = EncodeOptions { level: number, importance, ..encode_options };
         encoders.push(LevelEncoder::new(table, &pruned.needed, encodings, encode_options));
     }
     let planes: Vec<_> = encoders.iter().map(LevelEncoder::planes).collect();

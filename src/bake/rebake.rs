@@ -136,10 +136,11 @@ pub fn rebake(
     for (number, (level, of_level)) in unpacked.levels.iter().zip(&metadata.levels).enumerate() {
         // Arrays can be edited: what a container's encodings were made for may be gone.
         let options = EncodeOptions {
+            level: number,
             features: metadata.features,
             activation: metadata.activation,
             zstd_level,
-            check: Some(Check { most: changes.max_error, level: number }),
+            check: Some(Check { most: changes.max_error }),
             room: None,
             importance: None,
         };

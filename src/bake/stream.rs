@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::field::{Planes, verify_crc32};
 use crate::fit::Fitted;
 use crate::grid::NodeMask;
-use crate::mips::{Cascade, Lift, Regions, Settler};
+use crate::mips::{Cascade, Lift, Regions, Settlers};
 use crate::progress::{Progress, Step};
 use crate::prune::Pruned;
 
@@ -67,7 +67,7 @@ impl Stream<'_> {
         let seen = matter.zip(pruned.visibility.as_ref());
         let lift = Lift::of_levels(seen, options.filter.filters_density(), channels);
         let of_levels = pruned.levels.iter().map(|level| &level.needed);
-        let settlers = Settler::of_levels(matter, channels, of_levels);
+        let settlers = Settlers::new(matter, channels, of_levels);
         // Of a coarser level as it is to be stored.
         let settled = |level, x, channel, plane: &mut [f32]| {
             if let Some(fitted) = fitted {
@@ -97,13 +97,7 @@ impl Stream<'_> {
                 }
                 put(0, x, channel, plane)
             },
-            |level, x, channel, plane| match &settlers[level] {
-                Some(settler) => {
-                    settler.put(x, channel, plane);
-                    Ok(())
-                }
-                None => settled(level, x, channel, plane),
-            },
+            |level, x, channel, plane| settlers.pass([level, x, channel], plane, settled),
             |level, planes| {
                 if level == 0 {
                     progress.advance(step, planes.len() as u64);
@@ -111,14 +105,7 @@ impl Stream<'_> {
                 if progress.cancelled() {
                     return Err(Error::cancelled());
                 }
-                match &settlers[level] {
-                    Some(settler) => settler.settle(
-                        planes,
-                        |x, channel, plane| settled(level, x, channel, plane),
-                        |planes| take(level, planes),
-                    ),
-                    None => take(level, planes),
-                }
+                settlers.settle(level, planes, settled, |planes| take(level, planes))
             },
         )?;
         let hashers = hashers.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -28,7 +28,7 @@ pub use lift::Lift;
 pub use matter::{Matter, Settled};
 pub use pool::Pool;
 pub use regions::Regions;
-pub use settle::Settler;
+pub use settle::Settlers;
 pub use visibility::{Occluders, Visibility};
 
 use crate::grid::Nodes;

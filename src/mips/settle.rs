@@ -25,7 +25,7 @@ const GAP: usize = 16;
 
 /// Settles one level's planes, slab by slab.
 #[derive(Debug)]
-pub struct Settler<'a> {
+struct Settler<'a> {
     matter: Matter,
     /// The nodes that must come out right; lifted values are right one node around them too.
     needed: &'a NodeMask,
@@ -37,21 +37,51 @@ pub struct Settler<'a> {
     pool: Pool,
 }
 
-impl<'a> Settler<'a> {
-    /// For each level, given what is `needed` of it, of a field of `channels`; none where values are stored as they come.
-    pub fn of_levels(
+/// Settles the coarser levels of matter; values of others are stored as they come.
+#[derive(Debug)]
+pub struct Settlers<'a>(Vec<Option<Settler<'a>>>);
+
+impl<'a> Settlers<'a> {
+    /// For levels, finest first, given what is `needed` of each, of a field of `channels`.
+    pub fn new(
         matter: Option<Matter>,
         channels: usize,
         needed: impl IntoIterator<Item = &'a NodeMask>,
-    ) -> Vec<Option<Self>> {
-        let levels = needed.into_iter().enumerate();
+    ) -> Self {
         let settler = |(level, needed)| match matter {
-            Some(matter) if level > 0 => Some(Self::new(matter, channels, needed)),
+            Some(matter) if level > 0 => Some(Settler::new(matter, channels, needed)),
             _ => None,
         };
-        levels.map(settler).collect()
+        Self(needed.into_iter().enumerate().map(settler).collect())
     }
 
+    /// Takes a plane of a coarser level as a cascade shows it. What is stored as it is goes to `put(level, x, channel, plane)`.
+    pub fn pass(
+        &self,
+        [level, x, channel]: [usize; 3],
+        plane: &mut Vec<f32>,
+        put: impl Fn(usize, usize, usize, &mut [f32]) -> Result<()>,
+    ) -> Result<()> {
+        let Some(settler) = &self.0[level] else { return put(level, x, channel, plane) };
+        settler.keep(x, channel, plane);
+        Ok(())
+    }
+
+    /// Is told that planes of a level have gone by. What is settled now goes to `put`, and `take` is told about slabs of
+    /// which all has.
+    pub fn settle(
+        &self,
+        level: usize,
+        planes: Range<usize>,
+        put: impl Fn(usize, usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
+        mut take: impl FnMut(Range<usize>) -> Result<()>,
+    ) -> Result<()> {
+        let Some(settler) = &self.0[level] else { return take(planes) };
+        settler.settle(planes, |x, channel, plane| put(level, x, channel, plane), take)
+    }
+}
+
+impl<'a> Settler<'a> {
     /// For the nodes that are `needed` of a level.
     fn new(matter: Matter, channels: usize, needed: &'a NodeMask) -> Self {
         // One more is what colours are weighted by.
@@ -61,7 +91,7 @@ impl<'a> Settler<'a> {
     }
 
     /// Keeps a lifted plane, and leaves another.
-    pub fn put(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
+    fn keep(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
         let other = self.pool.take(plane.len());
         let mut kept = self.lifted[x][channel].write().unwrap_or_else(PoisonError::into_inner);
         *kept = std::mem::replace(plane, other);
@@ -69,7 +99,7 @@ impl<'a> Settler<'a> {
 
     /// Settles what can be once all of these `planes` have come: `pass(x, channel, plane)` sees each settled plane, and
     /// `take` is told about whole slabs.
-    pub fn settle(
+    fn settle(
         &self,
         planes: Range<usize>,
         pass: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,

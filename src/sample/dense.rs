@@ -10,7 +10,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::grid::{NodeMask, Nodes};
 use crate::limits::{Budget, Limits};
-use crate::mips::{Cascade, Kernel, Lift, Matter, Regions, SLAB, Settled, Settler, level_sizes};
+use crate::mips::{Cascade, Kernel, Lift, Matter, Regions, SLAB, Settled, Settlers, level_sizes};
 use crate::prune;
 
 /// Coarser levels to make of a trained field.
@@ -180,9 +180,9 @@ fn fill<const C: usize>(
         None => None,
     };
     let lift = Lift::of_levels(levels.matter.zip(visibility.as_ref()), levels.density, channels);
-    let settlers = Settler::of_levels(levels.matter, channels, &whole);
+    let settlers = Settlers::new(levels.matter, channels, &whole);
     let values: Vec<Vec<Mutex<PlaneOf<C>>>> = values.iter_mut().map(Values::planes).collect();
-    let put = |level: usize, x: usize, channel, plane: &[f32]| {
+    let put = |level: usize, x: usize, channel, plane: &mut [f32]| {
         values[level][x].lock().unwrap_or_else(PoisonError::into_inner).put(channel, plane);
         Ok(())
     };
@@ -191,19 +191,8 @@ fn fill<const C: usize>(
             planes.read(channel, x, region, plane)?;
             put(0, x, channel, plane)
         },
-        |level, x, channel, plane| match &settlers[level] {
-            Some(settler) => {
-                settler.put(x, channel, plane);
-                Ok(())
-            }
-            None => put(level, x, channel, plane),
-        },
-        |level, range| match &settlers[level] {
-            Some(settler) => {
-                settler.settle(range, |x, channel, plane| put(level, x, channel, plane), |_| Ok(()))
-            }
-            None => Ok(()),
-        },
+        |level, x, channel, plane| settlers.pass([level, x, channel], plane, put),
+        |level, planes| settlers.settle(level, planes, put, |_| Ok(())),
     )?;
     planes.take_nonfinite().map(|_| ()).map_err(|error| match error.kind() {
         ErrorKind::NonFinite { .. } => error,

@@ -6,7 +6,7 @@ use mipvog_bake::bake::Filter;
 use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
 use mipvog_bake::error::Place;
 use mipvog_bake::grid::{NodeMask, Nodes};
-use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settler};
+use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settlers};
 use mipvog_bake::mips::{Visibility, level_sizes, taps::AxisTaps};
 use mipvog_bake::quantize::{
     Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, color_encoding, decode_codes,
@@ -34,8 +34,8 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
         Lift::Seen(matter, _) => Some(*matter),
         _ => None,
     };
-    let settlers = Settler::of_levels(matter, channels.len(), &whole);
-    let put = |level: usize, x: usize, channel: usize, plane: &[f32]| {
+    let settlers = Settlers::new(matter, channels.len(), &whole);
+    let put = |level: usize, x: usize, channel: usize, plane: &mut [f32]| {
         let mut values = levels[level][channel].lock().expect("a level");
         values[x * plane.len()..][..plane.len()].copy_from_slice(plane);
         Ok(())
@@ -47,21 +47,8 @@ fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -
                 plane.copy_from_slice(&channels[channel][x * length..(x + 1) * length]);
                 put(0, x, channel, plane)
             },
-            |level, x, channel, plane| match &settlers[level] {
-                Some(settler) => {
-                    settler.put(x, channel, plane);
-                    Ok(())
-                }
-                None => put(level, x, channel, plane),
-            },
-            |level, planes| match &settlers[level] {
-                Some(settler) => settler.settle(
-                    planes,
-                    |x, channel, plane| put(level, x, channel, plane),
-                    |_| Ok(()),
-                ),
-                None => Ok(()),
-            },
+            |level, x, channel, plane| settlers.pass([level, x, channel], plane, put),
+            |level, planes| settlers.settle(level, planes, put, |_| Ok(())),
         )
         .expect("levels");
     let values = |values: Mutex<Vec<f32>>| values.into_inner().expect("a level");
