@@ -14,7 +14,7 @@ use crate::error::{Error, Place, Result};
 use crate::field::Activation;
 use crate::grid::NodeMask;
 use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame};
+use crate::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, Moved};
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;
@@ -70,8 +70,8 @@ impl EncodeOptions<'_> {
 #[derive(Debug)]
 pub struct LevelPlanes<'a> {
     codes: CodePlanes<'a>,
-    /// The group of each channel, and what its values may be moved by, where that is looked for.
-    channels: Vec<(Group, Option<f32>)>,
+    /// The group of each channel.
+    groups: Vec<Group>,
     level: usize,
 }
 
@@ -82,10 +82,9 @@ impl LevelPlanes<'_> {
     ///
     /// A needed value that is moved too far, where that is looked for.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
-        let Some([y, z]) = self.codes.put(x, channel, values) else { return Ok(()) };
-        let (group, bound) = self.channels[channel];
-        let place = format!("level{}.{}", self.level, group.name());
-        let bound = bound.unwrap_or_default();
+        let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
+        let Moved { at: [y, z], bound } = moved;
+        let place = format!("level{}.{}", self.level, self.groups[channel].name());
         let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
         let expected = "values as they were unpacked, or --bits for other encodings";
         Err(Error::malformed(Place::Tensor(place), found, expected))
@@ -125,8 +124,7 @@ impl<'a> LevelEncoder<'a> {
         options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
-        let (mut groups, mut of_channels) = (Vec::new(), Vec::new());
-        let mut with_bounds = Vec::new();
+        let (mut groups, mut of_channels, mut bounds) = (Vec::new(), Vec::new(), Vec::new());
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
             let channels = group.channels(options.features);
@@ -139,11 +137,11 @@ impl<'a> LevelEncoder<'a> {
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
-            of_channels.extend(std::iter::repeat_n((group, bound), channels));
-            with_bounds.extend(std::iter::repeat_n((encoding, bound), channels));
+            of_channels.extend(std::iter::repeat_n(group, channels));
+            bounds.push((encoding, channels, bound));
         }
-        let codes = CodePlanes::new(needed, options.activation, with_bounds);
-        let planes = LevelPlanes { codes, channels: of_channels, level: options.level };
+        let codes = CodePlanes::new(needed, options.activation, bounds);
+        let planes = LevelPlanes { codes, groups: of_channels, level: options.level };
         let planes = Arc::new(planes);
         Self { table, needed, planes, options, groups }
     }

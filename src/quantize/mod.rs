@@ -27,7 +27,7 @@ pub use block::{BlockEncoder, BlockSource};
 pub use coarsen::Coarsening;
 pub use code::decode_codes;
 pub use fill::Filler;
-pub use planes::{CodePlanes, CodeSlab};
+pub use planes::{CodePlanes, CodeSlab, Moved};
 pub use range::{Bits, color_encoding, density_encoding};
 pub use run::{Frame, FrameShape, RunBytes, run_bytes, run_codes};
 pub use search::{ValueSpan, encoding_within};

@@ -10,11 +10,9 @@ use multiversion::multiversion;
 
 use super::wide::Code;
 use crate::baked::Encoding;
-use crate::grid::row;
+use crate::grid::row::LANES;
 
-/// Values of a vector, at most: loops over just so many leave no rest.
-const LANES: usize = row::LANES;
-/// Vectors that are looked at together.
+/// Vectors that are looked at together; loops over whole ones leave no rest.
 const RUN: usize = 16;
 /// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
 const START: f32 = 0.85;

@@ -4,7 +4,7 @@
 //! quarter as large or less. They wait until all planes of a slab are there, and blocks are cut from them.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::code::{Quantizer, decode_codes};
 use super::run::each_width;
@@ -28,10 +28,20 @@ pub struct CodePlanes<'a> {
 
 #[derive(Debug)]
 struct Channel {
-    quantizer: Quantizer,
+    /// The same for all channels of a group.
+    quantizer: Arc<Quantizer>,
     bound: Option<f32>,
     /// Planes to be used again.
     spare: Mutex<Vec<Codes>>,
+}
+
+/// A value that its code moves too far.
+#[derive(Debug, Clone, Copy)]
+pub struct Moved {
+    /// The node's place along y and z.
+    pub at: [usize; 2],
+    /// What its colour or opacity may be moved by.
+    pub bound: f32,
 }
 
 /// Codes of consecutive planes.
@@ -50,27 +60,30 @@ impl CodeSlab {
 }
 
 impl<'a> CodePlanes<'a> {
-    /// For the `needed` nodes of a level. Each channel has an encoding, and maybe a bound: what colours and opacities may
-    /// be moved by.
+    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a bound: what colours and
+    /// opacities may be moved by.
     pub fn new<'e>(
         needed: &'a NodeMask,
         activation: Activation,
-        channels: impl IntoIterator<Item = (&'e Encoding, Option<f32>)>,
+        groups: impl IntoIterator<Item = (&'e Encoding, usize, Option<f32>)>,
     ) -> Self {
-        let channel = |(encoding, bound): (&Encoding, _)| Channel {
-            quantizer: Quantizer::new(encoding.clone()),
-            bound,
-            spare: Mutex::default(),
-        };
-        let channels: Vec<Channel> = channels.into_iter().map(channel).collect();
+        let mut channels = Vec::new();
+        for (encoding, count, bound) in groups {
+            let quantizer = Arc::new(Quantizer::new(encoding.clone()));
+            let channel = || {
+                let quantizer = Arc::clone(&quantizer);
+                Channel { quantizer, bound, spare: Mutex::default() }
+            };
+            channels.extend(std::iter::repeat_with(channel).take(count));
+        }
         let empty = |_| channels.iter().map(|_| Mutex::new(Codes::U8(Vec::new()))).collect();
         let planes = (0..needed.nodes().0[0]).map(empty).collect();
         Self { needed, activation, channels, planes }
     }
 
-    /// Quantizes the needed nodes of a plane. Returns the place along y and z of the first that is moved by more than its
-    /// channel's bound, if there is one.
-    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<[usize; 2]> {
+    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its group's bound, if there is
+    /// one.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, spare } = &self.channels[channel];
         let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut codes = used.unwrap_or_else(|| match quantizer.encoding().number {
@@ -122,7 +135,7 @@ impl<'a> CodePlanes<'a> {
         values: &[f32],
         codes: &Codes,
         bound: f32,
-    ) -> Option<[usize; 2]> {
+    ) -> Option<Moved> {
         let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.needed.nodes().0);
         let activated = |value: f32| encoding.decode.activated(value.into(), &self.activation);
         let mut decoded = vec![0.0; nz];
@@ -137,7 +150,7 @@ impl<'a> CodePlanes<'a> {
                     decoded != value && (error().is_nan() || error() > bound.into())
                 };
                 if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {
-                    return Some([y, start + at]);
+                    return Some(Moved { at: [y, start + at], bound });
                 }
             }
         }

@@ -327,7 +327,7 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     padded.resize(edge.pow(3), values[0]);
     let needed = NodeMask::full(Nodes([edge; 3]));
     let activation = activation(SHIFTS[0], 0.5);
-    let planes = CodePlanes::new(&needed, activation, [(encoding, None)]);
+    let planes = CodePlanes::new(&needed, activation, [(encoding, 1, None)]);
     for (x, plane) in padded.chunks(edge * edge).enumerate() {
         planes.put(x, 0, plane);
     }
