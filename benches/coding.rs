@@ -14,13 +14,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use mipvog_bake::baked::{Codes, Group};
-use mipvog_bake::bytes::SourceFile;
-use mipvog_bake::container::{CompressedRun, Container};
-use mipvog_bake::error::Place;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::codec::container::{CompressedRun, Container};
+use mipvog_bake::unstable::codec::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
+use mipvog_bake::unstable::model::baked::{Codes, Group};
 
 /// Rounds of each measurement.
 const ROUNDS: usize = 7;

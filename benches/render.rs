@@ -22,13 +22,15 @@ use arguments::{Arguments, number};
 use common::plain_render::{PlainField, PlainLevel};
 use common::rendered::{Differences, baked_levels, finest_level};
 use common::{baked_bytes, open_bytes, tensor_values};
-use mipvog_bake::bake::BakeOptions;
-use mipvog_bake::camera::{self, Camera};
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::render::{Field, Frame, FrameOptions, LevelChoice, Statistics, render};
-use mipvog_bake::tensor;
+use mipvog_bake::unstable::bake::BakeOptions;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::model::camera::{self, Camera};
+use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog_bake::unstable::view::render::{
+    Field, Frame, FrameOptions, LevelChoice, Statistics, render,
+};
 
 /// Each frame is rendered this often; the fastest counts.
 const ROUNDS: usize = 5;

@@ -1,35 +1,28 @@
 //! Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
 
-pub mod activate;
-pub mod asset;
-pub mod attach;
+#[doc(hidden)]
+pub mod app;
+#[doc(hidden)]
 pub mod bake;
-pub mod baked;
-pub mod bytes;
-pub mod camera;
-pub mod check;
-#[cfg(feature = "cli")]
-pub mod cli;
-pub mod compare;
-pub mod container;
-pub mod error;
-pub mod field;
-pub mod finding;
-pub mod fit;
-pub mod grid;
-pub mod limits;
-pub mod mesh;
-pub mod mips;
-pub mod parallel;
-pub mod picture;
-pub mod progress;
-pub mod prune;
-pub mod quantize;
-pub mod render;
-pub mod sample;
-pub mod serve;
-pub mod source;
-pub mod sweep;
-pub mod tensor;
-pub mod unpack;
-pub mod view_mlp;
+#[doc(hidden)]
+pub mod base;
+#[doc(hidden)]
+pub mod codec;
+#[doc(hidden)]
+pub mod input;
+#[doc(hidden)]
+pub mod levels;
+#[doc(hidden)]
+pub mod model;
+#[doc(hidden)]
+pub mod output;
+#[doc(hidden)]
+pub mod view;
+
+/// Everything inside, for benchmarks, tests and the curious.
+///
+/// Nothing here is stable: any release may rename, move or remove any of it.
+pub mod unstable {
+    #[doc(inline)]
+    pub use crate::{app, bake, base, codec, input, levels, model, output, view};
+}

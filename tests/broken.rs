@@ -10,10 +10,10 @@ use common::broken::{SOUND, files, said};
 use common::{
     Random, assert_golden, chunks, fixture, folder, open_bytes, random_field, volume_values,
 };
-use mipvog_bake::check::{CheckOptions, Report, check_with, health, sarif};
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::finding::{Code, Severity};
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::app::check::{CheckOptions, Report, check_with, health, sarif};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::finding::{Code, Severity};
+use mipvog_bake::unstable::base::limits::Limits;
 use serde_json::{Value, json};
 
 fn options() -> CheckOptions {

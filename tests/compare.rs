@@ -3,10 +3,10 @@
 mod common;
 
 use common::{fixture, tensor_values};
-use mipvog_bake::compare::Picture;
-use mipvog_bake::compare::metrics::ssim;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::tensor;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::view::compare::Picture;
+use mipvog_bake::unstable::view::compare::metrics::ssim;
 
 #[test]
 fn structural_similarity_equals_that_of_scikit_image() {

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use common::asset::{NAME, attached, changed, glb, open};
 use common::{Random, chunks, fixture, mend_checksums, open_bytes};
-use mipvog_bake::attach::AttachOptions;
-use mipvog_bake::check::check;
-use mipvog_bake::error::Error;
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::app::check::check;
+use mipvog_bake::unstable::base::error::Error;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::output::gltf::attach::AttachOptions;
 
 const CONTAINER: &str = "dvgo.mask.mipvog";
 
@@ -148,8 +148,12 @@ fn changed_values_of_a_checkpoint_are_noticed() {
         // Without the sign and exponent bits the value stays finite and plausible.
         damaged[at] ^= 1 << random.below(4);
         std::fs::write(&path, &damaged).expect("writable");
-        let baked = mipvog_bake::source::open(&path, &Default::default(), &Limits::default())
-            .and_then(|source| common::baked_bytes(&source.field, &Default::default()));
+        let baked = mipvog_bake::unstable::input::checkpoint::open(
+            &path,
+            &Default::default(),
+            &Limits::default(),
+        )
+        .and_then(|source| common::baked_bytes(&source.field, &Default::default()));
         // What no bake reads (alignment, names of other entries) may change unnoticed; values not.
         if let Ok(bytes) = baked {
             let expected =

@@ -4,16 +4,16 @@ mod common;
 
 use common::{Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack};
 use glam::DVec3;
-use mipvog_bake::bake::{BakeOptions, Changes};
-use mipvog_bake::baked::Group;
-use mipvog_bake::camera::{Camera, Lens, turntable};
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::grid::NodeMask;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::render::{Exposure, Field, FrameOptions, exposure, render};
-use mipvog_bake::unpack::Unpacked;
+use mipvog_bake::unstable::bake::{BakeOptions, Changes};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::model::baked::Group;
+use mipvog_bake::unstable::model::camera::{Camera, Lens, turntable};
+use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog_bake::unstable::model::grid::NodeMask;
+use mipvog_bake::unstable::view::render::{Exposure, Field, FrameOptions, exposure, render};
 
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];

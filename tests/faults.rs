@@ -15,10 +15,10 @@ use std::time::Instant;
 
 use common::asset::glb;
 use common::{Random, fixture, folder, program};
-use mipvog_bake::bytes;
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::source;
+use mipvog_bake::unstable::base::bytes;
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::input::checkpoint;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
 /// Kills of bakes.
@@ -291,14 +291,16 @@ fn an_input_that_shrinks_or_goes_is_an_error_or_was_read() {
     let input = here.join("scene.tar");
     // In the middle of a bake, as the library sees it.
     std::fs::copy(scene(), &input).expect("copied");
-    let opened = source::open(&input, &Default::default(), &Limits::default()).expect("a scene");
+    let opened =
+        checkpoint::open(&input, &Default::default(), &Limits::default()).expect("a scene");
     let file = std::fs::File::options().write(true).open(&input).expect("own");
     file.set_len(40_000).expect("own");
     let error = common::baked_bytes(&opened.field, &Default::default()).expect_err("too short");
     assert!(matches!(error.kind(), ErrorKind::Truncated { .. }), "{error}");
     // An open file outlives its name.
     std::fs::copy(scene(), &input).expect("copied");
-    let opened = source::open(&input, &Default::default(), &Limits::default()).expect("a scene");
+    let opened =
+        checkpoint::open(&input, &Default::default(), &Limits::default()).expect("a scene");
     std::fs::remove_file(&input).expect("own");
     common::baked_bytes(&opened.field, &Default::default()).expect("the bytes are there");
     // At any moment, as the user sees it.

@@ -4,17 +4,17 @@ mod common;
 
 use common::plain::{all_nodes, sigmoid};
 use common::{Random, baked_bytes, field, fixture, open_bytes, packed, random_field, unpack};
-use mipvog_bake::bake::{BakeOptions, Changes, Filter};
-use mipvog_bake::baked::{Encoding, Group, LevelMetadata};
-use mipvog_bake::camera::turntable;
-use mipvog_bake::check::check;
-use mipvog_bake::container::Container;
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::unpack::Unpacked;
+use mipvog_bake::unstable::app::check::check;
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::model::baked::{Encoding, Group, LevelMetadata};
+use mipvog_bake::unstable::model::camera::turntable;
+use mipvog_bake::unstable::model::field::RadianceField;
 
 const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
 

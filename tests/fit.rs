@@ -3,16 +3,16 @@
 mod common;
 
 use common::{baked_bytes, open_bytes, trained};
-use mipvog_bake::bake::{BakeOptions, Filter};
-use mipvog_bake::camera::turntable;
-use mipvog_bake::compare::{Reference, ScaleErrors, compare};
-use mipvog_bake::error::Place;
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::render::Field;
-use mipvog_bake::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::bake::{BakeOptions, Filter};
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::model::camera::turntable;
+use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::view::compare::{Reference, ScaleErrors, compare};
+use mipvog_bake::unstable::view::render::Field;
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {
     let mut options = BakeOptions::default();

@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use common::{Random, chunks, fixture};
-use mipvog_bake::baked::Metadata;
-use mipvog_bake::bytes::SourceFile;
-use mipvog_bake::check::{CheckOptions, check_file};
-use mipvog_bake::container::json::to_canonical;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::tensor::Archive;
+use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::json::to_canonical;
+use mipvog_bake::unstable::input::tensor::Archive;
+use mipvog_bake::unstable::model::baked::Metadata;
 use peak_alloc::PeakAlloc;
 use targets::{TARGETS, Target};
 

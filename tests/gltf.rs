@@ -11,10 +11,10 @@ use std::process::Output;
 use common::asset::{NAME, attached, changed, document, glb, parts};
 use common::{assert_schema, fixture, folder, program};
 use jsonschema::Registry;
-use mipvog_bake::attach::{AttachOptions, NodeChoice};
-use mipvog_bake::check::{Report, check};
-use mipvog_bake::finding::{Code, Severity};
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::app::check::{Report, check};
+use mipvog_bake::unstable::base::finding::{Code, Severity};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, NodeChoice};
 use serde_json::{Value, json};
 
 const ONE: &str = "dvgo.mask.mipvog";
@@ -324,7 +324,9 @@ fn an_independent_reader_finds_the_mesh() {
     let scene = fixture("trained/tiny/fine_last.tar").display().to_string();
     report(here, &["bake", &scene, "-o", "a.mipvog", "--gltf", "a.glb"]);
     let container = common::open_bytes(&std::fs::read(here.join("a.mipvog")).expect("written"));
-    let mesh = mipvog_bake::mesh::mesh(&container.expect("a container"), 10_000).expect("a mesh");
+    let mesh =
+        mipvog_bake::unstable::output::gltf::mesh::mesh(&container.expect("a container"), 10_000)
+            .expect("a mesh");
     let bytes = std::fs::read(here.join("a.glb")).expect("written");
     // Validates what this crate knows of glTF, too.
     let asset = gltf::Gltf::from_slice(&bytes).expect("a valid asset");

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{baked_bytes, field, fixture, folder};
-use mipvog_bake::bake::BakeOptions;
+use mipvog_bake::unstable::bake::BakeOptions;
 use serde_json::json;
 
 fn run(here: &Path, arguments: &[&str]) {

@@ -3,8 +3,8 @@
 mod common;
 
 use common::{assert_golden, baked_bytes, fixture, trained};
-use mipvog_bake::bake::{BakeOptions, Filter};
-use mipvog_bake::quantize::Bits;
+use mipvog_bake::unstable::bake::{BakeOptions, Filter};
+use mipvog_bake::unstable::codec::quantize::Bits;
 
 #[test]
 fn containers_keep_their_bytes() {

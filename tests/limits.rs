@@ -6,15 +6,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use common::{fixture, folder};
-use mipvog_bake::baked::Group;
-use mipvog_bake::bytes::SourceFile;
-use mipvog_bake::container::Container;
-use mipvog_bake::error::{ErrorKind, Result};
-use mipvog_bake::limits::Limits;
-use mipvog_bake::source::{self, SourceOptions};
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::{ErrorKind, Result};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::model::baked::Group;
 
 fn read_scene(path: &Path, limits: &Limits) -> Result<()> {
-    source::open(path, &SourceOptions::default(), limits).map(|_| ())
+    checkpoint::open(path, &SourceOptions::default(), limits).map(|_| ())
 }
 
 fn read_container(path: &Path, limits: &Limits) -> Result<()> {

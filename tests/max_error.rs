@@ -5,18 +5,18 @@ mod common;
 use common::{
     Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack, volume_values,
 };
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, MaxErrors};
-use mipvog_bake::baked::{Decode, Encoding, Group};
-use mipvog_bake::bytes::Storage;
-use mipvog_bake::error::{ErrorKind, Place};
-use mipvog_bake::field::{Activation, Nonfinite, RadianceField};
-use mipvog_bake::grid::NodeMask;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::prune::{self, DensityFilter};
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::unpack::Unpacked;
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog_bake::unstable::base::bytes::Storage;
+use mipvog_bake::unstable::base::error::{ErrorKind, Place};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::levels::prune::{self, DensityFilter};
+use mipvog_bake::unstable::model::baked::{Decode, Encoding, Group};
+use mipvog_bake::unstable::model::field::{Activation, Nonfinite, RadianceField};
+use mipvog_bake::unstable::model::grid::NodeMask;
 
 const ERRORS: [f32; 7] = [0.25, 0.07, 0.02, 0.005, 7e-4, 3e-5, 1e-6];
 

@@ -5,9 +5,9 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::{Random, baked_bytes, field, open_bytes, random_field};
-use mipvog_bake::bake::{BakeOptions, Filter};
-use mipvog_bake::mesh::{Mesh, mesh};
-use mipvog_bake::parallel;
+use mipvog_bake::unstable::bake::{BakeOptions, Filter};
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::output::gltf::mesh::{Mesh, mesh};
 
 fn options(filter: Filter) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -68,7 +68,7 @@ fn assert_closed(mesh: &Mesh, case: &str) {
 }
 
 /// A ball of opaque matter of one colour a half space, in the box of `common::field`.
-fn ball(size: usize, radius: f32) -> mipvog_bake::field::RadianceField {
+fn ball(size: usize, radius: f32) -> mipvog_bake::unstable::model::field::RadianceField {
     let nodes = [size; 3];
     let middle = (size - 1) as f32 / 2.0;
     let (mut density, mut color) = (Vec::new(), vec![Vec::new(); 3]);

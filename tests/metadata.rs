@@ -4,10 +4,10 @@
 mod common;
 
 use common::asset;
-use mipvog_bake::baked::{Blend, Decode, Encoding, Metadata, NumberType};
-use mipvog_bake::container::check_metadata;
-use mipvog_bake::error::Place;
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::check_metadata;
+use mipvog_bake::unstable::model::baked::{Blend, Decode, Encoding, Metadata, NumberType};
 
 const NAN: f32 = f32::NAN;
 const INFINITE: f32 = f32::INFINITY;

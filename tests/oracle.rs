@@ -7,13 +7,13 @@ use common::{
     Random, baked_bytes, field, fixture, open_bytes, plain, plain_matter, random_field,
     tensor_values, trained, unpack,
 };
-use mipvog_bake::bake::{BakeOptions, Filter, Preset};
-use mipvog_bake::baked::Group;
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::mips::{Kernel, Settled};
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::tensor;
+use mipvog_bake::unstable::bake::{BakeOptions, Filter, Preset};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::levels::mips::{Kernel, Settled};
+use mipvog_bake::unstable::model::baked::Group;
+use mipvog_bake::unstable::model::field::RadianceField;
 
 fn options(filter: Filter, bits: Bits) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -268,7 +268,8 @@ fn activation_equals_the_oracle() {
             let want =
                 golden("activation.safetensors", &format!("alpha.init{name}.interval{interval}"));
             for (&raw, &want) in raw.iter().zip(&want) {
-                let got = mipvog_bake::activate::opacity(raw.into(), shift, interval);
+                let got =
+                    mipvog_bake::unstable::model::activate::opacity(raw.into(), shift, interval);
                 // The vectors were rounded to float32 when they were read.
                 let error = (got - f64::from(want)).abs();
                 assert!(
@@ -280,7 +281,7 @@ fn activation_equals_the_oracle() {
     }
     let want = golden("activation.safetensors", "sigmoid");
     for (&raw, &want) in raw.iter().zip(&want) {
-        let got = mipvog_bake::activate::sigmoid(raw.into());
+        let got = mipvog_bake::unstable::model::activate::sigmoid(raw.into());
         assert!((got - f64::from(want)).abs() <= 1e-5 * f64::from(want).max(1e-30), "{raw}");
     }
 }

@@ -6,11 +6,13 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use common::Random;
-use mipvog_bake::bake::Filter;
-use mipvog_bake::error::Result;
-use mipvog_bake::field::{Activation, ActivationOrder};
-use mipvog_bake::grid::{NodeMask, Nodes};
-use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, level_sizes};
+use mipvog_bake::unstable::bake::Filter;
+use mipvog_bake::unstable::base::error::Result;
+use mipvog_bake::unstable::levels::mips::{
+    Cascade, Kernel, Lift, Matter, Occluders, Regions, level_sizes,
+};
+use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
+use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 const SIZES: [[usize; 3]; 8] = [
     [2, 2, 2],

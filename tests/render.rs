@@ -4,12 +4,12 @@ mod common;
 
 use common::{fixture, tensor_values, trained};
 use glam::{DMat4, DVec4};
-use mipvog_bake::bake::Filter;
-use mipvog_bake::camera::{self, Camera, Lens};
-use mipvog_bake::limits::Limits;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::render::{Field, Frame, FrameOptions, render};
-use mipvog_bake::tensor::{self, TensorFile};
+use mipvog_bake::unstable::bake::Filter;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::input::tensor::{self, TensorFile};
+use mipvog_bake::unstable::model::camera::{self, Camera, Lens};
+use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, render};
 
 /// The bound on colour, transmittance and features.
 const BOUND: f32 = 2e-4;

@@ -6,20 +6,22 @@ use common::plain_render::PlainField;
 use common::rendered::{Differences, baked_levels, finest_level, trained_levels};
 use common::{Random, baked_bytes, open_bytes, random_field};
 use glam::{DMat4, DVec3};
-use mipvog_bake::bake::{BakeOptions, Filter};
-use mipvog_bake::baked::{Aside, BakedField, Blend, LevelOfDetail};
-use mipvog_bake::camera::{Camera, Lens};
-use mipvog_bake::error::Place;
-use mipvog_bake::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
-use mipvog_bake::grid::{Bounds, Nodes};
-use mipvog_bake::limits::Limits;
-use mipvog_bake::mips::Kernel;
-use mipvog_bake::parallel;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::render::{Field, FrameOptions, LevelChoice, TrainedLevels, render};
-use mipvog_bake::sample::Levels;
-use mipvog_bake::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::bake::{BakeOptions, Filter};
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::levels::mips::Kernel;
+use mipvog_bake::unstable::model::baked::{Aside, BakedField, Blend, LevelOfDetail};
+use mipvog_bake::unstable::model::camera::{Camera, Lens};
+use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
+use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
+use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::view::render::{
+    Field, FrameOptions, LevelChoice, TrainedLevels, render,
+};
+use mipvog_bake::unstable::view::sample::Levels;
 
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
 /// which raw values around 100 are 4e-6 off.

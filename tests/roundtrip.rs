@@ -6,16 +6,16 @@ use common::{
     Random, baked_bytes, field, fixture, masked, open_bytes, packed, plain, random_field, trained,
     unpack,
 };
-use mipvog_bake::bake::{BakeOptions, Changes, Filter, LevelRule};
-use mipvog_bake::baked::{Aside, Group, LevelOfDetail};
-use mipvog_bake::container::Container;
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::field::{FreeSpace, Lookup, Nonfinite};
-use mipvog_bake::grid::Nodes;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::unpack::Unpacked;
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, LevelRule};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::model::baked::{Aside, Group, LevelOfDetail};
+use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, Nonfinite};
+use mipvog_bake::unstable::model::grid::Nodes;
 
 /// Unpacks a container and packs it again.
 fn repacked(bytes: &[u8], changes: &Changes) -> Vec<u8> {

@@ -3,9 +3,9 @@
 mod common;
 
 use common::Random;
-use mipvog_bake::baked::{Codes, NumberType};
-use mipvog_bake::error::Place;
-use mipvog_bake::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::codec::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
+use mipvog_bake::unstable::model::baked::{Codes, NumberType};
 
 const NUMBERS: [NumberType; 4] =
     [NumberType::U8, NumberType::U16, NumberType::F16, NumberType::F32];

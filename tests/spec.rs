@@ -5,13 +5,13 @@ mod common;
 use std::path::Path;
 
 use common::assert_golden;
-use mipvog_bake::baked::{Decode, NumberType};
-use mipvog_bake::container::layout::{
+use mipvog_bake::unstable::base::finding::{Code, Severity};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ATLASES, ENTRY_BYTES, HEADER_BYTES, MASK, META, PROVENANCE, SIGNATURE, TABLE,
     VERSION, VMLP,
 };
-use mipvog_bake::finding::{Code, Severity};
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::model::baked::{Decode, NumberType};
 
 const SPEC: &str = include_str!("../formats/mipvog.md");
 const CATALOGUE: &str = include_str!("../formats/validation.md");

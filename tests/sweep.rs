@@ -7,20 +7,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
 use common::{Random, assert_schema, fixture, folder};
-use mipvog_bake::camera::{Camera, turntable};
-use mipvog_bake::compare::{Reference, References};
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::parallel;
-use mipvog_bake::progress::{Progress, Silent, Step};
-use mipvog_bake::quantize::Bits;
-use mipvog_bake::render::Field;
-use mipvog_bake::source::{self, Source, SourceOptions};
-use mipvog_bake::sweep::{Grid, Point, Setting, SweepOptions, SweepReport, front, sweep};
+use mipvog_bake::unstable::app::sweep::{
+    Grid, Point, Setting, SweepOptions, SweepReport, front, sweep,
+};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::{Progress, Silent, Step};
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::input::checkpoint::{self, Source, SourceOptions};
+use mipvog_bake::unstable::model::camera::{Camera, turntable};
+use mipvog_bake::unstable::view::compare::{Reference, References};
+use mipvog_bake::unstable::view::render::Field;
 
 fn tiny() -> Source {
     let path = fixture("trained/tiny/fine_last.tar");
-    source::open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint")
+    checkpoint::open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint")
 }
 
 fn cameras(source: &Source, count: usize) -> Vec<Camera> {
@@ -134,7 +136,7 @@ fn results_do_not_depend_on_threads_or_folders() {
         let read = |folder: usize| std::fs::read(folders[folder].path().join(&one.file));
         assert!(read(0).expect("baked") == read(1).expect("baked"), "{}", one.name);
         assert_eq!(one.errors, other.errors);
-        let bytes = |setting: &mipvog_bake::sweep::SettingReport| -> Vec<bool> {
+        let bytes = |setting: &mipvog_bake::unstable::app::sweep::SettingReport| -> Vec<bool> {
             setting.fronts.iter().map(|fronts| fronts.bytes).collect()
         };
         assert_eq!(bytes(one), bytes(other));

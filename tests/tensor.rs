@@ -3,9 +3,9 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use mipvog_bake::error::{ErrorKind, Place};
-use mipvog_bake::limits::{Budget, Limits};
-use mipvog_bake::tensor::{self, FileKind, Value};
+use mipvog_bake::unstable::base::error::{ErrorKind, Place};
+use mipvog_bake::unstable::base::limits::{Budget, Limits};
+use mipvog_bake::unstable::input::tensor::{self, FileKind, Value};
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/trained").join(name)

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::source::{self, SourceOptions};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::model::field::RadianceField;
 
 /// A scene and further options.
 pub struct Arguments {
@@ -51,7 +51,7 @@ impl Arguments {
 
     /// The scene, opened.
     pub fn field(&self) -> RadianceField {
-        source::open(&self.scene, &self.options, &Limits::default()).expect("a scene").field
+        checkpoint::open(&self.scene, &self.options, &Limits::default()).expect("a scene").field
     }
 }
 

@@ -9,8 +9,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use half::f16;
-use mipvog_bake::field::{EMPTY_DENSITY, RadianceField, Volume};
-use mipvog_bake::parallel;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::model::field::{EMPTY_DENSITY, RadianceField, Volume};
 use serde_json::json;
 
 /// Raw density above which a node has matter.

@@ -8,15 +8,15 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mipvog_bake::bytes::SourceFile;
-use mipvog_bake::camera;
-use mipvog_bake::check::{CheckOptions, check_file};
-use mipvog_bake::container::Container;
-use mipvog_bake::error::ErrorKind;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::picture;
-use mipvog_bake::source::{self, SourceOptions};
-use mipvog_bake::tensor;
+use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::picture;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::model::camera;
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]));
@@ -72,7 +72,7 @@ pub fn safetensors(bytes: &[u8]) {
 fn tensors(bytes: Vec<u8>) {
     let (file, limits) = (file(bytes), limits());
     if let Ok(tensors) = tensor::open_file(&file, &limits) {
-        source::inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+        checkpoint::inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
     }
     check_file(file, &CheckOptions::default(), &limits).ok();
 }

@@ -7,10 +7,10 @@
 use serde_json::Value;
 
 use super::{BakeOptions, Origin};
-use crate::container::Container;
-use crate::error::Result;
-use crate::field::RadianceField;
-use crate::view_mlp::ViewMlp;
+use crate::base::error::Result;
+use crate::codec::container::Container;
+use crate::model::field::RadianceField;
+use crate::model::view_mlp::ViewMlp;
 
 /// Whether `container` is what [`super::bake`] would write of `field`. Never so where the input's
 /// digest says nothing of its values, as in formats without checksums.

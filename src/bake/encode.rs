@@ -8,13 +8,13 @@ use std::sync::Arc;
 
 use super::MaxErrors;
 use super::memory::Room;
-use crate::baked::{Encoding, Group, Table};
-use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
-use crate::error::{Error, Place, Result};
-use crate::field::Activation;
-use crate::grid::NodeMask;
-use crate::parallel;
-use crate::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, Moved};
+use crate::base::error::{Error, Place, Result};
+use crate::base::parallel;
+use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
+use crate::codec::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, Moved};
+use crate::model::baked::{Encoding, Group, Table};
+use crate::model::field::Activation;
+use crate::model::grid::NodeMask;
 
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;

@@ -1,18 +1,20 @@
 //! Blocks whose own colours add little to what the next coarser level says there.
 //!
 //! From the second coarsest level to level 0, each block is held against what readers would fill it with
-//! ([`crate::quantize::Filler`]). Where no needed node's colour would move by more than is allowed, the block's
+//! ([`crate::codec::quantize::Filler`]). Where no needed node's colour would move by more than is allowed, the block's
 //! colours are left out; its density stays. Coarser levels are settled first, so that blocks are compared with
 //! exactly what readers will see. Memory is the colours' codes of one level and of the next coarser one.
 
 use super::{BakeOptions, LevelImportance};
-use crate::baked::{BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table};
-use crate::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
-use crate::error::Result;
-use crate::grid::{BlockGrid, NodeMask};
-use crate::parallel;
-use crate::prune::Pruned;
-use crate::quantize::{Filler, Frame, FrameShape};
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
+use crate::codec::quantize::{Filler, Frame, FrameShape};
+use crate::levels::prune::Pruned;
+use crate::model::baked::{
+    BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table,
+};
+use crate::model::grid::{BlockGrid, NodeMask};
 
 /// Groups that are filled.
 const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];

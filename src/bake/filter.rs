@@ -1,12 +1,12 @@
 //! The families of coarser levels that a bake can make.
 
 use super::LevelRule;
-use crate::baked::{Aside, Blend, LevelOfDetail, StepRule};
-use crate::field::{Activation, Scene};
-use crate::grid::Nodes;
-use crate::mips::{self, Kernel, Matter, Settled};
-use crate::render::TrainedLevels;
-use crate::sample::Levels;
+use crate::levels::mips::{self, Kernel, Matter, Settled};
+use crate::model::baked::{Aside, Blend, LevelOfDetail, StepRule};
+use crate::model::field::{Activation, Scene};
+use crate::model::grid::Nodes;
+use crate::view::render::TrainedLevels;
+use crate::view::sample::Levels;
 
 /// How coarser levels are made, and with them the level-of-detail rule that they were made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

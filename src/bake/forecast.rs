@@ -14,12 +14,12 @@ use super::{
     BakeOptions, Filter, encode_levels, expose, fill_levels, fit_encodings, level_reports,
     metadata, plan, prune_field, tables,
 };
-use crate::baked::Group;
-use crate::container::EncodedLevel;
-use crate::error::{Error, Result};
-use crate::field::RadianceField;
-use crate::grid::{NodeMask, Nodes};
-use crate::progress::Progress;
+use crate::base::error::{Error, Result};
+use crate::base::progress::Progress;
+use crate::codec::container::EncodedLevel;
+use crate::model::baked::Group;
+use crate::model::field::RadianceField;
+use crate::model::grid::{NodeMask, Nodes};
 
 /// Parts of the box along x, of which windows are made.
 const PARTS: usize = 16;

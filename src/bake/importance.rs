@@ -1,15 +1,15 @@
 //! How much errors of each level's nodes matter to given cameras.
 //!
-//! Level 0's is measured ([`crate::render::exposure`]). A camera that looks at level `k` is `2^k` times as far
+//! Level 0's is measured ([`crate::view::render::exposure`]). A camera that looks at level `k` is `2^k` times as far
 //! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
 //! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
 //! averaged and resized as levels are, in units of its own mean again.
 
 use super::{BakeOptions, Importance};
-use crate::grid::Nodes;
-use crate::mips::Kernel;
-use crate::mips::taps::AxisTaps;
-use crate::render::Exposure;
+use crate::levels::mips::Kernel;
+use crate::levels::mips::taps::AxisTaps;
+use crate::model::grid::Nodes;
+use crate::view::render::Exposure;
 
 /// Of one level's nodes, z fastest.
 #[derive(Debug)]

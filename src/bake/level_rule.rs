@@ -1,6 +1,6 @@
 //! Published rules that say which level a sample reads.
 
-use crate::baked::LevelOfDetail;
+use crate::model::baked::LevelOfDetail;
 
 /// A published rule, in place of the one that a filter was measured to look best with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde_json::Value;
 
-use crate::baked::Group;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::model::baked::Group;
 
 /// What an error can be: below, hardly anything but f32 keeps it; above, nothing can be told.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;

@@ -13,14 +13,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::encode::PENDING_BYTES;
 use super::{BakeOptions, Filter};
-use crate::bytes::{Spill, Storage};
-use crate::container::CompressedRun;
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::RadianceField;
-use crate::grid::{BlockGrid, NodeMask, Nodes};
-use crate::mips::{Occluders, SLAB};
-use crate::parallel;
-use crate::quantize::Bits;
+use crate::base::bytes::{Spill, Storage};
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::parallel;
+use crate::codec::container::CompressedRun;
+use crate::codec::quantize::Bits;
+use crate::levels::mips::{Occluders, SLAB};
+use crate::model::field::RadianceField;
+use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
 /// The program, its libraries, and what the allocator keeps for itself.
 const PROGRAM_BYTES: u64 = 24 << 20;

@@ -1,15 +1,15 @@
 //! The whole bake, in order.
 //!
-//! 1. **Prune** ([`crate::prune`]): one pass over all of density, and one over what of it holds matter, find for every
+//! 1. **Prune** ([`crate::levels::prune`]): one pass over all of density, and one over what of it holds matter, find for every
 //!    level the nodes that must be right and the blocks that are kept.
-//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::render::exposure`]).
+//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::view::render::exposure`]).
 //! 2. **Encode**: another pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, quantizes each plane as it goes by, and turns slabs of blocks into
 //!    compressed runs as they come ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
 //!    finds what each level holds, lowest to highest ([`ranges`]). What cameras see little of is
 //!    stored coarser ([`importance`]). Blocks whose colours the next coarser level says well enough
 //!    lose their own, if wanted ([`fill`]).
-//! 3. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
+//! 3. **Write** ([`crate::codec::container`]): metadata, then the levels, coarse to fine.
 //!
 //! A bound on memory ([`memory`]) changes where things wait, and when.
 //!
@@ -19,6 +19,7 @@ mod current;
 mod encode;
 mod fill;
 mod filter;
+pub mod fit;
 mod forecast;
 mod importance;
 mod level_rule;
@@ -57,18 +58,20 @@ pub use report::{
 };
 use stream::{Stream, Streamed};
 
-use crate::baked::{ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata};
-use crate::bytes::Output;
-use crate::container::{self, EncodedLevel, Head};
-use crate::error::Result;
-use crate::field::{Planes, RadianceField};
-use crate::fit::{FitOptions, Fitted, fit};
-use crate::grid::{BlockGrid, NodeMask, Nodes};
-use crate::limits::Limits;
-use crate::progress::{Progress, Step};
-use crate::prune::{self, DensityFilter, Pruned};
-use crate::quantize::{Bits, color_encoding, density_encoding};
-use crate::render::{Exposure, Field, exposure};
+use crate::bake::fit::{FitOptions, Fitted, fit};
+use crate::base::bytes::Output;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::{self, EncodedLevel, Head};
+use crate::codec::quantize::{Bits, color_encoding, density_encoding};
+use crate::levels::prune::{self, DensityFilter, Pruned};
+use crate::model::baked::{
+    ColorSpace, Group, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
+};
+use crate::model::field::{Planes, RadianceField};
+use crate::model::grid::{BlockGrid, NodeMask, Nodes};
+use crate::view::render::{Exposure, Field, exposure};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.

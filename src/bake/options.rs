@@ -4,13 +4,13 @@ use serde_json::json;
 
 use super::memory;
 use super::{Filter, LevelRule, MaxErrors};
-use crate::baked::{Aside, LevelOfDetail, Metadata};
-use crate::bytes::hex;
-use crate::camera::{Camera, digest};
-use crate::container::LARGEST_BLOCK;
-use crate::error::{Error, Result};
-use crate::field::Nonfinite;
-use crate::quantize::Bits;
+use crate::base::bytes::hex;
+use crate::base::error::{Error, Result};
+use crate::codec::container::LARGEST_BLOCK;
+use crate::codec::quantize::Bits;
+use crate::model::baked::{Aside, LevelOfDetail, Metadata};
+use crate::model::camera::{Camera, digest};
+use crate::model::field::Nonfinite;
 
 /// Compression level of zstd where nobody says another: the last that is fast enough to be no
 /// bottleneck.

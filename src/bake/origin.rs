@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::bytes::hex;
-use crate::source::Source;
+use crate::base::bytes::hex;
+use crate::input::checkpoint::Source;
 
 /// What is known about the input of a bake. No paths, no times: the same input gives the same
 /// bytes wherever it lies.

@@ -1,7 +1,7 @@
 //! Named sets of options.
 
 use super::{BakeOptions, Filter, MaxErrors};
-use crate::quantize::Bits;
+use crate::codec::quantize::Bits;
 
 /// A set of options for a purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,12 +3,12 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::MaxErrors;
-use crate::baked::{Encoding, Group, LevelMetadata};
-use crate::error::Result;
-use crate::field::Activation;
-use crate::grid::{NodeMask, row};
-use crate::parallel;
-use crate::quantize::{ValueSpan, encoding_within};
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::codec::quantize::{ValueSpan, encoding_within};
+use crate::model::baked::{Encoding, Group, LevelMetadata};
+use crate::model::field::Activation;
+use crate::model::grid::{NodeMask, row};
 
 /// The values of one level.
 #[derive(Debug)]

@@ -13,16 +13,16 @@ use super::encode::{Check, EncodeOptions, LevelEncoder};
 use super::ranges::{LevelSpans, encodings_within};
 use super::report::{BakeReport, StageReport, level_reports};
 use super::{LevelRule, MaxErrors};
-use crate::baked::{Encoding, Group, Metadata, Table};
-use crate::bytes::Output;
-use crate::container::{self, Head};
-use crate::error::{Error, ErrorKind, Place, Result};
-use crate::field::{March, Scene, Volume};
-use crate::grid::{BlockGrid, NodeMask, Nodes, row};
-use crate::parallel;
-use crate::progress::{Progress, Step};
-use crate::quantize::{Bits, color_encoding, density_encoding};
-use crate::unpack::{Unpacked, UnpackedLevel};
+use crate::base::bytes::Output;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::{self, Head};
+use crate::codec::quantize::{Bits, color_encoding, density_encoding};
+use crate::codec::unpack::{Unpacked, UnpackedLevel};
+use crate::model::baked::{Encoding, Group, Metadata, Table};
+use crate::model::field::{March, Scene, Volume};
+use crate::model::grid::{BlockGrid, NodeMask, Nodes, row};
 
 /// What to change of an unpacked container.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use crate::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
-use crate::container::layout::Entry;
-use crate::fit::FittedLevel;
-use crate::prune::{Pruned, PrunedLevel};
-use crate::quantize::Bits;
+use crate::bake::fit::FittedLevel;
+use crate::codec::container::layout::Entry;
+use crate::codec::quantize::Bits;
+use crate::levels::prune::{Pruned, PrunedLevel};
+use crate::model::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
 
 /// What came out, what was dropped and why, and what it took.
 #[derive(Debug, Clone, Serialize)]

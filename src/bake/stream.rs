@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::BakeOptions;
-use crate::error::{Error, Result};
-use crate::field::{Planes, verify_crc32};
-use crate::fit::Fitted;
-use crate::grid::NodeMask;
-use crate::mips::{Cascade, Lift, Regions, Settlers};
-use crate::progress::{Progress, Step};
-use crate::prune::Pruned;
+use crate::bake::fit::Fitted;
+use crate::base::error::{Error, Result};
+use crate::base::progress::{Progress, Step};
+use crate::levels::mips::{Cascade, Lift, Regions, Settlers};
+use crate::levels::prune::Pruned;
+use crate::model::field::{Planes, verify_crc32};
+use crate::model::grid::NodeMask;
 
 /// What the levels of a bake are made of.
 #[derive(Debug, Clone, Copy)]

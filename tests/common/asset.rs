@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use mipvog_bake::asset::Asset;
-use mipvog_bake::attach::{AttachOptions, attach, detach};
-use mipvog_bake::bytes::{Output, SourceFile};
-use mipvog_bake::container::Container;
-use mipvog_bake::error::Result;
-use mipvog_bake::limits::Limits;
+use mipvog_bake::unstable::base::bytes::{Output, SourceFile};
+use mipvog_bake::unstable::base::error::Result;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::output::gltf::asset::Asset;
+use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, attach, detach};
 use serde_json::Value;
 
 use super::{Random, fixture};

@@ -1,7 +1,7 @@
 //! Containers as lists of chunks, so that tests can write what the writer would not. How a chunk's bytes
 //! are coded is nobody's business here.
 
-use mipvog_bake::container::layout::{
+use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, META,
 };
 

@@ -17,20 +17,20 @@ pub mod stress_scalar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mipvog_bake::bake::{BakeOptions, Changes, Origin, bake, rebake};
-use mipvog_bake::baked::Group;
-use mipvog_bake::bytes::{Output, SourceFile, Storage};
-use mipvog_bake::container::Container;
-use mipvog_bake::error::Result;
-use mipvog_bake::field::{
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, rebake};
+use mipvog_bake::unstable::base::bytes::{Output, SourceFile, Storage};
+use mipvog_bake::unstable::base::error::Result;
+use mipvog_bake::unstable::base::limits::{Budget, Limits};
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::unpack::write_tensors;
+use mipvog_bake::unstable::input::checkpoint::{SourceOptions, open};
+use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
+use mipvog_bake::unstable::model::baked::Group;
+use mipvog_bake::unstable::model::field::{
     Activation, ActivationOrder, FreeSpace, March, RadianceField, Scene, Volume,
 };
-use mipvog_bake::grid::{Bounds, Element, Nodes};
-use mipvog_bake::limits::{Budget, Limits};
-use mipvog_bake::progress::Silent;
-use mipvog_bake::source::{self, SourceOptions};
-use mipvog_bake::tensor::{self, TensorFile, Value};
-use mipvog_bake::unpack::write_tensors;
+use mipvog_bake::unstable::model::grid::{Bounds, Element, Nodes};
 
 /// A file under `fixtures/`.
 pub fn fixture(name: &str) -> PathBuf {
@@ -40,7 +40,7 @@ pub fn fixture(name: &str) -> PathBuf {
 /// A trained scene, as a bake without options takes it.
 pub fn trained(name: &str) -> RadianceField {
     let path = fixture("trained").join(name);
-    source::open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint").field
+    open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint").field
 }
 
 /// Numbers that a seed names: xorshift, no period that a test could reach.
@@ -193,7 +193,10 @@ pub fn unpack(container: &Container) -> Result<Unpacked> {
 }
 
 /// Bakes an unpacked container again.
-pub fn packed(input: &mipvog_bake::unpack::Unpacked, changes: &Changes) -> Result<Vec<u8>> {
+pub fn packed(
+    input: &mipvog_bake::unstable::codec::unpack::Unpacked,
+    changes: &Changes,
+) -> Result<Vec<u8>> {
     let folder = folder();
     let path = folder.path().join("again.mipvog");
     let mut output = Output::create(&path, false)?;

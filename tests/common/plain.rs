@@ -1,6 +1,6 @@
 //! The slow twin: every stage as its definition says, in float64, one node at a time.
 
-use mipvog_bake::mips::Kernel;
+use mipvog_bake::unstable::levels::mips::Kernel;
 
 /// Every node of a grid, z fastest.
 pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {

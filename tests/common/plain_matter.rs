@@ -1,8 +1,8 @@
 //! The slow twin of filtering matter, in float64: see the module docs of `mips::matter`.
 
-use mipvog_bake::field::{Activation, Scene};
-use mipvog_bake::grid::Bounds;
-use mipvog_bake::mips::{Kernel, Matter, Settled};
+use mipvog_bake::unstable::levels::mips::{Kernel, Matter, Settled};
+use mipvog_bake::unstable::model::field::{Activation, Scene};
+use mipvog_bake::unstable::model::grid::Bounds;
 
 use super::plain::{all_nodes, halved, index, next_level, opacity, sigmoid, softplus, trilinear};
 

@@ -1,11 +1,11 @@
 //! The renderer's slow twin: one pixel at a time as `formats/mipvog.md`, section 6, says it, in
 //! float64 over dense arrays. It visits every sample of every ray and skips nothing.
 
-use mipvog_bake::baked::{Aside, Blend, Decode, StepRule};
-use mipvog_bake::camera::Camera;
-use mipvog_bake::field::{ActivationOrder, FreeSpace, Lookup};
-use mipvog_bake::render::{LevelChoice, View};
-use mipvog_bake::view_mlp::{ViewInput, ViewMlp};
+use mipvog_bake::unstable::model::baked::{Aside, Blend, Decode, StepRule};
+use mipvog_bake::unstable::model::camera::Camera;
+use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup};
+use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
+use mipvog_bake::unstable::view::render::{LevelChoice, View};
 
 use super::plain::{index, opacity, sigmoid, softplus, trilinear};
 

@@ -1,16 +1,16 @@
 //! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
 
-use mipvog_bake::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
-use mipvog_bake::camera::Camera;
-use mipvog_bake::field::{Nonfinite, RadianceField};
-use mipvog_bake::grid::NodeMask;
-use mipvog_bake::mips::Settled;
+use mipvog_bake::unstable::levels::mips::Settled;
+use mipvog_bake::unstable::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use mipvog_bake::unstable::model::camera::Camera;
+use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
+use mipvog_bake::unstable::model::grid::NodeMask;
 
-use mipvog_bake::parallel;
-use mipvog_bake::prune::masked_planes;
-use mipvog_bake::quantize::decode_codes;
-use mipvog_bake::render::{Frame, LevelChoice};
-use mipvog_bake::sample::Levels;
+use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::codec::quantize::decode_codes;
+use mipvog_bake::unstable::levels::prune::masked_planes;
+use mipvog_bake::unstable::view::render::{Frame, LevelChoice};
+use mipvog_bake::unstable::view::sample::Levels;
 
 use super::plain::{all_nodes, halved, index, next_level};
 use super::plain_render::{PlainField, PlainLevel, Pruned};

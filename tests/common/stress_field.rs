@@ -2,16 +2,18 @@
 
 use std::sync::Mutex;
 
-use mipvog_bake::bake::Filter;
-use mipvog_bake::baked::{Codes, Decode, Encoding, NumberType};
-use mipvog_bake::error::Place;
-use mipvog_bake::grid::{NodeMask, Nodes};
-use mipvog_bake::mips::{Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settlers};
-use mipvog_bake::mips::{Visibility, level_sizes, taps::AxisTaps};
-use mipvog_bake::quantize::{
+use mipvog_bake::unstable::bake::Filter;
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::codec::quantize::{
     Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, color_encoding, decode_codes,
     density_encoding, run_bytes, run_codes,
 };
+use mipvog_bake::unstable::levels::mips::{
+    Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settlers,
+};
+use mipvog_bake::unstable::levels::mips::{Visibility, level_sizes, taps::AxisTaps};
+use mipvog_bake::unstable::model::baked::{Codes, Decode, Encoding, NumberType};
+use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
 use super::stress::Worst;

@@ -1,15 +1,15 @@
 //! The stages along a ray: interpolation, transmittance, sums, levels, against the slow renderer.
 
 use glam::{DMat4, DVec3};
-use mipvog_bake::activate;
-use mipvog_bake::bake::Filter;
-use mipvog_bake::camera::{Camera, Lens};
-use mipvog_bake::field::RadianceField;
-use mipvog_bake::grid::Bounds;
-use mipvog_bake::limits::Limits;
-use mipvog_bake::progress::Silent;
-use mipvog_bake::render::{Field, Frame, FrameOptions, LevelChoice, render};
-use mipvog_bake::sample::{Dense, Levels, Sample};
+use mipvog_bake::unstable::bake::Filter;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::model::activate;
+use mipvog_bake::unstable::model::camera::{Camera, Lens};
+use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog_bake::unstable::model::grid::Bounds;
+use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, LevelChoice, render};
+use mipvog_bake::unstable::view::sample::{Dense, Levels, Sample};
 
 use super::plain::{all_nodes, index, trilinear};
 use super::plain_render::{Pixel, PlainField};

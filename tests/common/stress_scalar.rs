@@ -1,10 +1,10 @@
 //! Single numbers and the network: the stages that take no field, against their slow twins.
 
-use mipvog_bake::activate::{self, lanes};
-use mipvog_bake::error::Place;
-use mipvog_bake::field::{Activation, ActivationOrder};
-use mipvog_bake::mips::{Matter, Settled};
-use mipvog_bake::view_mlp::{Layer, RAYS, ViewMlp};
+use mipvog_bake::unstable::base::error::Place;
+use mipvog_bake::unstable::levels::mips::{Matter, Settled};
+use mipvog_bake::unstable::model::activate::{self, lanes};
+use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
+use mipvog_bake::unstable::model::view_mlp::{Layer, RAYS, ViewMlp};
 
 use super::plain_render::specular;
 use super::stress::Worst;

@@ -1,0 +1,65 @@
+//! Findings of an input of a bake: the file, the scene that it makes, and the health of its values.
+
+use std::sync::Arc;
+
+use super::health::{self, Health};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::finding::{Code, Finding, Report, checked};
+use crate::base::limits::Limits;
+use crate::codec::unpack::{Unpacked, metadata_text};
+use crate::input::checkpoint::{self, SourceOptions};
+use crate::input::tensor::{self, TensorFile};
+use crate::model::field::RadianceField;
+
+/// Reports everything that is wrong with a file of tensors; what was measured of its values, where it got so far.
+pub fn check(
+    file: Arc<SourceFile>,
+    options: &SourceOptions,
+    limits: &Limits,
+    report: &mut Report,
+) -> Result<Option<Health>> {
+    let tensors = tensor::open_file(&file, limits);
+    let Some(tensors) = checked(tensors, Code::Input, report)? else { return Ok(None) };
+    let opened = match metadata_text(&tensors) {
+        Some(_) => unpacked(&tensors, limits),
+        None => trained(&tensors, options, limits, report),
+    };
+    match opened {
+        Ok(field) => health::check(&field, report),
+        Err(error) => {
+            // What could not be read is not yet a scene; what was read may be none.
+            let code = match error.kind() {
+                ErrorKind::Io(_) | ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
+                    Code::Input
+                }
+                _ => Code::Scene,
+            };
+            report(Finding { code, error })?;
+            Ok(None)
+        }
+    }
+}
+
+/// Level 0 of an unpacked container.
+fn unpacked(tensors: &TensorFile, limits: &Limits) -> Result<RadianceField> {
+    let field = Unpacked::open(tensors, limits)?.field();
+    field.ok_or_else(|| Error::malformed(Place::File, "no densities of level 0", "some"))
+}
+
+/// A checkpoint, as a bake takes it.
+fn trained(
+    tensors: &TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+    report: &mut Report,
+) -> Result<RadianceField> {
+    let source = checkpoint::open_tensors(tensors, options, limits)?;
+    for assumption in source.assumptions {
+        let place = Place::Key(assumption.key.to_owned());
+        // The sentence for users says what is missing and which option sets it.
+        let error = Error::new(ErrorKind::Usage { message: assumption.message }, place);
+        report(Finding { code: Code::Unstated, error })?;
+    }
+    Ok(source.field)
+}

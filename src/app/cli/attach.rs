@@ -1,0 +1,107 @@
+//! `attach`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::json;
+
+use super::{Common, Outcome, gltf, readable, warn};
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::{Error, Result};
+use crate::codec::container::Container;
+use crate::output::gltf::asset::Asset;
+use crate::output::gltf::attach::{AttachOptions, NodeChoice, attach, companions};
+
+/// Put a container into a glTF asset as a radiance field; all else stays as it is
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The asset, .glb or .gltf
+    asset: PathBuf,
+    /// The container
+    container: PathBuf,
+    /// The asset to write, of the same kind
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// The node that shows the field, by number or name; its mesh is what other viewers show
+    /// [default: a new node in the default scene]
+    #[arg(long, value_name = "INDEX|NAME", value_parser = parse_node)]
+    node: Option<NodeChoice>,
+    /// Name the container by a URI in a .glb too, instead of embedding it
+    #[arg(long)]
+    external: bool,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Attaches.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let limits = common.limits();
+    let asset = Asset::open(Arc::new(SourceFile::open(&arguments.asset)?), &limits)?;
+    let file = Arc::new(SourceFile::open(&arguments.container)?);
+    let container = Container::open(file, &limits)?;
+    let path = &arguments.output;
+    check_kind(&asset, path)?;
+    let mut output = Output::create(path, arguments.force)?;
+    let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };
+    let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
+    let bytes = output.length();
+    output.finish()?;
+    warn_of_companions(&asset, &arguments.asset, path, common)?;
+    let report = json!({
+        "asset": arguments.asset.to_string_lossy(),
+        "container": arguments.container.to_string_lossy(),
+        "output": path.to_string_lossy(),
+        "output_bytes": bytes,
+        "field": attached.field,
+        "node": attached.node,
+        "embedded": attached.embedded,
+        "sha256": attached.sha256,
+    });
+    let (field, node) = (attached.field, attached.node);
+    let text = format!("{}: field {field} on node {node}, {}\n", path.display(), readable(bytes));
+    Outcome::new("attach", &report, text)
+}
+
+/// Refuses an output whose name says another kind than the asset is of.
+pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
+    let is_glb = asset.chunks().is_some();
+    match gltf::is_glb(output) {
+        Ok(named_glb) if named_glb != is_glb => {
+            let kind = if is_glb { "a .glb" } else { "a .gltf" };
+            let message = format!("{} is {kind}, and stays one", asset.path().display());
+            Err(Error::usage(message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Says which files `asset` needs that do not go with it from the folder of `input` to that of `output`.
+pub fn warn_of_companions(
+    asset: &Asset,
+    input: &Path,
+    output: &Path,
+    common: &Common,
+) -> Result<()> {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.unwrap_or(Path::new(".")).canonicalize().ok()
+    };
+    if folder(input) == folder(output) {
+        return Ok(());
+    }
+    let names = companions(asset)?;
+    if !names.is_empty() {
+        let names = names.join(", ");
+        warn(&format!("{} needs files beside it too: {names}", output.display()), common);
+    }
+    Ok(())
+}
+
+fn parse_node(text: &str) -> std::result::Result<NodeChoice, String> {
+    Ok(match text.parse() {
+        Ok(index) => NodeChoice::Index(index),
+        Err(_) => NodeChoice::Name(text.to_owned()),
+    })
+}

@@ -1,0 +1,55 @@
+//! `detach`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::json;
+
+use super::attach::{check_kind, warn_of_companions};
+use super::{Common, Outcome, readable};
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::Result;
+use crate::output::gltf::asset::Asset;
+use crate::output::gltf::attach::detach;
+
+/// Take the radiance fields out of a glTF asset; all else stays as it is
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The asset, .glb or .gltf
+    asset: PathBuf,
+    /// The asset to write, of the same kind
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// The field to take out, by number [default: all]
+    #[arg(long, value_name = "I")]
+    field: Option<usize>,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Detaches.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let file = Arc::new(SourceFile::open(&arguments.asset)?);
+    let asset = Asset::open(file, &common.limits())?;
+    let path = &arguments.output;
+    check_kind(&asset, path)?;
+    let mut output = Output::create(path, arguments.force)?;
+    let detached = detach(&asset, arguments.field, &mut output)?;
+    let bytes = output.length();
+    output.finish()?;
+    let left = Asset::open(Arc::new(SourceFile::open(path)?), &common.limits())?;
+    warn_of_companions(&left, &arguments.asset, path, common)?;
+    let report = json!({
+        "asset": arguments.asset.to_string_lossy(),
+        "output": path.to_string_lossy(),
+        "output_bytes": bytes,
+        "fields": detached.fields,
+        "left": detached.left,
+    });
+    let (taken, left) = (detached.fields.len(), detached.left);
+    let bytes = readable(bytes);
+    let text = format!("{}: {taken} fields taken out, {left} left, {bytes}\n", path.display());
+    Outcome::new("detach", &report, text)
+}

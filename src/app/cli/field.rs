@@ -1,0 +1,122 @@
+//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what the user
+//! says about it.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::values::{Background, parse_background, parse_mlp};
+use super::{Common, warn};
+use crate::bake::Filter;
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::codec::container::{Container, is_container};
+use crate::input::checkpoint::{self, MlpChoice, SourceOptions};
+use crate::output::gltf::asset::{Asset, is_asset};
+use crate::view::render::Field;
+
+/// What the user says about a scene, beside what its file says.
+#[derive(Debug, Clone, Args)]
+pub struct SceneArguments {
+    /// Step length in voxels [default: the container's; 0.5 for checkpoints, with a warning]
+    #[arg(long, value_name = "VOXELS")]
+    pub stepsize: Option<f32>,
+    /// Weight up to which a sample adds no colour [default: the file's, else 0.0001]
+    #[arg(long, value_name = "WEIGHT")]
+    pub color_threshold: Option<f32>,
+    /// Where rays start [default: the container's, else 0]
+    #[arg(long, value_name = "T")]
+    pub near: Option<f32>,
+    /// Where rays enter the box at the latest [default: the container's, else without bound]
+    #[arg(long, value_name = "T")]
+    pub far: Option<f32>,
+    /// Colour behind the field: one number or three, 0 to 1 [default: the container's, else 1]
+    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
+    pub background: Option<Background>,
+    /// The view network of a checkpoint: auto, none, or the file that holds it
+    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
+    pub mlp: MlpChoice,
+    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    #[arg(long, value_name = "FILE")]
+    pub coarse: Option<std::path::PathBuf>,
+}
+
+/// Which of several fields.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct FieldArguments {
+    /// Of a glTF asset, the field of this number
+    #[arg(long = "field", value_name = "I", default_value_t = 0)]
+    number: usize,
+}
+
+impl FieldArguments {
+    /// Opens a container, or that of a field of a glTF asset; `None` if the file is neither.
+    pub fn container(self, path: &Path, limits: &Limits) -> Result<Option<Container>> {
+        let file = Arc::new(SourceFile::open(path)?);
+        if is_container(&file) {
+            return Container::open(file, limits).map(Some);
+        }
+        match is_asset(&file) {
+            true => Asset::open(file, limits)?.open_field(self.number).map(Some),
+            false => Ok(None),
+        }
+    }
+}
+
+impl SceneArguments {
+    /// As the library takes them.
+    pub fn source_options(&self) -> SourceOptions {
+        SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        }
+    }
+
+    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes coarser levels of a trained
+    /// input; without it there is level 0 alone.
+    pub fn open(
+        &self,
+        path: &Path,
+        which: FieldArguments,
+        filter: Option<Filter>,
+        common: &Common,
+    ) -> Result<Field> {
+        let limits = common.limits();
+        let options = self.source_options();
+        options.check()?;
+        if let Some(container) = which.container(path, &limits)? {
+            if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
+                let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
+                               states these itself";
+                return Err(Error::usage(message));
+            }
+            let mut field = Field::baked(&container.read()?, &limits)?;
+            self.override_container(&mut field);
+            return Ok(field);
+        }
+        let source = checkpoint::open(path, &options, &limits)?;
+        for assumption in &source.assumptions {
+            warn(&assumption.message, common);
+        }
+        let levels = filter.map(|filter| filter.trained_levels(&source.field.scene));
+        Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
+    }
+
+    fn override_container(&self, field: &mut Field) {
+        let view = field.view_mut();
+        if let Some(stepsize) = self.stepsize {
+            view.set_stepsize(stepsize);
+        }
+        view.march.color_threshold = self.color_threshold.unwrap_or(view.march.color_threshold);
+        view.march.near = self.near.unwrap_or(view.march.near);
+        view.march.far = self.far.or(view.march.far);
+        view.background = self.background.map_or(view.background, |Background(color)| color);
+    }
+}

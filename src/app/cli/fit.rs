@@ -1,0 +1,56 @@
+//! Options of `--filter fit`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::bake::BakeOptions;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::model::camera::{self, Camera};
+
+/// How much to fit, and to what.
+#[derive(Debug, Args)]
+pub struct FitArguments {
+    /// Steps of `--filter fit` for each level, at most [default: 150]
+    #[arg(long, value_name = "STEPS")]
+    fit_steps: Option<usize>,
+    /// Seconds of `--filter fit` in all, at most; the same bytes do not come out again [default: no
+    /// bound]
+    #[arg(long, value_name = "SECONDS")]
+    fit_seconds: Option<f64>,
+    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default: spheres
+    /// around the box]
+    #[arg(long, value_name = "FILE")]
+    fit_cameras: Option<PathBuf>,
+}
+
+impl FitArguments {
+    /// The camera file, if there is one.
+    pub fn camera_file(&self) -> Option<PathBuf> {
+        self.fit_cameras.clone()
+    }
+
+    /// Explicit options override the preset's.
+    pub fn apply(&self, options: &mut BakeOptions) -> Result<()> {
+        options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
+        options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
+        if let Some(path) = &self.fit_cameras {
+            options.fit_cameras = camera::read(path, None, &Limits::default())?.cameras;
+        }
+        Ok(())
+    }
+}
+
+/// Refuses cameras that judge what was fitted to them.
+pub fn check_judges(fitted: &[Camera], judges: &[Camera]) -> Result<()> {
+    let known = |judge: &&Camera| fitted.iter().any(|camera| camera.to_world == judge.to_world);
+    match judges.iter().find(known) {
+        Some(judge) => Err(Error::usage(format!(
+            "frame {} of --cameras is among --fit-cameras: levels must be judged from places that \
+             they were not fitted to",
+            judge.name
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,105 @@
+//! The quality gate of `bake`: what the container looks like, before it gets its name.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::compare::errors_text;
+use super::progress::Bar;
+use super::render::CameraArguments;
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::Container;
+use crate::model::camera::Camera;
+use crate::model::field::RadianceField;
+use crate::view::compare::{Reference, ScaleErrors, compare};
+use crate::view::render::Field;
+
+/// Scales at which the error is told, as far as pictures have that many pixels.
+const SCALES: [usize; 4] = [1, 2, 4, 8];
+
+/// From where, and how much error is allowed.
+#[derive(Debug, Args)]
+pub struct GateArguments {
+    #[command(flatten)]
+    cameras: CameraArguments,
+    /// Write nothing and exit with 1 if the PSNR against the unbaked scene, at full size and as the
+    /// mean over the cameras, is below this
+    #[arg(long, value_name = "DB")]
+    require_psnr: Option<f64>,
+}
+
+/// What the cameras saw.
+#[derive(Debug, Serialize)]
+pub struct GateReport {
+    /// Against the unbaked scene, one ray a pixel.
+    pub errors: Vec<ScaleErrors>,
+    /// The least PSNR at full size, if one is required.
+    pub required_psnr: Option<f64>,
+    /// Whether it is reached; true where none is required.
+    pub passed: bool,
+}
+
+impl GateArguments {
+    /// Whether there are cameras to measure from. Refuses a gate without them.
+    pub fn measures(&self) -> Result<bool> {
+        let given = self.cameras.given();
+        match self.require_psnr {
+            Some(_) if !given => {
+                Err(Error::usage("--require-psnr needs --cameras or --turntable to measure from"))
+            }
+            Some(least) if !least.is_finite() => {
+                Err(Error::usage("--require-psnr must be a finite number of dB"))
+            }
+            _ => Ok(given),
+        }
+    }
+
+    /// The camera file, if there is one.
+    pub fn camera_file(&self) -> Option<PathBuf> {
+        self.cameras.file()
+    }
+
+    /// The cameras, read before a long bake could be wasted on a bad camera file.
+    pub fn cameras(&self, field: &RadianceField) -> Result<Vec<Camera>> {
+        Ok(self.cameras.cameras(&field.scene.bounds)?.0)
+    }
+
+    /// Compares the container in the file `written` with the field it was baked from.
+    pub fn measure(
+        &self,
+        field: &RadianceField,
+        cameras: &[Camera],
+        written: &Path,
+        bar: &Bar,
+    ) -> Result<GateReport> {
+        let limits = Limits::default();
+        let container = Container::open(Arc::new(SourceFile::open(written)?), &limits)?;
+        let baked = Field::baked(&container.read()?, &limits)?;
+        let reference = Reference::Field(Box::new(Field::trained(field, None, &limits)?));
+        let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
+        let smallest = sides.min().unwrap_or(0);
+        let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
+        bar.begin(Step::Render, (cameras.len() * (1 + scales.len())) as u64);
+        let errors = compare(&reference, &baked, cameras, &scales, 1, bar, |_| Ok(()))?;
+        let reached = |least| errors.first().is_some_and(|full| full.psnr >= least);
+        let passed = self.require_psnr.is_none_or(reached);
+        Ok(GateReport { errors, required_psnr: self.require_psnr, passed })
+    }
+}
+
+impl GateReport {
+    /// For people.
+    pub fn text(&self) -> String {
+        let mut text = errors_text(&self.errors);
+        if let (Some(least), false) = (self.required_psnr, self.passed) {
+            let psnr = self.errors.first().map_or(0.0, |full| full.psnr);
+            text += &format!("  {psnr:.2} dB at full size, {least} required: nothing written\n");
+        }
+        text
+    }
+}

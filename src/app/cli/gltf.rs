@@ -1,0 +1,94 @@
+//! The glTF asset that `bake` writes beside the container.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::codec::container::Container;
+use crate::output::gltf::attach::write_fallback;
+use crate::output::gltf::mesh::{FEWEST_TRIANGLES, mesh};
+
+/// What kind of asset, and how good a mesh other viewers get.
+#[derive(Debug, Args)]
+pub struct GltfArguments {
+    /// Write a glTF asset too, .glb or .gltf: the field, and a mesh for viewers that do not know it
+    #[arg(long, value_name = "OUT.glb|OUT.gltf")]
+    gltf: Option<PathBuf>,
+    /// Name the container by a URI in a .glb too, instead of embedding it
+    #[arg(long, requires = "gltf")]
+    external: bool,
+    /// Triangles of the mesh, at most
+    #[arg(long, value_name = "N", default_value_t = 10_000, requires = "gltf")]
+    fallback_triangles: usize,
+}
+
+/// What was written.
+#[derive(Debug, Serialize)]
+pub struct GltfReport {
+    output: String,
+    output_bytes: u64,
+    embedded: bool,
+    triangles: usize,
+    vertices: usize,
+}
+
+/// Whether a new asset of this name is a GLB.
+pub fn is_glb(path: &Path) -> Result<bool> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("glb") => Ok(true),
+        Some("gltf") => Ok(false),
+        _ => Err(Error::usage(format!("{} must end in .glb or .gltf", path.display()))),
+    }
+}
+
+impl GltfArguments {
+    /// Starts writing, if an asset is asked for: before the work, so that nobody waits for a name that is
+    /// taken.
+    pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
+        let Some(path) = &self.gltf else { return Ok(None) };
+        is_glb(path)?;
+        if path == container {
+            return Err(Error::usage("--gltf and --output name the same file"));
+        }
+        if !(FEWEST_TRIANGLES..=10_000_000).contains(&self.fallback_triangles) {
+            return Err(Error::usage("--fallback-triangles must be from 4 to 10000000"));
+        }
+        Output::create(path, overwrite).map(Some)
+    }
+
+    /// Writes the asset of the container in the file `written`, whose name will be `path`.
+    pub fn write(&self, written: &Path, path: &Path, output: &mut Output) -> Result<GltfReport> {
+        let asset = self.gltf.as_deref().unwrap_or(Path::new(""));
+        let file = Arc::new(SourceFile::open(written)?);
+        let container = Container::open(file, &Limits::default())?;
+        let mesh = mesh(&container, self.fallback_triangles)?;
+        let glb = is_glb(asset)?;
+        let attached = write_fallback(&mesh, &container, path, asset, glb, self.external, output)?;
+        Ok(GltfReport {
+            output: asset.to_string_lossy().into_owned(),
+            output_bytes: output.length(),
+            embedded: attached.embedded,
+            triangles: mesh.triangles.len(),
+            vertices: mesh.positions.len(),
+        })
+    }
+}
+
+impl GltfReport {
+    /// Bytes of the asset.
+    pub fn bytes(&self) -> u64 {
+        self.output_bytes
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let bytes = super::readable(self.output_bytes);
+        let container = if self.embedded { "the container" } else { "a link to the container" };
+        format!("{}: {bytes}, {container} and {} triangles\n", self.output, self.triangles)
+    }
+}

@@ -1,0 +1,90 @@
+//! Baking only what changed: skipping what is current, and telling build systems what a bake read.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+
+use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports};
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::codec::container::{Container, is_container};
+use crate::model::field::RadianceField;
+
+/// When to bake, and what to tell build systems.
+#[derive(Debug, Args)]
+pub struct IncrementalArguments {
+    /// Bake only if input, options or version differ from those of the container that is there, which
+    /// is then replaced
+    #[arg(long)]
+    if_changed: bool,
+    /// Write a dependency file for Make or Ninja: the container, and all files that it was made from
+    #[arg(long, value_name = "FILE.d")]
+    depfile: Option<PathBuf>,
+}
+
+impl IncrementalArguments {
+    /// Whether an existing output may be replaced: a container may, where only changes are baked.
+    pub fn replaces(&self, output: &Path) -> bool {
+        self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
+    }
+
+    /// Starts writing the dependency file, if there is to be one. It is always replaced: build systems
+    /// do not ask either.
+    pub fn create_depfile(&self) -> Result<Option<Output>> {
+        self.depfile.as_deref().map(|path| Output::create(path, true)).transpose()
+    }
+
+    /// What the container that is there says of itself, if nothing has changed since it was baked.
+    pub fn current(
+        &self,
+        output: &Path,
+        field: &RadianceField,
+        options: &BakeOptions,
+        origin: &Origin,
+    ) -> Result<Option<BakeReport>> {
+        if !self.replaces(output) {
+            return Ok(None);
+        }
+        // What cannot be read is baked anew.
+        let file = Arc::new(SourceFile::open(output)?);
+        let Ok(container) = Container::open(Arc::clone(&file), &Limits::default()) else {
+            return Ok(None);
+        };
+        let current = is_current(&container, field, options, origin)?;
+        let levels = || level_reports(container.metadata(), container.entries());
+        Ok(current.then(|| BakeReport::unchanged(file.length(), levels())))
+    }
+}
+
+/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as Make
+/// and Ninja read them.
+pub fn depfile_rule(output: &Path, inputs: &[PathBuf]) -> String {
+    let escaped = |path: &Path| {
+        let mut escaped = String::new();
+        for character in path.to_string_lossy().chars() {
+            match character {
+                ' ' | '#' => escaped.push('\\'),
+                '$' => escaped.push('$'),
+                _ => {}
+            }
+            escaped.push(character);
+        }
+        escaped
+    };
+    let inputs: Vec<String> = inputs.iter().map(|path| escaped(path)).collect();
+    format!("{}: {}\n", escaped(output), inputs.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_escaped() {
+        let inputs = ["a b.tar", "c#1.json", "$d"].map(PathBuf::from);
+        let rule = depfile_rule(Path::new("out dir/o.mipvog"), &inputs);
+        assert_eq!(rule, "out\\ dir/o.mipvog: a\\ b.tar c\\#1.json $$d\n");
+    }
+}

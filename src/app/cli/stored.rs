@@ -1,0 +1,95 @@
+//! Options of `bake` that say what is stored.
+
+use clap::{Args, ValueEnum};
+
+use super::values::{parse_bits, parse_bytes};
+use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors};
+use crate::codec::quantize::Bits;
+use crate::model::field::Nonfinite;
+
+/// What is stored, and how exactly.
+#[derive(Debug, Args)]
+pub struct StoredArguments {
+    /// How coarser levels are made: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
+    /// gauss3, gauss5, gauss7 [default: rate-tent]
+    #[arg(long, value_name = "NAME")]
+    pub filter: Option<Filter>,
+    /// Levels in all, at most [default: down to 4 nodes along the longest axis]
+    #[arg(long, value_name = "N")]
+    pub levels: Option<usize>,
+    /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
+    #[arg(long, value_name = "BITS", value_parser = parse_bits)]
+    pub bits: Option<Bits>,
+    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one interval,
+    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three with colons between: of
+    /// opacity, diffuse colour and features
+    #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
+    pub max_error: Option<MaxErrors>,
+    /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
+    #[arg(long, value_name = "OPACITY")]
+    pub alpha_threshold: Option<f32>,
+    /// Nodes along a block's edge [default: 8]
+    #[arg(long, value_name = "NODES")]
+    pub block_size: Option<usize>,
+    /// Compression level of zstd, 1 to 22 [default: 1]
+    #[arg(long, value_name = "LEVEL")]
+    pub zstd_level: Option<i32>,
+    /// Which level a sample reads: a published rule in place of the filter's own [default: the filter's]
+    #[arg(long, value_name = "RULE")]
+    pub lod_rule: Option<LevelRule>,
+    /// Multiplies the rule's level-of-detail factor [default: 1]
+    #[arg(long, value_name = "FACTOR")]
+    pub lod_scale: Option<f32>,
+    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere, parts may be
+    /// missing [default: keep all]
+    #[arg(long, value_name = "WEIGHT")]
+    pub min_weight: Option<f32>,
+    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of their level,
+    /// 0 to 64 [default: 0]
+    #[arg(long, value_name = "CODES")]
+    pub coarseness: Option<f32>,
+    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to 1, at every needed
+    /// node; with --min-weight or --coarseness more where --cameras see less [default: keep all]
+    #[arg(long, value_name = "ERROR")]
+    pub fill_error: Option<f32>,
+    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the output is the
+    /// same [default: no bound]
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    pub memory: Option<u64>,
+    /// What to do with values that are not finite
+    #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
+    nonfinite: NonfiniteChoice,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum NonfiniteChoice {
+    /// Refuse the input, with their count and the first one's place.
+    Refuse,
+    /// Treat their nodes as empty, with a warning.
+    Empty,
+}
+
+impl StoredArguments {
+    /// Explicit options override the preset's.
+    pub fn apply(&self, options: &mut BakeOptions) {
+        options.filter = self.filter.unwrap_or(options.filter);
+        options.levels = self.levels.or(options.levels);
+        if let Some(bits) = self.bits {
+            (options.bits, options.max_error) = (bits, None);
+        }
+        options.max_error = self.max_error.or(options.max_error);
+        options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
+        options.block_size = self.block_size.unwrap_or(options.block_size);
+        options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
+        options.lod_rule = self.lod_rule.or(options.lod_rule);
+        options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
+        options.min_weight = self.min_weight;
+        options.fill_error = self.fill_error;
+        options.coarseness = self.coarseness.unwrap_or(options.coarseness);
+        options.memory = self.memory;
+        options.nonfinite = match self.nonfinite {
+            NonfiniteChoice::Refuse => Nonfinite::Refuse,
+            NonfiniteChoice::Empty => Nonfinite::Empty,
+        };
+    }
+}

@@ -1,0 +1,177 @@
+//! `sweep`.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::compare::checked_scales;
+use super::field::SceneArguments;
+use super::progress::Bar;
+use super::render::CameraArguments;
+use super::values::parse_bits;
+use super::{Common, Outcome, readable, warn};
+use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
+use crate::bake::{Filter, MaxErrors, Preset};
+use crate::base::error::{Error, Result};
+use crate::codec::quantize::Bits;
+use crate::codec::unpack::metadata_text;
+use crate::input::checkpoint;
+use crate::input::tensor;
+
+/// Bake over settings; measure time, size and error; show which are worth having
+///
+/// Lists have commas between; every value of each is combined with every value of the others. Without
+/// any list, four depths are tried with each of the usual filters. A setting that a former sweep
+/// finished in the same folder, from the same input and cameras, is not baked again. The exit code is
+/// 1 if a setting could not be baked; the others are measured all the same.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A checkpoint, or a .safetensors or .npz file of the same names
+    input: PathBuf,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    /// The folder for containers, their results, and sweep.html, sweep.csv and sweep.json
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Filters to try, as `bake --filter`
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    filter: Vec<Filter>,
+    /// Bits to try: 4 to 16, f16 or f32
+    #[arg(long, value_name = "BITS,...", value_delimiter = ',', value_parser = parse_bits)]
+    bits: Vec<Bits>,
+    /// Errors to try beside the bits, as `bake --max-error`
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
+    max_error: Vec<MaxErrors>,
+    /// Opacities to try, over one interval up to which blocks are dropped
+    #[arg(long, value_name = "OPACITY,...", value_delimiter = ',')]
+    alpha_threshold: Vec<f32>,
+    /// Numbers of levels to try
+    #[arg(long, value_name = "N,...", value_delimiter = ',')]
+    levels: Vec<usize>,
+    /// Nodes along a block's edge to try
+    #[arg(long, value_name = "NODES,...", value_delimiter = ',')]
+    block_size: Vec<usize>,
+    /// Compression levels of zstd to try, 1 to 22
+    #[arg(long, value_name = "LEVEL,...", value_delimiter = ',')]
+    zstd_level: Vec<i32>,
+    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all matter
+    #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
+    min_weight: Vec<f32>,
+    /// Coarseness of colours to try, as `bake --coarseness`
+    #[arg(long, value_name = "CODES,...", value_delimiter = ',')]
+    coarseness: Vec<f32>,
+    /// Errors of filled blocks to try, as `bake --fill-error`; 0 stores all
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
+    fill_error: Vec<f32>,
+    /// Presets to try beside the combinations
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    preset: Vec<Preset>,
+    /// Scales to measure: full size, a half, a quarter and so on
+    #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    scales: Vec<u16>,
+    /// Bakes of each setting; the median time counts
+    #[arg(long, value_name = "N", default_value_t = 3,
+          value_parser = clap::value_parser!(u8).range(1..))]
+    repeat: u8,
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// Overwrite files that no sweep wrote
+    #[arg(long)]
+    force: bool,
+}
+
+/// Sweeps.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let mut settings = arguments.grid().settings();
+    settings.iter().try_for_each(|setting| setting.options.check())?;
+    let limits = common.limits();
+    let source_options = arguments.scene.source_options();
+    source_options.check()?;
+    let file = tensor::open(&arguments.input, &limits)?;
+    if metadata_text(&file).is_some() {
+        let message = "an unpacked container holds what one setting kept; a sweep needs the \
+                       trained input it came from";
+        return Err(Error::usage(message).in_file(&arguments.input));
+    }
+    let source = checkpoint::open_tensors(&file, &source_options, &limits)?;
+    for assumption in &source.assumptions {
+        warn(&assumption.message, common);
+    }
+    let (cameras, _) = arguments.cameras.cameras(&source.field.scene.bounds)?;
+    for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
+        setting.options.seen_from.clone_from(&cameras);
+    }
+    let options = SweepOptions {
+        settings,
+        scales: checked_scales(&arguments.scales, &cameras)?,
+        repeat: arguments.repeat.into(),
+        overwrite: arguments.force,
+    };
+    let bar = Bar::new(common);
+    let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
+    drop(bar);
+    let failed = report.settings.iter().any(|setting| setting.failure.is_some());
+    let outcome = Outcome::new("sweep", &report, arguments.text(&report))?;
+    Ok(Outcome { failed, ..outcome })
+}
+
+impl Arguments {
+    fn grid(&self) -> Grid {
+        Grid {
+            filters: self.filter.clone(),
+            bits: self.bits.clone(),
+            max_errors: self.max_error.clone(),
+            alpha_thresholds: self.alpha_threshold.clone(),
+            levels: self.levels.clone(),
+            block_sizes: self.block_size.clone(),
+            zstd_levels: self.zstd_level.clone(),
+            min_weights: self.min_weight.clone(),
+            coarsenesses: self.coarseness.clone(),
+            fill_errors: self.fill_error.clone(),
+            presets: self.preset.clone(),
+        }
+    }
+
+    fn text(&self, report: &SweepReport) -> String {
+        let names = report.settings.iter().map(|setting| shown_name(setting).len());
+        let width = names.max().unwrap_or(0);
+        let mut text = format!("  {:width$} {:>10} {:>10}", "setting", "size", "time");
+        for scale in &report.scales {
+            write!(text, " {:>9}  ", format!("1/{scale}")).ok();
+        }
+        text = text.trim_end().to_owned() + "\n";
+        for setting in &report.settings {
+            text += &row(setting, width);
+        }
+        let resumed = report.settings.iter().filter(|setting| setting.resumed).count();
+        writeln!(
+            text,
+            "PSNR in dB; * is on the front of size, + on that of time\n\
+             {resumed} of {} settings were finished before; see {}",
+            report.settings.len(),
+            self.output.join("sweep.html").display()
+        )
+        .ok();
+        text
+    }
+}
+
+fn shown_name(setting: &SettingReport) -> String {
+    let preset = setting.preset.map_or_else(String::new, |preset| format!(" ({preset})"));
+    setting.name.clone() + &preset
+}
+
+fn row(setting: &SettingReport, width: usize) -> String {
+    let name = shown_name(setting);
+    let (Some(bytes), Some(seconds)) = (setting.output_bytes, setting.seconds) else {
+        let failure = setting.failure.as_deref().unwrap_or_default();
+        return format!("  {name:width$} failed: {failure}\n");
+    };
+    let mut text = format!("  {name:width$} {:>10} {seconds:>8.3} s", readable(bytes));
+    for (errors, fronts) in setting.errors.iter().zip(&setting.fronts) {
+        write!(text, " {:>9.2}{:2}", errors.psnr, fronts.marks()).ok();
+    }
+    text.trim_end().to_owned() + "\n"
+}

@@ -1,0 +1,80 @@
+//! `view`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::{Common, Outcome, print, say, warn};
+use crate::app::serve::{Kind, Server, Site};
+use crate::base::bytes::SourceFile;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::output::gltf::asset::Asset;
+use crate::output::gltf::attach::companions;
+
+/// Show a container or an asset in the browser: serves the viewer and the file on the loopback address
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A container, or a binary glTF asset that holds one
+    file: PathBuf,
+    /// The port to listen on; 0 takes a free one
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    port: u16,
+    /// Do not open the browser
+    #[arg(long)]
+    no_open: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    input: String,
+    kind: Kind,
+    input_bytes: u64,
+    url: String,
+    port: u16,
+}
+
+/// Prints the address, opens it and serves until the program is ended.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let file = SourceFile::open(&arguments.file)?;
+    let input_bytes = file.length();
+    let site = Site::new(file)?;
+    let kind = site.kind();
+    let server = Server::bind(arguments.port, site)?;
+    let url = server.url();
+    let report = Report {
+        input: arguments.file.to_string_lossy().into_owned(),
+        kind,
+        input_bytes,
+        url: url.clone(),
+        port: server.address().port(),
+    };
+    if matches!(kind, Kind::Asset) {
+        warn_of_companions(&arguments.file, common);
+    }
+    // Told before the work, which has no end.
+    print(&Outcome::new("view", &report, format!("{url}\n"))?, common)?;
+    if !arguments.no_open
+        && let Err(error) = open::that_detached(&url)
+    {
+        warn(&format!("no browser could be started ({error}): open {url} yourself"), common);
+    }
+    if !common.quiet {
+        say("serving until Ctrl-C");
+    }
+    server.run();
+    Ok(())
+}
+
+/// Says which files the asset needs that the viewer will not get. What is wrong with it is the viewer's to tell.
+fn warn_of_companions(file: &Path, common: &Common) {
+    let asset = SourceFile::open(file).map(Arc::new);
+    let asset = asset.and_then(|file| Asset::open(file, &Limits::default()));
+    let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
+    if !names.is_empty() {
+        let (file, names) = (file.display(), names.join(", "));
+        warn(&format!("{file} needs files beside it, which are not served: {names}"), common);
+    }
+}

@@ -1,0 +1,133 @@
+//! What is served: the viewer, which is part of the program, and one file.
+
+use std::sync::Arc;
+
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Place, Result};
+use crate::codec::container::is_container;
+
+/// The viewer's own files, as `viewer/build.mjs` made them.
+const VIEWER: [(&str, &str, &[u8]); 4] = [
+    ("/", "text/html; charset=utf-8", include_bytes!("../../../viewer/dist/index.html")),
+    (
+        "/viewer.js",
+        "text/javascript; charset=utf-8",
+        include_bytes!("../../../viewer/dist/viewer.js"),
+    ),
+    (
+        "/worker.js",
+        "text/javascript; charset=utf-8",
+        include_bytes!("../../../viewer/dist/worker.js"),
+    ),
+    ("/style.css", "text/css; charset=utf-8", include_bytes!("../../../viewer/dist/style.css")),
+];
+
+/// With every answer: the page runs its own scripts alone, talks to nobody else and is kept nowhere.
+pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
+    Content-Security-Policy: default-src 'none'; script-src 'self'; worker-src 'self'; \
+    style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:; \
+    base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+    Cross-Origin-Resource-Policy: same-origin\r\n\
+    Referrer-Policy: no-referrer\r\n\
+    X-Content-Type-Options: nosniff\r\n";
+
+/// What the file is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A `.mipvog` container.
+    Container,
+    /// A binary glTF asset.
+    Asset,
+}
+
+impl Kind {
+    /// Told by the first bytes.
+    ///
+    /// # Errors
+    /// The file is neither.
+    pub fn of(file: &SourceFile) -> Result<Self> {
+        if is_container(file) {
+            return Ok(Self::Container);
+        }
+        let mut start = [0; 4];
+        if file.read_into(0, &mut start).is_ok() && &start == b"glTF" {
+            return Ok(Self::Asset);
+        }
+        let expected = "a .mipvog container or a binary glTF asset";
+        Err(Error::malformed(Place::Offset(0), "another signature", expected).in_file(file.path()))
+    }
+
+    /// The name under which it is served.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Container => "field.mipvog",
+            Self::Asset => "asset.glb",
+        }
+    }
+
+    fn media_type(self) -> &'static str {
+        match self {
+            Self::Container => "model/vnd.mipvog",
+            Self::Asset => "model/gltf-binary",
+        }
+    }
+}
+
+/// The names that are served.
+#[derive(Debug)]
+pub struct Site {
+    file: Arc<SourceFile>,
+    kind: Kind,
+}
+
+/// Something that is served.
+pub struct Resource {
+    /// Its media type.
+    pub media_type: &'static str,
+    /// Its bytes.
+    pub body: Body,
+}
+
+/// Where bytes are.
+pub enum Body {
+    /// In the program.
+    Inside(&'static [u8]),
+    /// In the file.
+    File(Arc<SourceFile>),
+}
+
+impl Site {
+    /// The viewer and `file`.
+    ///
+    /// # Errors
+    /// The file is nothing that the viewer shows.
+    pub fn new(file: SourceFile) -> Result<Self> {
+        Ok(Self { kind: Kind::of(&file)?, file: Arc::new(file) })
+    }
+
+    /// What the file is.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// What is served under a path, which must be exactly one of a handful.
+    pub fn get(&self, path: &str) -> Option<Resource> {
+        if path.strip_prefix('/') == Some(self.kind.name()) {
+            let body = Body::File(Arc::clone(&self.file));
+            return Some(Resource { media_type: self.kind.media_type(), body });
+        }
+        let (_, media_type, bytes) = VIEWER.into_iter().find(|(name, ..)| *name == path)?;
+        Some(Resource { media_type, body: Body::Inside(bytes) })
+    }
+}
+
+impl Resource {
+    /// Its length in bytes.
+    pub fn length(&self) -> u64 {
+        match &self.body {
+            Body::Inside(bytes) => bytes.len() as u64,
+            Body::File(file) => file.length(),
+        }
+    }
+}

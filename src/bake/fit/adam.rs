@@ -1,0 +1,174 @@
+//! Steps of the optimizer (Adam, Kingma and Ba 2015), on the nodes of one level that can be seen.
+
+use super::gradient::{Gradient, NOT_FITTED};
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::model::grid::NodeMask;
+use crate::view::sample::Dense;
+
+/// Step lengths at the start: of the square root of optical depth, and of logits.
+const RATES: [f32; 2] = [0.03, 0.15];
+/// What is left of the step lengths at the end.
+const LAST_RATE: f32 = 0.1;
+/// How slowly the means of gradients and of their squares forget.
+const DECAYS: [f32; 2] = [0.9, 0.98];
+/// Derivatives below this share of a level's root mean square are no direction: a node that rays hardly
+/// meet must not wander as far as one that they often meet.
+const LEAST_SHARE: f32 = 0.3;
+/// Density that empty nodes start with: where it is 0, so is its derivative.
+const SEED_DENSITY: f32 = 0.003;
+/// Largest square root of optical depth: what codes reach.
+const MOST_DENSITY: f32 = 3.9;
+/// Nodes that are updated together.
+const CHUNK: usize = 4096;
+
+/// A node's running means.
+#[derive(Debug, Clone, Copy)]
+struct Moments<const C: usize> {
+    node: usize,
+    density: [f32; 2],
+    color: [[f32; 2]; C],
+    /// How often the node got a derivative.
+    steps: u32,
+}
+
+/// The optimizer's state.
+#[derive(Debug)]
+pub struct Adam<const C: usize> {
+    level: usize,
+    numbers: Vec<u32>,
+    moments: Vec<Moments<C>>,
+    /// Mean squares of the first derivatives, by density and by colour.
+    squares: Option<[f32; 2]>,
+}
+
+impl<const C: usize> Adam<C> {
+    /// For the `needed` nodes of a level.
+    pub fn new(field: &mut Dense<C>, level: usize, needed: &NodeMask) -> Self {
+        let [nx, ny, nz] = needed.nodes().0;
+        let (density, _) = field.values_mut(level);
+        let mut numbers = vec![NOT_FITTED; nx * ny * nz];
+        let mut moments = Vec::new();
+        for (node, number) in numbers.iter_mut().enumerate() {
+            if needed.contains([node / nz / ny, node / nz % ny, node % nz]) {
+                *number = moments.len() as u32;
+                density[node] = density[node].max(SEED_DENSITY);
+                moments.push(Moments { node, density: [0.0; 2], color: [[0.0; 2]; C], steps: 0 });
+            } else {
+                density[node] = 0.0;
+            }
+        }
+        Self { level, numbers, moments, squares: None }
+    }
+
+    /// Nodes that are fitted.
+    pub fn nodes(&self) -> usize {
+        self.moments.len()
+    }
+
+    /// The number of each node among those that are fitted.
+    pub fn numbers(&self) -> &[u32] {
+        &self.numbers
+    }
+
+    /// What the fitted nodes hold.
+    pub fn state(&self, field: &Dense<C>) -> Vec<(f32, [f32; C])> {
+        let (density, color) = field.values(self.level);
+        self.moments.iter().map(|moments| (density[moments.node], color[moments.node])).collect()
+    }
+
+    /// Gives the fitted nodes a state back.
+    pub fn restore(&self, field: &mut Dense<C>, state: &[(f32, [f32; C])]) {
+        let (density, color) = field.values_mut(self.level);
+        for (moments, &(of_density, of_color)) in self.moments.iter().zip(state) {
+            density[moments.node] = of_density;
+            color[moments.node] = of_color;
+        }
+    }
+
+    /// Takes a step against the sum of `gradients`, and clears them; `progress` goes from 0 to 1.
+    pub fn step(
+        &mut self,
+        field: &mut Dense<C>,
+        gradients: &mut [Gradient<C>],
+        progress: f32,
+    ) -> Result<()> {
+        // Falls evenly to its last value.
+        let fade = 1.0 + (LAST_RATE - 1.0) * progress;
+        let [density_rate, color_rate] = RATES.map(|rate| rate * fade);
+        let nodes = self.moments.len();
+        let squares = *self.squares.get_or_insert_with(|| mean_squares(gradients, nodes));
+        let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);
+        let rates = [[density_rate, least[0]], [color_rate, least[1]]];
+        let chunks = self.moments.chunks_mut(CHUNK).enumerate();
+        let mut work: Vec<_> = chunks.map(|(i, chunk)| (i * CHUNK, chunk)).collect();
+        let sums = &*gradients;
+        let updates = parallel::map_mut(&mut work, |_, (first, chunk)| {
+            let update = |(i, moments): (usize, &mut Moments<C>)| {
+                let density = sums.iter().fold(0.0, |sum, part| sum + part.density[i]);
+                let mut color = [0.0; C];
+                for part in sums {
+                    color.iter_mut().zip(part.color[i]).for_each(|(sum, part)| *sum += part);
+                }
+                // A node that no ray met stays.
+                let met = density != 0.0 || color.iter().any(|&by| by != 0.0);
+                met.then(|| moments.advance(density, &color, rates))
+            };
+            let first = *first;
+            let numbered = chunk.iter_mut().enumerate().map(|(i, moments)| (first + i, moments));
+            Ok(numbered.map(update).collect::<Vec<_>>())
+        })?;
+        let (density, color) = field.values_mut(self.level);
+        for (moments, update) in self.moments.iter().zip(updates.into_iter().flatten()) {
+            let Some((by_density, by_color)) = update else { continue };
+            let at = moments.node;
+            density[at] = (density[at] - by_density).clamp(0.0, MOST_DENSITY);
+            color[at].iter_mut().zip(by_color).for_each(|(raw, by)| *raw -= by);
+        }
+        parallel::map_mut(gradients, |_, gradient| {
+            gradient.density.fill(0.0);
+            gradient.color.fill([0.0; C]);
+            Ok(())
+        })?;
+        Ok(())
+    }
+}
+
+/// Mean squares of derivatives that are not zero, by density and by colour.
+fn mean_squares<const C: usize>(gradients: &[Gradient<C>], nodes: usize) -> [f32; 2] {
+    let (mut sums, mut counts) = ([0.0f64; 2], [0.0f64; 2]);
+    let mut add = |kind: usize, derivative: f32| {
+        sums[kind] += f64::from(derivative).powi(2);
+        counts[kind] += f64::from(u8::from(derivative != 0.0));
+    };
+    for node in 0..nodes {
+        add(0, gradients.iter().map(|part| part.density[node]).sum());
+        for lane in 0..C {
+            add(1, gradients.iter().map(|part| part.color[node][lane]).sum());
+        }
+    }
+    [0, 1].map(|kind| (sums[kind] / counts[kind].max(1.0)) as f32)
+}
+
+impl<const C: usize> Moments<C> {
+    /// Takes in a derivative, and returns the step.
+    fn advance(
+        &mut self,
+        density: f32,
+        color: &[f32; C],
+        [density_rate, color_rate]: [[f32; 2]; 2],
+    ) -> (f32, [f32; C]) {
+        self.steps += 1;
+        let [first, second] = DECAYS.map(|decay| 1.0 - libm::powf(decay, self.steps as f32));
+        let step = |[mean, square]: &mut [f32; 2], derivative: f32, [rate, least]: [f32; 2]| {
+            *mean += (1.0 - DECAYS[0]) * (derivative - *mean);
+            *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);
+            rate * (*mean / first) / ((*square / second).sqrt() + least)
+        };
+        let mut by_color = [0.0; C];
+        for (lane, moments) in self.color.iter_mut().enumerate() {
+            by_color[lane] = step(moments, color[lane], color_rate);
+        }
+        (step(&mut self.density, density, density_rate), by_color)
+    }
+}

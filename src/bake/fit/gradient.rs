@@ -1,0 +1,255 @@
+//! One ray, and how its colour depends on what a level holds.
+//!
+//! With the samples' optical depths `t_i` and colours `c_i`, light `T_i` before and `T_(i+1)` behind a
+//! sample, weights `w_i = T_i - T_(i+1)`, accumulated `A = sum w_i c_i` and light left `T`:
+//!
+//! ```text
+//! dL/dc_i = w_i dL/dA        dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
+//! ```
+
+use super::target::Targets;
+use crate::model::activate::lanes;
+use crate::model::field::ActivationOrder;
+use crate::view::render::{Route, View};
+use crate::view::sample::{Cell, Dense, Sample};
+
+/// Marks nodes that are not fitted.
+pub const NOT_FITTED: u32 = u32::MAX;
+/// Optical depth from which a ray ends.
+const OPAQUE_DEPTH: f32 = 9.0;
+
+/// Sums of derivatives by fitted node.
+#[derive(Debug)]
+pub struct Gradient<const C: usize> {
+    /// By the stored density.
+    pub density: Vec<f32>,
+    /// By the stored colours.
+    pub color: Vec<[f32; C]>,
+    samples: Vec<Seen<C>>,
+}
+
+impl<const C: usize> Gradient<C> {
+    /// Zeros for `nodes` nodes.
+    pub fn new(nodes: usize) -> Self {
+        let (density, color) = (vec![0.0; nodes], vec![[0.0; C]; nodes]);
+        Self { density, color, samples: Vec::new() }
+    }
+}
+
+/// Rays of one level's fit.
+pub struct Rays<'a, const C: usize> {
+    /// The rules.
+    pub view: &'a View,
+    /// All levels as they are now.
+    pub field: &'a Dense<C>,
+    /// The levels, from level 0 on, that rays may read.
+    pub levels: usize,
+    /// The level whose pictures are drawn from; the one that is fitted.
+    pub level: usize,
+    /// What should be seen.
+    pub targets: &'a Targets,
+    /// The number of each of the level's nodes among those that are fitted.
+    pub numbers: &'a [u32],
+}
+
+/// A sample's share of one level.
+#[derive(Debug, Clone, Copy)]
+struct Part<const C: usize> {
+    level: usize,
+    /// How much of the sample it is.
+    share: f32,
+    cell: Cell,
+    /// Interpolated density.
+    density: f32,
+    /// Activated colour.
+    color: [f32; C],
+}
+
+/// A sample that was composited.
+#[derive(Debug, Clone, Copy)]
+struct Seen<const C: usize> {
+    parts: [Option<Part<C>>; 2],
+    intervals: f32,
+    weight: f32,
+    /// Light left behind it.
+    left: f32,
+    /// Its colour, none where its weight is too small to add any.
+    color: Option<[f32; C]>,
+}
+
+/// Derivatives of half a ray's squared error by what was accumulated and by the light left, the light
+/// left, and the squared error.
+type Traced<const C: usize> = ([f32; C], f32, f32, f32);
+
+impl<const C: usize> Rays<'_, C> {
+    /// Adds the derivatives of ray `number`'s squared error.
+    pub fn differentiate(&self, number: usize, gradient: &mut Gradient<C>) {
+        let Some((by_color, by_left, left, _)) = self.trace(number, gradient) else { return };
+        let samples = std::mem::take(&mut gradient.samples);
+        // Back to front: what light behind a sample is worth.
+        let mut behind = left * by_left;
+        for seen in samples.iter().rev() {
+            let worth = seen.color.map_or(0.0, |color| dot(&by_color, &color));
+            let by_depth = (seen.left * worth - behind) * seen.intervals;
+            for part in seen.parts.iter().flatten().filter(|part| part.level == self.level) {
+                self.add(part, by_depth, seen, &by_color, gradient);
+            }
+            behind += seen.weight * worth;
+        }
+        gradient.samples = samples;
+    }
+
+    /// Ray `number`'s squared error, over three channels.
+    pub fn square(&self, number: usize, gradient: &mut Gradient<C>) -> f32 {
+        self.trace(number, gradient).map_or(0.0, |(_, _, _, square)| square)
+    }
+
+    /// Composites ray `number`, leaving its samples in `gradient`.
+    fn trace(&self, number: usize, gradient: &mut Gradient<C>) -> Option<Traced<C>> {
+        let (target, pixel) = self.targets.draw(self.level, number)?;
+        let camera = &target.camera;
+        let [x, y] = [pixel % camera.lens.width, pixel / camera.lens.width];
+        let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
+        let ray = camera.ray(x, y);
+        let aside = Some([camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
+        let route = Route::new(self.view, self.levels, &ray, aside, None)?;
+        let samples = &mut gradient.samples;
+        samples.clear();
+        let mut accumulated = [0.0f32; C];
+        let mut depth = 0.0f32;
+        route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
+            let position = route.path.position(k);
+            self.composite(position, lambda, intervals, &mut depth, &mut accumulated, samples);
+            depth < OPAQUE_DEPTH
+        });
+        let left = lanes::exp(-depth);
+        Some(self.by_accumulated(&ray, &accumulated, left, target.color[pixel]))
+    }
+
+    /// Interpolates and composites one sample.
+    #[inline(always)]
+    fn composite(
+        &self,
+        position: [f64; 3],
+        lambda: f32,
+        intervals: f32,
+        depth: &mut f32,
+        accumulated: &mut [f32; C],
+        samples: &mut Vec<Seen<C>>,
+    ) {
+        let level = lambda as usize;
+        let blend = lambda - level as f32;
+        let mut seen = Seen { parts: [None; 2], intervals, weight: 0.0, left: 0.0, color: None };
+        let mut optical = 0.0;
+        let shares = [(level, 1.0 - blend), (level + 1, blend)];
+        for (slot, (level, share)) in seen.parts.iter_mut().zip(shares) {
+            if share == 0.0 {
+                continue;
+            }
+            let Some(cell) = self.field.locate(level, position) else { continue };
+            let density = self.field.density(level, &cell);
+            optical += share * self.optical_depth(level, density);
+            *slot = Some(Part { level, share, cell, density, color: [0.0; C] });
+        }
+        optical *= intervals;
+        let before = lanes::exp(-*depth);
+        *depth += optical;
+        seen.weight = before * lanes::opacity(optical);
+        seen.left = lanes::exp(-*depth);
+        if seen.weight > self.view.march.color_threshold {
+            let mut mixed = [0.0; C];
+            for part in seen.parts.iter_mut().flatten() {
+                let raw = self.field.color(part.level, &part.cell);
+                for lane in 0..C {
+                    part.color[lane] = lanes::sigmoid(raw[lane]);
+                    mixed[lane] += part.share * part.color[lane];
+                }
+            }
+            for (sum, color) in accumulated.iter_mut().zip(mixed) {
+                *sum += seen.weight * color;
+            }
+            seen.color = Some(mixed);
+        }
+        if optical > 0.0 {
+            samples.push(seen);
+        }
+    }
+
+    /// Optical depth over one interval of a level's interpolated density.
+    fn optical_depth(&self, level: usize, density: f32) -> f32 {
+        let activation = &self.view.activation;
+        match (level, activation.order) {
+            (0, ActivationOrder::Raw) => {
+                lanes::softplus(density + activation.shift) * activation.interval
+            }
+            (0, ActivationOrder::Density) => density * activation.interval,
+            (0, ActivationOrder::Opacity) => -libm::log1pf(-density.min(1.0 - f32::EPSILON)),
+            _ => density * density,
+        }
+    }
+
+    /// Derivatives of half the squared error of the ray's colour.
+    fn by_accumulated(
+        &self,
+        ray: &crate::model::camera::Ray,
+        accumulated: &[f32; C],
+        left: f32,
+        target: [f32; 3],
+    ) -> Traced<C> {
+        let background = self.view.background;
+        let channels = 3 + self.view.features;
+        let unit = (ray.direction / ray.direction.length()).to_array();
+        let network = self.view.view_mlp.as_ref();
+        let mut by_color = [0.0; C];
+        let error = |specular: [f32; 3]| {
+            [0, 1, 2].map(|c| accumulated[c] + specular[c] + left * background[c] - target[c])
+        };
+        let errors = match network {
+            Some(network) => {
+                let (seen, by_input) = network.differentiate(unit, &accumulated[..channels], error);
+                by_color[..channels].copy_from_slice(&by_input);
+                seen
+            }
+            None => error([0.0; 3]),
+        };
+        for (by_color, error) in by_color.iter_mut().zip(errors) {
+            *by_color += error;
+        }
+        let by_left = (0..3).map(|c| errors[c] * background[c]).sum();
+        (by_color, by_left, left, errors.iter().map(|error| error * error).sum())
+    }
+
+    /// Adds what a sample's part says of the level's nodes around it.
+    fn add(
+        &self,
+        part: &Part<C>,
+        by_depth: f32,
+        seen: &Seen<C>,
+        by_color: &[f32; C],
+        gradient: &mut Gradient<C>,
+    ) {
+        // depth = density^2
+        let by_density = by_depth * part.share * 2.0 * part.density;
+        let mut by_raw = [0.0; C];
+        if seen.color.is_some() {
+            for lane in 0..C {
+                let color = part.color[lane];
+                by_raw[lane] = seen.weight * by_color[lane] * part.share * color * (1.0 - color);
+            }
+        }
+        for (node, weight) in self.field.corners(self.level, &part.cell) {
+            let number = self.numbers[node];
+            if number == NOT_FITTED {
+                continue;
+            }
+            gradient.density[number as usize] += weight * by_density;
+            for (sum, by_raw) in gradient.color[number as usize].iter_mut().zip(by_raw) {
+                *sum += weight * by_raw;
+            }
+        }
+    }
+}
+
+fn dot<const C: usize>(a: &[f32; C], b: &[f32; C]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,172 @@
+//! Files are read by position, never mapped: a file that shrinks under a map kills the process,
+//! one that shrinks under a positioned read is an error with an offset.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits;
+
+/// A file open for positioned reads from any thread, or a part of one that is a file of its own
+/// format. Counts the bytes that were read.
+#[derive(Debug)]
+pub struct SourceFile {
+    bytes: Bytes,
+    path: PathBuf,
+    length: u64,
+    bytes_read: AtomicU64,
+}
+
+#[derive(Debug)]
+enum Bytes {
+    /// From byte `start` of a file.
+    File { file: Arc<File>, start: u64 },
+    /// That had to be decoded.
+    Memory(Arc<[u8]>),
+}
+
+impl SourceFile {
+    /// Opens a regular file.
+    pub fn open(path: &Path) -> Result<Self> {
+        let io = |error| Error::io(error, path);
+        // Looked at before it is opened: opening a pipe waits for somebody to write to it.
+        let found = std::fs::metadata(path).map_err(io)?;
+        if found.is_dir() {
+            return Err(io(std::io::ErrorKind::IsADirectory.into()));
+        }
+        if !found.is_file() {
+            return Err(io(std::io::Error::other(
+                "not a regular file: it cannot be read by position",
+            )));
+        }
+        let file = File::open(path).map_err(io)?;
+        let metadata = file.metadata().map_err(io)?;
+        let length = metadata.len();
+        Ok(Self::new(Bytes::File { file: Arc::new(file), start: 0 }, path, length))
+    }
+
+    /// Bytes that were decoded from the file `path`.
+    pub fn decoded(bytes: Vec<u8>, path: &Path) -> Self {
+        let length = bytes.len() as u64;
+        Self::new(Bytes::Memory(bytes.into()), path, length)
+    }
+
+    /// A part of the file as a file of its own, whose offsets count from the part's start.
+    pub fn part(&self, range: Range<u64>) -> Result<Self> {
+        let wanted = range.end.saturating_sub(range.start);
+        if range.end > self.length {
+            let left = self.length.saturating_sub(range.start);
+            let kind = ErrorKind::Truncated { wanted, left };
+            return Err(Error::new(kind, Place::Offset(range.start)).in_file(&self.path));
+        }
+        let bytes = match &self.bytes {
+            Bytes::File { file, start } => {
+                Bytes::File { file: Arc::clone(file), start: start + range.start }
+            }
+            Bytes::Memory(bytes) => {
+                let part = bytes.get(range.start as usize..range.end as usize);
+                Bytes::Memory(part.unwrap_or_default().into())
+            }
+        };
+        Ok(Self::new(bytes, &self.path, wanted))
+    }
+
+    fn new(bytes: Bytes, path: &Path, length: u64) -> Self {
+        Self { bytes, path: path.to_owned(), length, bytes_read: AtomicU64::new(0) }
+    }
+
+    /// Its name, as it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its length in bytes when it was opened.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Bytes read so far, by every thread.
+    pub fn bytes_read(&self) -> u64 {
+        self.bytes_read.load(Ordering::Relaxed)
+    }
+
+    /// Fills `out` from `offset`.
+    pub fn read_into(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        let wanted = out.len() as u64;
+        let left = self.length.saturating_sub(offset);
+        let truncated = |left| {
+            let kind = ErrorKind::Truncated { wanted, left };
+            Error::new(kind, Place::Offset(offset)).in_file(&self.path)
+        };
+        if wanted > left {
+            return Err(truncated(left));
+        }
+        let (file, start) = match &self.bytes {
+            Bytes::File { file, start } => (file, start),
+            Bytes::Memory(bytes) => {
+                let from = offset as usize;
+                out.copy_from_slice(bytes.get(from..from + out.len()).unwrap_or_default());
+                self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
+                return Ok(());
+            }
+        };
+        let mut done = 0;
+        while let Some(rest) = out.get_mut(done..).filter(|rest| !rest.is_empty()) {
+            match read_at(file, rest, start + offset + done as u64) {
+                // The file shrank since it was opened.
+                Ok(0) => return Err(truncated(done as u64)),
+                Ok(count) => done += count,
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(error) => {
+                    let kind = ErrorKind::Io(error);
+                    return Err(Error::new(kind, Place::Offset(offset)).in_file(&self.path));
+                }
+            }
+        }
+        self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Calls `take` with all bytes in order, in pieces.
+    pub fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        const PIECE: u64 = 1 << 20;
+        let mut piece = vec![0; PIECE.min(self.length) as usize];
+        let mut at = 0;
+        while at < self.length {
+            let count = PIECE.min(self.length - at);
+            let piece = piece.get_mut(..count as usize).unwrap_or_default();
+            self.read_into(at, piece)?;
+            take(piece)?;
+            at += count;
+        }
+        Ok(())
+    }
+
+    /// Reads `count` bytes of a header or table, which may be at most `allowed`.
+    pub fn read(&self, offset: u64, count: u64, allowed: u64) -> Result<Vec<u8>> {
+        let place = Place::Offset(offset);
+        let in_file = |error: Error| error.in_file(&self.path);
+        if count > self.length.saturating_sub(offset) {
+            let left = self.length.saturating_sub(offset);
+            return Err(in_file(Error::new(ErrorKind::Truncated { wanted: count, left }, place)));
+        }
+        limits::check("header bytes", count, allowed, &place).map_err(in_file)?;
+        let count = limits::product(&[count], "length", &place).map_err(in_file)?;
+        let mut out = vec![0; count];
+        self.read_into(offset, &mut out)?;
+        Ok(out)
+    }
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, out: &mut [u8], offset: u64) -> std::io::Result<usize> {
+    std::os::unix::fs::FileExt::read_at(file, out, offset)
+}
+
+#[cfg(windows)]
+fn read_at(file: &File, out: &mut [u8], offset: u64) -> std::io::Result<usize> {
+    std::os::windows::fs::FileExt::seek_read(file, out, offset)
+}

@@ -1,0 +1,108 @@
+//! Outputs that appear whole under their name, or not at all.
+
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use super::stale;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+
+/// A file being written beside its final name; [`Output::finish`] renames it into place, and
+/// dropping it before that removes it.
+#[derive(Debug)]
+pub struct Output {
+    temporary: tempfile::NamedTempFile,
+    path: PathBuf,
+    overwrite: bool,
+    length: u64,
+}
+
+impl Output {
+    /// Starts writing `path`. An existing file there is refused unless `overwrite`.
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
+        let io = |error| Error::io(error, path);
+        // A link is replaced, not followed; devices, pipes and folders are not to be replaced.
+        if let Ok(found) = path.symlink_metadata()
+            && !found.is_file()
+            && !found.is_symlink()
+        {
+            let kind = if found.is_dir() { "a folder" } else { "a device or pipe" };
+            let message = format!("{kind} is in the output's place");
+            return Err(io(std::io::Error::other(message)));
+        }
+        if !overwrite && path.symlink_metadata().is_ok() {
+            return Err(Error::new(ErrorKind::Exists, Place::File).in_file(path));
+        }
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        stale::remove(folder);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(stale::PREFIX).suffix(stale::SUFFIX);
+        // The mode that a plain `File::create` would ask for; the umask still applies.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut temporary = builder.tempfile_in(folder).map_err(io)?;
+        // Between its creation and its lock another run may have taken it for stale.
+        while !stale::claim(&temporary) {
+            temporary = builder.tempfile_in(folder).map_err(io)?;
+        }
+        Ok(Self { temporary, path: path.to_owned(), overwrite, length: 0 })
+    }
+
+    /// Appends `bytes`.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file().write_all(bytes).map_err(|error| Error::io(error, &self.path))?;
+        self.length += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Appends zeros up to the next multiple of `alignment`.
+    pub fn pad(&mut self, alignment: u64) -> Result<()> {
+        let zeros = [0; 64];
+        while !self.length.is_multiple_of(alignment) {
+            let count = (alignment - self.length % alignment).min(zeros.len() as u64);
+            self.append(zeros.get(..count as usize).unwrap_or_default())?;
+        }
+        Ok(())
+    }
+
+    /// Overwrites bytes near the start that could not be known before.
+    pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        let mut file = self.file();
+        let patched = file
+            .seek(SeekFrom::Start(offset))
+            .and_then(|_| file.write_all(bytes))
+            .and_then(|()| file.seek(SeekFrom::End(0)));
+        patched.map(|_| ()).map_err(|error| Error::io(error, &self.path))
+    }
+
+    /// Bytes appended so far.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Where the bytes are until [`Output::finish`].
+    pub fn written(&self) -> &Path {
+        self.temporary.path()
+    }
+
+    /// Gives the file its name. Without `overwrite`, a file that appeared meanwhile stays.
+    pub fn finish(self) -> Result<()> {
+        let Self { temporary, path, overwrite, .. } = self;
+        temporary.as_file().sync_data().map_err(|error| Error::io(error, &path))?;
+        let kept =
+            if overwrite { temporary.persist(&path) } else { temporary.persist_noclobber(&path) };
+        kept.map(|_| ()).map_err(|failed| match failed.error.kind() {
+            std::io::ErrorKind::AlreadyExists => {
+                Error::new(ErrorKind::Exists, Place::File).in_file(&path)
+            }
+            _ => Error::io(failed.error, &path),
+        })
+    }
+
+    fn file(&self) -> &File {
+        self.temporary.as_file()
+    }
+}

@@ -1,0 +1,324 @@
+//! One error type for the whole crate: what went wrong, where, and what to do about it.
+//!
+//! A [`Place`] is always absolute: byte offsets count from the start of the file, block numbers
+//! from the start of their level. Whoever opens a file adds its name with [`Error::in_file`].
+
+use std::borrow::Cow;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// The crate's result.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// An error with its place. One pointer wide, so a `Result<f32>` stays small.
+#[derive(Debug)]
+pub struct Error(Box<Details>);
+
+#[derive(Debug)]
+struct Details {
+    kind: ErrorKind,
+    place: Place,
+    file: Option<PathBuf>,
+}
+
+/// What went wrong.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The operating system refused to read or write.
+    Io(std::io::Error),
+    /// The caller asked to stop.
+    Cancelled,
+    /// The bytes end before the thing they should hold.
+    Truncated {
+        /// Bytes needed at the place.
+        wanted: u64,
+        /// Bytes left there.
+        left: u64,
+    },
+    /// A number is larger than [`crate::base::limits::Limits`] allows.
+    OverLimit {
+        /// The thing that is counted.
+        what: &'static str,
+        /// Its count.
+        asked: u64,
+        /// The most that is allowed.
+        allowed: u64,
+    },
+    /// More memory would be needed than the user allows.
+    TooLittleMemory {
+        /// Bytes that would do.
+        least: u64,
+        /// Bytes that are allowed.
+        allowed: u64,
+    },
+    /// A product of counts does not fit the address space.
+    Overflow {
+        /// The thing that is counted.
+        what: &'static str,
+    },
+    /// Stored and computed checksums differ: the bytes were damaged.
+    Checksum {
+        /// The bytes that were summed.
+        what: String,
+        /// Checksum of the bytes as they are.
+        found: u32,
+        /// Checksum that the file states.
+        expected: u32,
+    },
+    /// The bytes break the rules of their format.
+    Malformed {
+        /// What is there.
+        found: String,
+        /// What the format asks for.
+        expected: String,
+    },
+    /// Well-formed, but a version, feature or model that this build does not know.
+    Unsupported {
+        /// What is there.
+        found: String,
+        /// What would be understood.
+        expected: String,
+    },
+    /// A grid holds infinities or NaNs.
+    NonFinite {
+        /// Values that are not finite, among those read.
+        count: u64,
+        /// Channel, x, y, z of the first one.
+        first: [usize; 4],
+    },
+    /// An option contradicts the input or another option.
+    Usage {
+        /// The contradiction.
+        message: String,
+    },
+    /// The output exists already.
+    Exists,
+}
+
+/// Where it went wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Place {
+    /// The file as a whole.
+    File,
+    /// Bytes from the start of the file.
+    Offset(u64),
+    /// A tensor, by its name in the file.
+    Tensor(String),
+    /// An entry of a zip archive.
+    Entry(String),
+    /// A value of a configuration, by its key.
+    Key(String),
+    /// A chunk of a container: its type, and its level if it has one.
+    Chunk {
+        /// Four letters.
+        kind: [u8; 4],
+        /// Level, 0 is the finest.
+        level: Option<u32>,
+    },
+    /// A block of a level.
+    Block {
+        /// Level, 0 is the finest.
+        level: u32,
+        /// Number of the block in the level, z fastest.
+        block: u64,
+    },
+    /// A value of a JSON document, by its pointer (RFC 6901); the whole document's is empty.
+    Pointer(String),
+    /// A place in a container that a value of a JSON document embeds or names.
+    Within {
+        /// Pointer to the value.
+        pointer: String,
+        /// Where in the container; byte offsets count from the container's own start.
+        place: Box<Place>,
+        /// Offset of the container's first byte in the file that holds it.
+        offset: u64,
+    },
+}
+
+impl Error {
+    /// An error of this kind at this place.
+    pub fn new(kind: ErrorKind, place: Place) -> Self {
+        Self(Box::new(Details { kind, place, file: None }))
+    }
+
+    /// Bytes that break their format's rules.
+    pub fn malformed(place: Place, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Malformed { found: found.into(), expected: expected.into() }, place)
+    }
+
+    /// A version, feature or model that this build does not know.
+    pub fn unsupported(
+        place: Place,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::new(ErrorKind::Unsupported { found: found.into(), expected: expected.into() }, place)
+    }
+
+    /// An option that contradicts the input or another option.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Usage { message: message.into() }, Place::File)
+    }
+
+    /// Work that somebody asked to end.
+    pub fn cancelled() -> Self {
+        Self::new(ErrorKind::Cancelled, Place::File)
+    }
+
+    /// A failure of the operating system on the file `path`.
+    pub fn io(error: std::io::Error, path: &Path) -> Self {
+        Self::new(ErrorKind::Io(error), Place::File).in_file(path)
+    }
+
+    /// Names the file, unless an inner layer already has.
+    #[must_use]
+    pub fn in_file(mut self, path: &Path) -> Self {
+        self.0.file.get_or_insert_with(|| path.to_owned());
+        self
+    }
+
+    /// Says that the error's place is in the container that a value of a JSON document embeds, whose
+    /// first byte is the file's byte `offset`.
+    #[must_use]
+    pub fn within(mut self, pointer: &str, offset: u64) -> Self {
+        let place = Box::new(std::mem::replace(&mut self.0.place, Place::File));
+        self.0.place = Place::Within { pointer: pointer.to_owned(), place, offset };
+        self
+    }
+
+    /// What went wrong.
+    pub fn kind(&self) -> &ErrorKind {
+        &self.0.kind
+    }
+
+    /// Where in the file.
+    pub fn place(&self) -> &Place {
+        &self.0.place
+    }
+
+    /// The file, once known.
+    pub fn file(&self) -> Option<&Path> {
+        self.0.file.as_deref()
+    }
+
+    /// What the user can do about it, in a sentence.
+    pub fn remedy(&self) -> Cow<'static, str> {
+        match &self.0.kind {
+            ErrorKind::Io(error) => match error.kind() {
+                std::io::ErrorKind::NotFound => "check the path".into(),
+                std::io::ErrorKind::PermissionDenied => "check the permissions".into(),
+                std::io::ErrorKind::StorageFull => "free some space and run again".into(),
+                std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge => {
+                    "raise the quota or the limit on file sizes, and run again".into()
+                }
+                _ => "check the disk and the path, then run again".into(),
+            },
+            ErrorKind::Cancelled => "run again to start over".into(),
+            ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
+                "the file is cut short or damaged: copy or make it again".into()
+            }
+            ErrorKind::OverLimit { what, .. } => {
+                format!("raise the limit on {what} if this file is trusted: see --limit").into()
+            }
+            ErrorKind::TooLittleMemory { least, .. } => {
+                format!("pass --memory {least} or more, or fewer --threads").into()
+            }
+            ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
+                "the file is damaged or of another kind: make it again or convert it".into()
+            }
+            ErrorKind::Unsupported { .. } => {
+                "use a newer version of this tool, or convert the file".into()
+            }
+            ErrorKind::NonFinite { .. } => {
+                "retrain, or pass --nonfinite empty to treat these values as empty".into()
+            }
+            ErrorKind::Usage { .. } => "see --help".into(),
+            ErrorKind::Exists => "pass --force to overwrite it".into(),
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = self.file() {
+            write!(f, "{}: ", file.display())?;
+        }
+        if self.0.place != Place::File {
+            write!(f, "{}: ", self.0.place)?;
+        }
+        write!(f, "{}", self.0.kind)
+    }
+}
+
+impl fmt::Display for ErrorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "{error}"),
+            Self::Cancelled => write!(f, "stopped on request"),
+            Self::Truncated { wanted, left } => {
+                write!(f, "found {left} bytes, expected {wanted}")
+            }
+            Self::OverLimit { what, asked, allowed } => {
+                write!(f, "found {asked} {what}, expected at most {allowed}")
+            }
+            Self::TooLittleMemory { least, allowed } => {
+                write!(f, "found a need of {least} bytes of memory, expected at most {allowed}")
+            }
+            Self::Overflow { what } => {
+                write!(f, "found a {what} beyond 2^63, expected one that fits in memory")
+            }
+            Self::Checksum { what, found, expected } => {
+                write!(f, "found checksum {found:08x} over {what}, expected {expected:08x}")
+            }
+            Self::Malformed { found, expected } => write!(f, "found {found}, expected {expected}"),
+            Self::Unsupported { found, expected } => {
+                write!(f, "found {found}, which is not supported; expected {expected}")
+            }
+            Self::NonFinite { count, first: [channel, x, y, z] } => write!(
+                f,
+                "found {count} values that are not finite, the first in channel {channel} at node \
+                 ({x}, {y}, {z}); expected finite numbers"
+            ),
+            Self::Usage { message } => write!(f, "{message}"),
+            Self::Exists => write!(f, "found a file in the output's place, expected none"),
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File => write!(f, "file"),
+            Self::Offset(at) => write!(f, "byte {at}"),
+            Self::Tensor(name) => write!(f, "tensor {name}"),
+            Self::Entry(name) => write!(f, "zip entry {name}"),
+            Self::Key(name) => write!(f, "key {name}"),
+            Self::Chunk { kind, level } => {
+                write!(f, "chunk {}", kind.escape_ascii())?;
+                level.map_or(Ok(()), |level| write!(f, " of level {level}"))
+            }
+            Self::Block { level, block } => write!(f, "level {level}, block {block}"),
+            Self::Pointer(pointer) if pointer.is_empty() => write!(f, "JSON"),
+            Self::Pointer(pointer) => write!(f, "JSON {pointer}"),
+            Self::Within { pointer, place, offset } => {
+                write!(f, "JSON {pointer}, container at byte {offset}")?;
+                match **place {
+                    Self::File => Ok(()),
+                    Self::Offset(at) => write!(f, ", byte {}", offset.saturating_add(at)),
+                    ref place => write!(f, ", {place}"),
+                }
+            }
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match &self.0.kind {
+            ErrorKind::Io(error) => Some(error),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! How much a file may ask for.
+//!
+//! Every count, length and product that comes from a file is held against [`Limits`] before it
+//! sizes an allocation, indexes or loops. Memory that a file's numbers ask for is spent from a
+//! [`Budget`], so that many small lies cannot add up to a large one.
+
+use crate::base::error::{Error, ErrorKind, Place, Result};
+
+/// Upper bounds on what an input may hold. The defaults admit scenes of 2048 nodes a side.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Limits {
+    /// Nodes along one axis of a grid. Default: 65,536
+    pub axis_nodes: u64,
+    /// Nodes in one grid. Default: 2^33 (2048 a side)
+    pub nodes: u64,
+    /// Channels of the colour grid. Default: 64
+    pub channels: u64,
+    /// Bytes of one pickle, header or metadata text. Default: 64 MiB
+    pub header_bytes: u64,
+    /// Entries of an archive, tensors of a file. Default: 65,536
+    pub entries: u64,
+    /// Chunks of a container. Default: 4096
+    pub chunks: u64,
+    /// Blocks of a level. Default: 2^26 (3250 nodes a side in blocks of 8)
+    pub blocks: u64,
+    /// Objects that a pickle makes. Default: 2,097,152
+    pub pickle_objects: u64,
+    /// Bytes of tensors, tables and codes held at once because a file says so. Default: 16 GiB
+    pub memory: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            axis_nodes: 1 << 16,
+            nodes: 1 << 33,
+            channels: 64,
+            header_bytes: 64 << 20,
+            entries: 1 << 16,
+            chunks: 1 << 12,
+            blocks: 1 << 26,
+            pickle_objects: 1 << 21,
+            memory: 16 << 30,
+        }
+    }
+}
+
+impl Limits {
+    /// Every limit under its name, with what it bounds.
+    pub fn named(&mut self) -> [(&'static str, &'static str, &mut u64); 9] {
+        [
+            ("axis-nodes", "nodes along one axis of a grid", &mut self.axis_nodes),
+            ("nodes", "nodes of one grid", &mut self.nodes),
+            ("channels", "channels of the colour grid", &mut self.channels),
+            (
+                "header-bytes",
+                "bytes of one pickle, header, JSON document or metadata text",
+                &mut self.header_bytes,
+            ),
+            ("entries", "entries of an archive, tensors of a file", &mut self.entries),
+            ("chunks", "chunks of a container", &mut self.chunks),
+            ("blocks", "blocks of a level of a container", &mut self.blocks),
+            ("pickle-objects", "objects that a pickle makes", &mut self.pickle_objects),
+            (
+                "memory",
+                "bytes of tensors, tables and codes held at once because a file says so",
+                &mut self.memory,
+            ),
+        ]
+    }
+}
+
+/// Refuses `asked` things of a kind where only `allowed` may be.
+pub fn check(what: &'static str, asked: u64, allowed: u64, place: &Place) -> Result<()> {
+    if asked <= allowed {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::OverLimit { what, asked, allowed }, place.clone()))
+}
+
+/// The product of sizes that a file states, as a count that fits in memory.
+pub fn product(sizes: &[u64], what: &'static str, place: &Place) -> Result<usize> {
+    sizes
+        .iter()
+        .try_fold(1u64, |n, &size| n.checked_mul(size))
+        .and_then(|n| usize::try_from(n).ok())
+        .filter(|&n| n < isize::MAX as usize)
+        .ok_or_else(|| Error::new(ErrorKind::Overflow { what }, place.clone()))
+}
+
+/// Memory that is left to spend on a file's word.
+#[derive(Debug)]
+pub struct Budget {
+    left: u64,
+}
+
+impl Budget {
+    /// All of [`Limits::memory`].
+    pub fn new(limits: &Limits) -> Self {
+        Self { left: limits.memory }
+    }
+
+    /// Takes `bytes` from the budget.
+    pub fn spend(&mut self, bytes: u64, what: &'static str, place: &Place) -> Result<()> {
+        check(what, bytes, self.left, place)?;
+        self.left -= bytes;
+        Ok(())
+    }
+
+    /// The only way to allocate by a number that came from a file.
+    pub fn zeroed<T>(&mut self, count: usize, what: &'static str, place: &Place) -> Result<Vec<T>>
+    where
+        T: Clone + Default,
+    {
+        let asked = (count as u64).saturating_mul(size_of::<T>() as u64);
+        self.spend(asked, what, place)?;
+        Ok(vec![T::default(); count])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_spent() {
+        let limits = Limits { memory: 10, ..Limits::default() };
+        let mut budget = Budget::new(&limits);
+        assert_eq!(budget.zeroed::<u16>(4, "bytes", &Place::File).expect("8 of 10").len(), 4);
+        let error = budget.zeroed::<u8>(3, "bytes", &Place::File).expect_err("11 of 10");
+        assert!(matches!(error.kind(), ErrorKind::OverLimit { asked: 3, allowed: 2, .. }));
+        assert!(budget.zeroed::<u64>(usize::MAX, "bytes", &Place::File).is_err());
+    }
+
+    #[test]
+    fn products_do_not_wrap() {
+        let huge = product(&[1 << 32, 1 << 32], "node count", &Place::File);
+        assert!(matches!(huge.expect_err("wraps").kind(), ErrorKind::Overflow { .. }));
+        assert_eq!(product(&[7, 0, 3], "node count", &Place::File).expect("zero"), 0);
+    }
+}

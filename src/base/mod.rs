@@ -1,0 +1,9 @@
+//! Tools that every program has: errors, limits, progress, threads, bytes, findings, pictures.
+
+pub mod bytes;
+pub mod error;
+pub mod finding;
+pub mod limits;
+pub mod parallel;
+pub mod picture;
+pub mod progress;

@@ -1,0 +1,115 @@
+//! Pictures as files: 8-bit PNG and float32 EXR. The only door to `image` and `exr`.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
+
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+use crate::base::error::{Error, ErrorKind, Place, Result};
+
+/// A PNG of 8-bit grey (`values` one a pixel) or RGB (three a pixel), rows from the top.
+pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
+    let color = match values.len().checked_div(width * height) {
+        Some(3) => ExtendedColorType::Rgb8,
+        _ => ExtendedColorType::L8,
+    };
+    let [w, h] = sides(width, height)?;
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(values, w, h, color)
+        .map_err(|error| failed(error.to_string()))?;
+    Ok(bytes)
+}
+
+/// An EXR of float32 channels, each with a value a pixel, rows from the top.
+pub fn exr(width: usize, height: usize, channels: Vec<(String, Vec<f32>)>) -> Result<Vec<u8>> {
+    sides(width, height)?;
+    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = channels
+        .into_iter()
+        .map(|(name, values)| AnyChannel::new(Text::new_or_panic(&name), FlatSamples::F32(values)))
+        .collect();
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_channels((width, height), AnyChannels::sort(channels))
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|error| failed(error.to_string()))?;
+    Ok(bytes.into_inner())
+}
+
+fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
+    let side = |size: usize| u32::try_from(size).ok().filter(|&side| side > 0 && side <= 1 << 16);
+    match (side(width), side(height)) {
+        (Some(width), Some(height)) => Ok([width, height]),
+        _ => Err(Error::usage(format!("no picture can be {width} x {height} pixels"))),
+    }
+}
+
+fn failed(message: String) -> Error {
+    Error::new(ErrorKind::Io(std::io::Error::other(message)), Place::File)
+}
+
+/// Means of `factor` by `factor` pixels of a picture `width` by `height`, rows from the top; what is
+/// left over at the right and below is dropped. `value` gives a pixel's value by its number.
+pub fn box_means<'a>(
+    [width, height]: [usize; 2],
+    factor: usize,
+    value: impl Fn(usize) -> f32 + 'a,
+) -> impl Iterator<Item = f32> + 'a {
+    let (across, down) = (width / factor, height / factor);
+    (0..across * down).map(move |i| {
+        let (x, y) = (i % across * factor, i / across * factor);
+        let rows = (y..y + factor).map(|row| row * width + x);
+        let pixels = rows.flat_map(|start| start..start + factor);
+        let sum: f64 = pixels.map(|pixel| f64::from(value(pixel))).sum();
+        (sum / (factor * factor) as f64) as f32
+    })
+}
+
+/// Width and height of a picture file, from its header.
+pub fn size(path: &Path) -> Result<[usize; 2]> {
+    let (width, height) = image::image_dimensions(path).map_err(|error| unreadable(error, path))?;
+    Ok([width as usize, height as usize])
+}
+
+/// A picture file as 8-bit RGBA, rows from the top.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rgba {
+    /// Pixels along a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Four bytes a pixel, alpha not multiplied in.
+    pub bytes: Vec<u8>,
+}
+
+/// Reads a PNG, at most `most_bytes` of it once decoded.
+pub fn read(path: &Path, most_bytes: u64) -> Result<Rgba> {
+    let file = File::open(path).map_err(|error| Error::io(error, path))?;
+    decode(BufReader::new(file), path, most_bytes)
+}
+
+/// The same from bytes, which errors say are the file `path`.
+pub fn decode(from: impl BufRead + Seek, path: &Path, most_bytes: u64) -> Result<Rgba> {
+    let mut reader = image::ImageReader::new(from)
+        .with_guessed_format()
+        .map_err(|error| Error::io(error, path))?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(most_bytes);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|error| unreadable(error, path))?.into_rgba8();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Ok(Rgba { width, height, bytes: picture.into_raw() })
+}
+
+fn unreadable(error: image::ImageError, path: &Path) -> Error {
+    let found = match error {
+        image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Error::io(error, path);
+        }
+        error => format!("a picture that cannot be read ({error})"),
+    };
+    Error::malformed(Place::File, found, "a PNG").in_file(path)
+}

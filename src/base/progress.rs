@@ -1,0 +1,63 @@
+//! How the library tells what it is doing. It never prints.
+
+/// A part of the work, in the order in which a bake does them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Step {
+    /// Finding the nodes that can be seen, at every level.
+    Prune,
+    /// Finding the lowest and the highest values of every level.
+    Ranges,
+    /// Filtering, quantizing and compressing.
+    Encode,
+    /// Writing the output.
+    Write,
+    /// Reading and decoding an input.
+    Decode,
+    /// Rendering frames.
+    Render,
+    /// Fitting coarser levels.
+    Fit,
+    /// Baking over settings, and rendering what came out.
+    Sweep,
+}
+
+impl Step {
+    /// A verb for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Prune => "prune",
+            Self::Ranges => "ranges",
+            Self::Encode => "encode",
+            Self::Write => "write",
+            Self::Decode => "decode",
+            Self::Render => "render",
+            Self::Fit => "fit",
+            Self::Sweep => "sweep",
+        }
+    }
+}
+
+/// Called from worker threads; [`Silent`] does nothing.
+pub trait Progress: Sync {
+    /// `step` begins and will advance by `total` in all.
+    fn begin(&self, _step: Step, _total: u64) {}
+    /// `by` more of `step` is done.
+    fn advance(&self, _step: Step, _by: u64) {}
+    /// `step` is this good by now, in dB.
+    fn quality(&self, _step: Step, _psnr: f64) {}
+    /// Asked between pieces of work that only make a result better; `true` ends them with what there is.
+    fn enough(&self) -> bool {
+        false
+    }
+    /// Asked between pieces of work; `true` ends it with [`crate::base::error::ErrorKind::Cancelled`].
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Progress that nobody watches.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {}

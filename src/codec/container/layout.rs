@@ -1,0 +1,197 @@
+//! Header and directory: the records of `formats/mipvog.md`, sections 2 and 3.
+
+use crate::base::bytes::ByteReader;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+
+/// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line
+/// ends and an end-of-file character, so that text-mode transfers damage it visibly.
+pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
+/// Version of the format: readers refuse another major one, and ignore a higher minor one.
+pub const VERSION: [u16; 2] = [1, 1];
+/// Required feature: there are blocks whose colours are filled from the next coarser level. Since 1.1.
+pub const FILLED_BLOCKS: u64 = 1;
+/// Features that a reader must know.
+pub const KNOWN_FEATURES: u64 = FILLED_BLOCKS;
+/// Bytes of the header.
+pub const HEADER_BYTES: u64 = 64;
+/// Bytes of a directory entry.
+pub const ENTRY_BYTES: u64 = 64;
+/// Chunks start at multiples of this.
+pub const ALIGNMENT: u64 = 64;
+/// Offset of the header's checksum, which counts as zero in its own sum.
+const CHECKSUM_AT: usize = 48;
+/// Level field of a chunk that belongs to no level.
+const NO_LEVEL: u32 = u32::MAX;
+
+/// Type of a chunk. The first letter is lower case in ancillary chunks, which readers may skip.
+pub type ChunkKind = [u8; 4];
+/// Metadata, canonical JSON.
+pub const META: ChunkKind = *b"META";
+/// Layers of the view network.
+pub const VMLP: ChunkKind = *b"VMLP";
+/// The free-space mask.
+pub const MASK: ChunkKind = *b"MASK";
+/// Provenance, canonical JSON; ancillary.
+pub const PROVENANCE: ChunkKind = *b"prov";
+/// Occupancy of a level's blocks.
+pub const TABLE: ChunkKind = *b"TABL";
+/// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
+pub const ATLASES: [ChunkKind; 3] = [*b"DENS", *b"DIFF", *b"FEAT"];
+
+/// The header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// Major and minor version.
+    pub version: [u16; 2],
+    /// Features that a reader must know.
+    pub features: u64,
+    /// Bytes of the whole file.
+    pub file_length: u64,
+    /// Offset of the directory.
+    pub directory_offset: u64,
+    /// Entries of the directory.
+    pub entries: u32,
+    /// CRC-32 over header and directory.
+    pub checksum: u32,
+}
+
+/// One chunk, as the directory states it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Its type.
+    pub kind: ChunkKind,
+    /// Its level, if it belongs to one.
+    pub level: Option<u32>,
+    /// Offset of its first byte in the file.
+    pub offset: u64,
+    /// Its bytes, without padding.
+    pub length: u64,
+    /// Bytes from the file's start after which this chunk's level renders; 0 without a level.
+    pub prefix: u64,
+    /// CRC-32 of its bytes.
+    pub checksum: u32,
+}
+
+impl Entry {
+    /// Whether a reader must understand the chunk.
+    pub fn is_critical(&self) -> bool {
+        self.kind.first().is_some_and(u8::is_ascii_uppercase)
+    }
+
+    /// Its place, for errors.
+    pub fn place(&self) -> Place {
+        Place::Chunk { kind: self.kind, level: self.level }
+    }
+
+    /// Offset of the first byte after its padding; beyond any file where the directory says so.
+    pub fn padded_end(&self) -> u64 {
+        let end = self.offset.saturating_add(self.length);
+        end.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
+    }
+
+    fn to_bytes(self) -> [u8; 64] {
+        let mut fields = Vec::with_capacity(64);
+        fields.extend(self.kind);
+        fields.extend(self.level.unwrap_or(NO_LEVEL).to_le_bytes());
+        fields.extend(self.offset.to_le_bytes());
+        fields.extend(self.length.to_le_bytes());
+        fields.extend(self.prefix.to_le_bytes());
+        fields.extend(self.checksum.to_le_bytes());
+        padded(&fields)
+    }
+
+    fn read(reader: &mut ByteReader) -> Result<Self> {
+        let place = reader.place();
+        let kind = reader.array()?;
+        let level = Some(reader.u32()?).filter(|&level| level != NO_LEVEL);
+        let [offset, length, prefix] = [reader.u64()?, reader.u64()?, reader.u64()?];
+        let entry = Self { kind, level, offset, length, prefix, checksum: reader.u32()? };
+        if reader.take(28)?.iter().any(|&byte| byte != 0) {
+            return Err(Error::malformed(place, "a reserved byte that is set", "zeros"));
+        }
+        if !kind.iter().all(u8::is_ascii_alphabetic) {
+            let found = format!("chunk type {}", kind.escape_ascii());
+            return Err(Error::malformed(place, found, "four letters"));
+        }
+        Ok(entry)
+    }
+}
+
+impl Header {
+    /// Header and directory as bytes, with their checksum. The version is the first that has the `features`.
+    pub fn with_directory(features: u64, file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
+        let count = u32::try_from(entries.len())
+            .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
+        let mut fields = Vec::with_capacity(64);
+        fields.extend(SIGNATURE);
+        let minor = if features == 0 { 0 } else { VERSION[1] };
+        [VERSION[0], minor].iter().for_each(|part| fields.extend(part.to_le_bytes()));
+        fields.extend([0; 4]);
+        fields.extend(features.to_le_bytes());
+        fields.extend(file_length.to_le_bytes());
+        fields.extend(HEADER_BYTES.to_le_bytes());
+        fields.extend(count.to_le_bytes());
+        let mut bytes = padded(&fields).to_vec();
+        entries.iter().for_each(|entry| bytes.extend(entry.to_bytes()));
+        let checksum = crc32fast::hash(&bytes).to_le_bytes();
+        for (byte, sum) in bytes.iter_mut().skip(CHECKSUM_AT).zip(checksum) {
+            *byte = sum;
+        }
+        Ok(bytes)
+    }
+
+    /// Reads the fields; judges signature and version, nothing else.
+    pub fn read(bytes: &[u8]) -> Result<Self> {
+        let mut reader = ByteReader::new(bytes, 0);
+        let signature = reader.array()?;
+        if signature != SIGNATURE {
+            let found = format!("the bytes {}", signature.escape_ascii());
+            return Err(Error::malformed(Place::Offset(0), found, "a container's signature"));
+        }
+        let version = [reader.u16()?, reader.u16()?];
+        let reserved = reader.u32()?;
+        let features = reader.u64()?;
+        let [file_length, directory_offset] = [reader.u64()?, reader.u64()?];
+        let entries = reader.u32()?;
+        let reserved_too = reader.u32()?;
+        let checksum = reader.u32()?;
+        let rest = reader.take(12)?;
+        let [major, minor] = version;
+        if major != VERSION[0] {
+            let found = format!("version {major}.{minor}");
+            return Err(Error::unsupported(Place::Offset(8), found, "major version 1"));
+        }
+        if reserved != 0 || reserved_too != 0 || rest.iter().any(|&byte| byte != 0) {
+            return Err(Error::malformed(
+                Place::Offset(0),
+                "a reserved byte of the header that is set",
+                "zeros",
+            ));
+        }
+        Ok(Self { version, features, file_length, directory_offset, entries, checksum })
+    }
+}
+
+/// Reads the directory and verifies the checksum over it and the header.
+pub fn read_directory(header: &Header, bytes: &[u8]) -> Result<Vec<Entry>> {
+    let mut sum = crc32fast::Hasher::new();
+    let (before, rest) = bytes.split_at_checked(CHECKSUM_AT).unwrap_or((bytes, &[]));
+    sum.update(before);
+    sum.update(&[0; 4]);
+    sum.update(rest.get(4..).unwrap_or_default());
+    let found = sum.finalize();
+    if found != header.checksum {
+        let what = "header and directory".to_owned();
+        let kind = ErrorKind::Checksum { what, found, expected: header.checksum };
+        return Err(Error::new(kind, Place::Offset(CHECKSUM_AT as u64)));
+    }
+    let directory = bytes.get(64..).unwrap_or_default();
+    let mut reader = ByteReader::new(directory, HEADER_BYTES);
+    (0..header.entries).map(|_| Entry::read(&mut reader)).collect()
+}
+
+fn padded(fields: &[u8]) -> [u8; 64] {
+    let mut record = [0; 64];
+    record.iter_mut().zip(fields).for_each(|(byte, &field)| *byte = field);
+    record
+}

@@ -1,0 +1,151 @@
+//! One block of a slab of codes to a frame.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::coarsen::{Coarsener, Coarsening};
+use super::code::{Quantizer, decode_values};
+use super::planes::CodeSlab;
+use super::run::{Frame, FrameShape, Typed, each_width};
+use crate::model::baked::{Codes, Encoding, NumberType};
+use crate::model::field::Activation;
+use crate::model::grid::{NodeMask, row};
+
+/// Where a block's values are.
+#[derive(Debug, Clone, Copy)]
+pub struct BlockSource<'a> {
+    /// The block's planes are among these.
+    pub slab: &'a CodeSlab,
+    /// Nodes whose values count.
+    pub needed: &'a NodeMask,
+    /// The block's place along x, y and z.
+    pub place: [usize; 3],
+}
+
+impl<'a> BlockSource<'a> {
+    /// First and end node of a block of `edge` along each axis, as far as the grid goes.
+    fn span(&self, edge: usize) -> [Range<usize>; 3] {
+        let sizes = self.needed.nodes().0;
+        [0, 1, 2].map(|axis| {
+            let start = self.place[axis] * edge;
+            start.min(sizes[axis])..(start + edge).min(sizes[axis])
+        })
+    }
+
+    /// Rows of the block along z that the grid has: x, y, and where in the block they start.
+    fn places(&self, edge: usize) -> impl Iterator<Item = (usize, usize, usize)> + Clone {
+        let [xs, ys, _] = self.span(edge);
+        let first = [xs.start, ys.start];
+        let at = move |x, y| ((x - first[0]) * edge + y - first[1]) * edge;
+        xs.flat_map(move |x| ys.clone().map(move |y| (x, y, at(x, y))))
+    }
+
+    /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
+    fn copy<T: Typed>(&self, edge: usize, channel: usize, codes: &mut [T]) {
+        let [_, _, zs] = self.span(edge);
+        let nz = self.needed.nodes().0[2];
+        for (x, y, at) in self.places(edge) {
+            let plane = T::of(self.slab.plane(x, channel));
+            copy_row(&plane[y * nz + zs.start..y * nz + zs.end], &mut codes[at..]);
+        }
+    }
+
+    /// Whose values count, of the nodes of a block of `edge`.
+    pub fn needed_nodes(&self, edge: usize) -> Arc<[bool]> {
+        let mut needed = vec![false; edge.pow(3)];
+        let [_, _, zs] = self.span(edge);
+        for (x, y, at) in self.places(edge) {
+            row::unpack(self.needed.row(x, y), zs.start, &mut needed[at..at + zs.len()]);
+        }
+        needed.into()
+    }
+}
+
+/// Encodes blocks of one group of one level.
+#[derive(Debug, Clone)]
+pub struct BlockEncoder {
+    encoding: Encoding,
+    shape: FrameShape,
+    unneeded_limit: u32,
+    coarsener: Option<Coarsener>,
+}
+
+impl BlockEncoder {
+    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get values that nobody
+    /// sees.
+    pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
+        let shape = FrameShape { number: encoding.number, channels, edge };
+        let coarsener = Coarsener::new(&encoding, activation);
+        let unneeded = encoding.decode.unseen(activation);
+        let unneeded_limit = highest_code_up_to(&encoding, unneeded);
+        Self { encoding, shape, unneeded_limit, coarsener }
+    }
+
+    /// The encoding of every block.
+    pub fn encoding(&self) -> &Encoding {
+        &self.encoding
+    }
+
+    /// The shape of every frame.
+    pub fn shape(&self) -> FrameShape {
+        self.shape
+    }
+
+    /// The highest code of nodes that nobody needs: they must not become visible.
+    pub fn unneeded_limit(&self) -> u32 {
+        self.unneeded_limit
+    }
+
+    /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
+    /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
+    /// Codes of other nodes are any: they are filled with what costs least.
+    pub fn frame(
+        &self,
+        source: BlockSource,
+        needed: Arc<[bool]>,
+        first_channel: usize,
+        coarsening: Option<Coarsening>,
+    ) -> (Frame, f64) {
+        let mut codes = match self.shape.number {
+            NumberType::U8 => Codes::U8(self.codes(source, first_channel)),
+            NumberType::U16 | NumberType::F16 => Codes::U16(self.codes(source, first_channel)),
+            NumberType::F32 => Codes::U32(self.codes(source, first_channel)),
+        };
+        let mut moved = 0.0;
+        if let (Some(coarsener), Some(coarsening)) = (&self.coarsener, coarsening) {
+            let limit = self.unneeded_limit;
+            moved = each_width!(&mut codes, codes => {
+                coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+            });
+        }
+        (Frame { codes, needed }, moved)
+    }
+
+    /// Codes of all channels, channel by channel.
+    fn codes<T: Typed>(&self, source: BlockSource, first_channel: usize) -> Vec<T> {
+        let nodes = self.shape.nodes();
+        let mut codes = vec![T::default(); self.shape.channels * nodes];
+        for (channel, codes) in (first_channel..).zip(codes.chunks_exact_mut(nodes)) {
+            source.copy(self.shape.edge, channel, codes);
+        }
+        codes
+    }
+}
+
+/// Copies a row; of eight, the usual number, without a call for so few.
+#[inline(always)]
+fn copy_row<T: Copy>(row: &[T], to: &mut [T]) {
+    match (<&[T; 8]>::try_from(row), to.first_chunk_mut()) {
+        (Ok(row), Some(to)) => *to = *row,
+        _ => to[..row.len()].copy_from_slice(row),
+    }
+}
+
+/// The highest code whose value is at most `limit`; the lowest of all if none is.
+fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
+    let (mut codes, mut values) = ([0u32], [0.0]);
+    Quantizer::new(encoding.clone()).encode(&[limit], &mut codes);
+    // The nearest code may lie above the limit; the one below it cannot.
+    decode_values(encoding, codes.into_iter(), &mut values);
+    if values[0] > limit { codes[0].saturating_sub(1) } else { codes[0] }
+}

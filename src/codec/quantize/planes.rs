@@ -1,0 +1,159 @@
+//! Planes of values to planes of codes.
+//!
+//! Values are quantized plane by plane, as soon as they are known and while they are in a processor's caches; codes are a
+//! quarter as large or less. They wait until all planes of a slab are there, and blocks are cut from them.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::code::{Quantizer, decode_codes};
+use super::run::each_width;
+use super::wide::Code;
+use crate::model::baked::{Codes, Encoding, NumberType};
+use crate::model::field::Activation;
+use crate::model::grid::{NodeMask, row};
+
+/// Nodes that nobody needs, but fewer than these in a row are quantized too: stopping costs more.
+const GAP: usize = 16;
+
+/// Quantizes the planes of a level from any thread.
+#[derive(Debug)]
+pub struct CodePlanes<'a> {
+    needed: &'a NodeMask,
+    activation: Activation,
+    channels: Vec<Channel>,
+    /// `[x][channel]`; empty before planes come and once they are taken.
+    planes: Vec<Vec<Mutex<Codes>>>,
+}
+
+#[derive(Debug)]
+struct Channel {
+    /// The same for all channels of a group.
+    quantizer: Arc<Quantizer>,
+    bound: Option<f32>,
+    /// Planes to be used again.
+    spare: Mutex<Vec<Codes>>,
+}
+
+/// A value that its code moves too far.
+#[derive(Debug, Clone, Copy)]
+pub struct Moved {
+    /// The node's place along y and z.
+    pub at: [usize; 2],
+    /// What its colour or opacity may be moved by.
+    pub bound: f32,
+}
+
+/// Codes of consecutive planes.
+#[derive(Debug)]
+pub struct CodeSlab {
+    first: usize,
+    /// `[plane][channel]`.
+    planes: Vec<Vec<Codes>>,
+}
+
+impl CodeSlab {
+    /// The codes of plane `x`, counted as the level's, of one channel.
+    pub(super) fn plane(&self, x: usize, channel: usize) -> &Codes {
+        &self.planes[x - self.first][channel]
+    }
+}
+
+impl<'a> CodePlanes<'a> {
+    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a bound: what colours and
+    /// opacities may be moved by.
+    pub fn new<'e>(
+        needed: &'a NodeMask,
+        activation: Activation,
+        groups: impl IntoIterator<Item = (&'e Encoding, usize, Option<f32>)>,
+    ) -> Self {
+        let mut channels = Vec::new();
+        for (encoding, count, bound) in groups {
+            let quantizer = Arc::new(Quantizer::new(encoding.clone()));
+            let channel = || {
+                let quantizer = Arc::clone(&quantizer);
+                Channel { quantizer, bound, spare: Mutex::default() }
+            };
+            channels.extend(std::iter::repeat_with(channel).take(count));
+        }
+        let empty = |_| channels.iter().map(|_| Mutex::new(Codes::U8(Vec::new()))).collect();
+        let planes = (0..needed.nodes().0[0]).map(empty).collect();
+        Self { needed, activation, channels, planes }
+    }
+
+    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its group's bound, if there is
+    /// one.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
+        let Channel { quantizer, bound, spare } = &self.channels[channel];
+        let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut codes = used.unwrap_or_else(|| match quantizer.encoding().number {
+            NumberType::U8 => Codes::U8(vec![0; values.len()]),
+            NumberType::U16 | NumberType::F16 => Codes::U16(vec![0; values.len()]),
+            NumberType::F32 => Codes::U32(vec![0; values.len()]),
+        });
+        each_width!(&mut codes, codes => self.quantize(x, quantizer, values, codes));
+        let moved = bound.and_then(|bound| self.moved(x, quantizer, values, &codes, bound));
+        *self.planes[x][channel].lock().unwrap_or_else(PoisonError::into_inner) = codes;
+        moved
+    }
+
+    /// Takes away planes that have come.
+    pub fn take(&self, planes: Range<usize>) -> CodeSlab {
+        let take = |plane: &Mutex<Codes>| {
+            let mut plane = plane.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::replace(&mut *plane, Codes::U8(Vec::new()))
+        };
+        let first = planes.start;
+        let planes = self.planes[planes].iter().map(|plane| plane.iter().map(take).collect());
+        CodeSlab { first, planes: planes.collect() }
+    }
+
+    /// Takes back planes that nobody needs any more.
+    pub fn reuse(&self, slab: CodeSlab) {
+        for plane in slab.planes {
+            for (channel, codes) in self.channels.iter().zip(plane) {
+                channel.spare.lock().unwrap_or_else(PoisonError::into_inner).push(codes);
+            }
+        }
+    }
+
+    fn quantize<T: Code>(&self, x: usize, quantizer: &Quantizer, values: &[f32], codes: &mut [T]) {
+        let nz = self.needed.nodes().0[2];
+        let rows = values.chunks_exact(nz).zip(codes.chunks_exact_mut(nz));
+        for (y, (values, codes)) in rows.enumerate() {
+            for (start, end) in row::spans(self.needed.row(x, y), nz, GAP) {
+                quantizer.encode(&values[start..end], &mut codes[start..end]);
+            }
+        }
+    }
+
+    /// Where the first needed node is whose colour or opacity is not within `bound`.
+    fn moved(
+        &self,
+        x: usize,
+        quantizer: &Quantizer,
+        values: &[f32],
+        codes: &Codes,
+        bound: f32,
+    ) -> Option<Moved> {
+        let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.needed.nodes().0);
+        let activated = |value: f32| encoding.decode.activated(value.into(), &self.activation);
+        let mut decoded = vec![0.0; nz];
+        for y in 0..ny {
+            for (start, end) in row::runs(self.needed.row(x, y)) {
+                let run = y * nz + start..y * nz + end;
+                let decoded = &mut decoded[..run.len()];
+                decode_codes(encoding, codes, run.clone(), decoded);
+                let is_moved = |(&value, &decoded): (&f32, &f32)| {
+                    let error = || (activated(decoded) - activated(value)).abs();
+                    // What is no number is within nothing.
+                    decoded != value && (error().is_nan() || error() > bound.into())
+                };
+                if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {
+                    return Some(Moved { at: [y, start + at], bound });
+                }
+            }
+        }
+        None
+    }
+}

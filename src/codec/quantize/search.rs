@@ -1,0 +1,297 @@
+//! The fewest bits that keep an error.
+//!
+//! What is wanted is the largest error; what is known is the lowest and the highest of the values
+//! ([`ValueSpan`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a few
+//! hundred ways: with their center anywhere from where the activation is steepest to the middle
+//! between both, and with equal steps or steps that are up to a thousandth as wide at the center as
+//! equal ones would be and grow towards the ends. The first way whose proved bound ([`super::range`])
+//! is within the error is taken.
+//!
+//! Ways come in the order of their widest step, narrowest first. The widest is at an end, far outside
+//! of what can be seen, where the bound allows anything; but surfaces lie where interpolation crosses
+//! from there, and a picture loses tens of dB if values there are out of proportion. So codes that the
+//! bound does not need go there, and steps at the center are as wide as it allows.
+//!
+//! Everything is computed in f64 by `libm` in a fixed order: the same values give the same codes.
+
+use super::range::{self, Bits, Domain, code_error, round_up};
+use crate::model::activate;
+use crate::model::baked::{Decode, Encoding, NumberType};
+use crate::model::field::Activation;
+
+/// Centers that are tried, from where the activation is steepest to the middle.
+const CENTERS: u32 = 5;
+/// Halvings of the step at the center that are tried, and how many ways there are on each.
+const HALVINGS: u32 = 10;
+const WAYS_EACH: u32 = 8;
+/// Codes whose errors are looked at first; where one is too large, the others do not matter.
+const LOOKED_AT_FIRST: u32 = 256;
+
+/// The lowest and the highest of some values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ValueSpan {
+    /// Lowest of them; above `high` where there are none.
+    low: f32,
+    high: f32,
+    /// What is not above this counts as empty, and is no value.
+    empty: f32,
+}
+
+impl ValueSpan {
+    /// Of no values yet, which will mean `decode`.
+    pub fn new(decode: Decode, activation: &Activation) -> Self {
+        let empty = match decode {
+            Decode::Logit => f32::NEG_INFINITY,
+            _ => Domain::of(decode, activation).empty,
+        };
+        Self { low: f32::INFINITY, high: f32::NEG_INFINITY, empty }
+    }
+
+    /// Takes values. Zeros of both signs are the same: of equal ones the first stays.
+    pub fn take(&mut self, values: &[f32]) {
+        for &value in values {
+            if value > self.empty && value < self.low {
+                self.low = value;
+            }
+            if value > self.empty && value > self.high {
+                self.high = value;
+            }
+        }
+    }
+
+    /// Takes those of another span of the same meaning.
+    pub fn join(&mut self, other: &Self) {
+        self.take(
+            &[other.low, other.high].map(|end| if end.is_finite() { end } else { self.empty }),
+        );
+    }
+}
+
+/// The encoding with the fewest bits that holds what is in `span` (and emptiness) within `max_error`,
+/// in opacity over one interval or in colour from 0 to 1; f32 where 16 bits cannot.
+pub fn encoding_within(
+    max_error: f32,
+    decode: Decode,
+    activation: &Activation,
+    span: &ValueSpan,
+) -> Encoding {
+    let search = Search::new(max_error, decode, activation, span);
+    (4..=16).find_map(|bits| search.with_bits(bits)).unwrap_or_else(|| match decode {
+        Decode::Logit => range::color_encoding(Bits::F32),
+        _ => range::density_encoding(Bits::F32, decode, activation),
+    })
+}
+
+struct Search<'a> {
+    max_error: f32,
+    decode: Decode,
+    activation: &'a Activation,
+    domain: Domain,
+    /// What codes reach.
+    low: f64,
+    high: f64,
+    /// Activations of the lowest and the highest value.
+    seen: [f64; 2],
+}
+
+impl<'a> Search<'a> {
+    fn new(max_error: f32, decode: Decode, activation: &'a Activation, span: &ValueSpan) -> Self {
+        let domain = Domain::of(decode, activation);
+        let activated = |value: f32| decode.activated(value.into(), activation);
+        // Without values any will do.
+        let (low, high) = match span.low <= span.high {
+            true => (span.low, span.high),
+            false => (domain.steepest as f32, domain.steepest as f32),
+        };
+        let mut ceiling = domain.ceiling;
+        if decode == Decode::RawDensity {
+            // Over short intervals opacity goes on for long.
+            let almost = 1.0 - f64::from(max_error);
+            let (shift, interval) = (activation.shift.into(), activation.interval.into());
+            ceiling = ceiling.max(activate::raw_at_opacity(almost, shift, interval));
+        }
+        Self {
+            max_error,
+            decode,
+            activation,
+            domain,
+            low: f64::from(low).clamp(domain.floor, ceiling),
+            high: f64::from(high).clamp(domain.floor, ceiling),
+            seen: [low, high].map(activated),
+        }
+    }
+
+    fn activated(&self, value: f64) -> f64 {
+        self.decode.activated(value, self.activation)
+    }
+
+    /// The best encoding of so many bits, if any keeps the error.
+    fn with_bits(&self, bits: u32) -> Option<Encoding> {
+        // No code can stand for more than twice the error.
+        let reach = f64::from(1u32 << bits) * 2.0 * f64::from(self.max_error);
+        if self.seen[1] - self.seen[0] > reach {
+            return None;
+        }
+        let mut ways: Vec<(f64, Encoding)> = self.ways(bits);
+        ways.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        ways.into_iter().find_map(|(_, encoding)| self.proved(encoding))
+    }
+
+    /// Codes of so many bits from the lowest to the highest value, with their widest steps.
+    fn ways(&self, bits: u32) -> Vec<(f64, Encoding)> {
+        let (mut low, high) = (self.low, self.high);
+        let empty_code = self.decode.is_density();
+        // Codes below and above the center.
+        let above = f64::from((1u32 << (bits - 1)) - 1);
+        let mut below = above + 1.0;
+        if empty_code {
+            // The lowest code stands for emptiness; the next is to lie a step above, or higher.
+            below = above;
+            let empty = f64::from(self.domain.empty);
+            low = low.max(empty + (high - empty) / (below + above + 1.0));
+        }
+        let steepest = self.domain.steepest.clamp(low, high);
+        let middle = low + (high - low) * below / (below + above);
+        let mut ways = Vec::new();
+        for i in 0..CENTERS {
+            let share = f64::from(i) / f64::from(CENTERS - 1);
+            let center = steepest + share * (middle - steepest);
+            let sides = [(center - low, below), (high - center, above)];
+            // Codes must differ as f32 numbers, even where all values are the same.
+            let least = (center.abs() + 1.0) / f64::from(1u32 << 20);
+            let equal = sides.iter().fold(least, |most, (reach, codes)| most.max(reach / codes));
+            for j in 0..=HALVINGS * WAYS_EACH {
+                let step = equal * libm::exp2(-f64::from(j) / f64::from(WAYS_EACH));
+                let curve = |(reach, codes): (f64, f64)| (reach - step * codes) / codes.powi(3);
+                let curve = curve(sides[0]).max(curve(sides[1])).max(0.0);
+                let widest = step + 3.0 * curve * below * below;
+                let encoding = Encoding {
+                    number: if bits > 8 { NumberType::U16 } else { NumberType::U8 },
+                    bits,
+                    center: center as f32,
+                    step: step as f32,
+                    curve: curve as f32,
+                    empty: self.domain.empty,
+                    empty_code,
+                    decode: self.decode,
+                    max_error: self.max_error,
+                };
+                ways.push((widest, encoding));
+            }
+        }
+        ways
+    }
+
+    /// The encoding with its proved bound, if it is within the error.
+    fn proved(&self, mut encoding: Encoding) -> Option<Encoding> {
+        let activated = |value| self.activated(value);
+        let error = |code| code_error(&encoding, code, self.seen, &activated);
+        let count = encoding.last_code() + 1;
+        let most = f64::from(self.max_error);
+        let stride = count.div_ceil(LOOKED_AT_FIRST) as usize;
+        if (0..count).step_by(stride).any(|code| error(code) > most) {
+            return None;
+        }
+        if !encoding.values().is_sorted_by(|low, high| low < high) {
+            return None;
+        }
+        // What is empty, or below, decodes to emptiness.
+        let emptied = if encoding.empty_code { activated(encoding.empty.into()) } else { 0.0 };
+        let bound = (0..count).fold(emptied, |most, code| most.max(error(code)));
+        encoding.max_error = round_up(bound);
+        (encoding.max_error <= self.max_error).then_some(encoding)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::quantize::code::{Quantizer, decode_values};
+    use crate::model::field::ActivationOrder;
+
+    fn activation(interval: f32) -> Activation {
+        Activation { shift: -4.595_12, interval, order: ActivationOrder::Raw }
+    }
+
+    fn span(decode: Decode, activation: &Activation, values: &[f32]) -> ValueSpan {
+        let mut span = ValueSpan::new(decode, activation);
+        span.take(values);
+        span
+    }
+
+    #[test]
+    fn every_value_of_the_span_is_within_the_bound() {
+        let ranges = [[0.001, 0.02], [0.3, 0.31], [1e-4, 1.0], [0.4, 1.0], [1.0, 1.0]];
+        let wide = [[-90.0, 80.0], [-8.0, 9.0], [-50.0, -3.0], [2.0, 31.0], [-99.0, 1e30]];
+        for decode in Decode::ALL {
+            let is_raw = matches!(decode, Decode::RawDensity | Decode::Logit);
+            for ([low, high], interval) in [ranges, wide][usize::from(is_raw)]
+                .into_iter()
+                .flat_map(|r| [0.05, 0.5, 2.0].map(|i| (r, i)))
+            {
+                let activation = activation(interval);
+                let span = span(decode, &activation, &[low, high]);
+                for max_error in [0.2, 0.03, 0.01, 0.001] {
+                    let encoding = encoding_within(max_error, decode, &activation, &span);
+                    assert!(encoding.max_error <= max_error);
+                    let mut values: Vec<f32> =
+                        (0..=2000).map(|i| low + (high - low) * (i as f32 / 2000.0)).collect();
+                    if !encoding.number.is_float() {
+                        let of_codes: Vec<f32> = encoding.values().collect();
+                        values.extend(of_codes.windows(2).flat_map(|pair| {
+                            let border = 0.5 * pair[0] + 0.5 * pair[1];
+                            [border.next_down(), border, border.next_up()]
+                        }));
+                    }
+                    values.retain(|value| (low..=high).contains(value));
+                    let (mut codes, mut back) = (vec![0; values.len()], vec![0.0; values.len()]);
+                    Quantizer::new(encoding.clone()).encode(&values, &mut codes);
+                    decode_values(&encoding, codes.into_iter(), &mut back);
+                    for (&value, &back) in values.iter().zip(&back) {
+                        let [got, want] =
+                            [back, value].map(|v| decode.activated(v.into(), &activation));
+                        let error = (got - want).abs();
+                        assert!(
+                            error <= encoding.max_error.into(),
+                            "{value} as {back}: {encoding:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whole_ranges_take_no_more_bits_than_the_fixed_encodings() {
+        let activation = activation(0.5);
+        for bits in 4..=12 {
+            let fixed = |decode| match decode {
+                Decode::Logit => range::color_encoding(Bits::Integer(bits)),
+                _ => range::density_encoding(Bits::Integer(bits), decode, &activation),
+            };
+            for decode in Decode::ALL {
+                let fixed = fixed(decode);
+                let values: Vec<f32> = fixed.values().collect();
+                let span = span(decode, &activation, &values);
+                let found = encoding_within(fixed.max_error, decode, &activation, &span);
+                assert!(found.bits <= bits, "{fixed:?}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn narrow_spans_take_few_bits_and_none_or_one_value_four() {
+        let activation = activation(0.5);
+        for decode in Decode::ALL {
+            let bits = |values: &[f32]| {
+                encoding_within(1e-3, decode, &activation, &span(decode, &activation, values)).bits
+            };
+            for values in [&[][..], &[0.7], &[0.7, 0.7 + 1e-7]] {
+                assert_eq!(bits(values), 4, "{decode:?} {values:?}");
+            }
+            let steepest = Domain::of(decode, &activation).steepest as f32;
+            let around = |far: f32| [steepest - far, steepest + far];
+            assert!(bits(&around(0.05)) < bits(&around(0.4)), "{decode:?}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Pictures of every x plane of every level: y runs down, z to the right.
+
+use std::path::Path;
+
+use super::{check_levels, fill_plane};
+use crate::base::bytes::Output;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::parallel;
+use crate::base::picture;
+use crate::codec::container::Container;
+use crate::model::activate;
+use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
+
+/// What slices hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SliceFormat {
+    /// Float32 EXR of the stored values: `density`, `R`, `G`, `B` and `feature0` and so on.
+    Exr,
+    /// 8-bit PNG, one of opacity and one of diffuse colour, both activated.
+    Png,
+}
+
+/// Writes `level{k}.x{i}.exr`, or `level{k}.opacity.x{i}.png` and `level{k}.diffuse.x{i}.png`,
+/// into `folder`. Existing files are refused unless `overwrite`.
+pub fn write_slices(
+    container: &Container,
+    levels: &[usize],
+    format: SliceFormat,
+    folder: &Path,
+    overwrite: bool,
+) -> Result<()> {
+    check_levels(container, levels)?;
+    let metadata = container.metadata();
+    let wanted = |number: usize| levels.is_empty() || levels.contains(&number);
+    // Everything that can be wrong is found before the first file is written.
+    container.read_head()?;
+    container.for_each_level(|_, _| Ok(()))?;
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+    let path = |number: usize, name: &str| folder.join(format!("level{number}.{name}"));
+    for (number, level) in metadata.levels.iter().enumerate().filter(|(n, _)| wanted(*n)) {
+        for name in (0..level.dimensions[0]).flat_map(|x| names(level, format, x)) {
+            let path = path(number, &name);
+            if !overwrite && path.symlink_metadata().is_ok() {
+                return Err(Error::new(ErrorKind::Exists, Place::File).in_file(&path));
+            }
+        }
+    }
+    container.for_each_level(|number, level| {
+        let Some(of_level) = metadata.levels.get(number).filter(|_| wanted(number)) else {
+            return Ok(());
+        };
+        parallel::map(of_level.dimensions[0], |x| {
+            let files = slice(level, of_level, metadata, format, x)?;
+            for (name, bytes) in names(of_level, format, x).iter().zip(files) {
+                let mut output = Output::create(&path(number, name), overwrite)?;
+                output.append(&bytes)?;
+                output.finish()?;
+            }
+            Ok(())
+        })
+        .map(|_| ())
+    })
+}
+
+/// The rest of the names of a plane's files.
+fn names(level: &LevelMetadata, format: SliceFormat, x: usize) -> Vec<String> {
+    match format {
+        SliceFormat::Exr => vec![format!("x{x:04}.exr")],
+        SliceFormat::Png => {
+            let opacity = level.density.as_ref().map(|_| format!("opacity.x{x:04}.png"));
+            opacity.into_iter().chain([format!("diffuse.x{x:04}.png")]).collect()
+        }
+    }
+}
+
+/// The files of one plane, in the order of their [`names`].
+fn slice(
+    level: &BakedLevel,
+    of_level: &LevelMetadata,
+    metadata: &Metadata,
+    format: SliceFormat,
+    x: usize,
+) -> Result<Vec<Vec<u8>>> {
+    let [_, ny, nz] = of_level.dimensions;
+    let plane = |group, channel| {
+        let mut plane = vec![0.0; ny * nz];
+        fill_plane(level, of_level, group, channel, x, &mut plane).then_some(plane)
+    };
+    if format == SliceFormat::Exr {
+        let mut channels = Vec::new();
+        channels.extend(plane(Group::Density, 0).map(|plane| ("density".to_owned(), plane)));
+        for (channel, name) in ["R", "G", "B"].into_iter().enumerate() {
+            channels.extend(plane(Group::Diffuse, channel).map(|plane| (name.to_owned(), plane)));
+        }
+        for channel in 0..metadata.features {
+            let name = format!("feature{channel}");
+            channels.extend(plane(Group::Features, channel).map(|plane| (name, plane)));
+        }
+        return Ok(vec![picture::exr(nz, ny, channels)?]);
+    }
+    let mut files = Vec::new();
+    let byte = |share: f64| (share * 255.0 + 0.5) as u8;
+    if let Some(density) = plane(Group::Density, 0) {
+        let (shift, interval) = (metadata.activation.shift, metadata.activation.interval);
+        let opacity =
+            |&raw: &f32| byte(activate::opacity(raw.into(), shift.into(), interval.into()));
+        let grey: Vec<u8> = density.iter().map(opacity).collect();
+        files.push(picture::png(nz, ny, &grey)?);
+    }
+    let mut rgb = vec![0; 3 * ny * nz];
+    for channel in 0..3 {
+        let values = plane(Group::Diffuse, channel).unwrap_or_default();
+        for (pixel, &raw) in rgb.chunks_exact_mut(3).zip(&values) {
+            pixel[channel] = byte(activate::sigmoid(raw.into()));
+        }
+    }
+    files.push(picture::png(nz, ny, &rgb)?);
+    Ok(files)
+}

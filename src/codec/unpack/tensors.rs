@@ -1,0 +1,187 @@
+//! One safetensors file of all levels.
+//!
+//! | tensor | shape | holds |
+//! |---|---|---|
+//! | `level{k}.density` | `[Nx,Ny,Nz]` f32 | stored density, node-centred, C order |
+//! | `level{k}.diffuse`, `level{k}.features` | `[C,Nx,Ny,Nz]` f32 | stored colour |
+//! | `level{k}.occupied` | `[Bx,By,Bz]` u8 | 0 empty, 1 stored, 2 filled |
+//! | `mlp.{i}.weight`, `mlp.{i}.bias` | `[out,in]`, `[out]` f32 | the view network |
+//! | `free_space.inside` or `free_space.values` | mask nodes, u8 or f32 | the free-space mask |
+//! | `free_space.map` | `[3,3]` f64 | its scale, shift and (threshold, 0, 0) |
+//!
+//! `__metadata__.mipvog` is the container's metadata, `__metadata__.mipvog_provenance` its
+//! provenance.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::{check_levels, fill_plane};
+use crate::base::bytes::Output;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::Container;
+use crate::codec::container::json::to_canonical;
+use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
+use crate::model::field::{FreeSpace, Lookup};
+use crate::model::view_mlp::ViewMlp;
+
+/// A tensor of the header, in the order of its bytes.
+struct Row {
+    name: String,
+    dtype: &'static str,
+    shape: Vec<usize>,
+    bytes: u64,
+}
+
+impl Row {
+    fn new(name: String, dtype: &'static str, shape: &[usize]) -> Result<Self> {
+        let size = match dtype {
+            "U8" => 1,
+            "F64" => 8,
+            _ => 4,
+        };
+        let bytes = shape.iter().try_fold(size, |bytes: u64, &n| bytes.checked_mul(n as u64));
+        let overflow =
+            || Error::new(ErrorKind::Overflow { what: "tensor" }, Place::Tensor(name.clone()));
+        let bytes = bytes.ok_or_else(overflow)?;
+        Ok(Self { name, dtype, shape: shape.to_vec(), bytes })
+    }
+}
+
+/// Writes the levels in `levels` (all if empty) to `output`, complete but not yet finished.
+pub fn write_tensors(
+    container: &Container,
+    levels: &[usize],
+    output: &mut Output,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let metadata = container.metadata();
+    let (view_mlp, free_space) = container.read_head()?;
+    let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
+    check_levels(container, levels)?;
+    let mut rows = small_rows(view_mlp.as_ref(), free_space.as_ref())?;
+    // Coarse to fine, as levels are read.
+    for (number, level) in metadata.levels.iter().enumerate().rev().filter(|(n, _)| wanted(*n)) {
+        rows.extend(level_rows(number, level, metadata)?);
+    }
+    output.append(&header(container, metadata, &rows)?)?;
+    append_small(view_mlp.as_ref(), free_space.as_ref(), output)?;
+    progress.begin(Step::Decode, metadata.levels.len() as u64);
+    container.for_each_level(|number, level| {
+        progress.advance(Step::Decode, 1);
+        if progress.cancelled() {
+            return Err(Error::cancelled());
+        }
+        match metadata.levels.get(number).filter(|_| wanted(number)) {
+            Some(of_level) => append_level(level, of_level, metadata.features, output),
+            None => Ok(()),
+        }
+    })
+}
+
+fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Result<Vec<Row>> {
+    let name = |part: &str| format!("level{number}.{part}");
+    let mut rows = vec![Row::new(name("occupied"), "U8", &level.grid().counts())?];
+    let [nx, ny, nz] = level.dimensions;
+    for group in Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some()) {
+        let channels = group.channels(metadata.features);
+        let shape =
+            if group == Group::Density { vec![nx, ny, nz] } else { vec![channels, nx, ny, nz] };
+        rows.push(Row::new(name(group.name()), "F32", &shape)?);
+    }
+    Ok(rows)
+}
+
+fn small_rows(view_mlp: Option<&ViewMlp>, free_space: Option<&FreeSpace>) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for (i, layer) in view_mlp.iter().flat_map(|network| &network.layers).enumerate() {
+        rows.push(Row::new(format!("mlp.{i}.weight"), "F32", &[layer.outputs, layer.inputs])?);
+        rows.push(Row::new(format!("mlp.{i}.bias"), "F32", &[layer.outputs])?);
+    }
+    if let Some(free_space) = free_space {
+        rows.push(Row::new("free_space.map".to_owned(), "F64", &[3, 3])?);
+        let (name, dtype) = match free_space.lookup {
+            Lookup::Nearest(_) => ("free_space.inside", "U8"),
+            Lookup::Trilinear { .. } => ("free_space.values", "F32"),
+        };
+        rows.push(Row::new(name.to_owned(), dtype, &free_space.nodes.0)?);
+    }
+    Ok(rows)
+}
+
+fn append_small(
+    view_mlp: Option<&ViewMlp>,
+    free_space: Option<&FreeSpace>,
+    output: &mut Output,
+) -> Result<()> {
+    for layer in view_mlp.iter().flat_map(|network| &network.layers) {
+        output.append(&float_bytes(&layer.weights))?;
+        output.append(&float_bytes(&layer.bias))?;
+    }
+    let Some(free_space) = free_space else { return Ok(()) };
+    let threshold = match &free_space.lookup {
+        Lookup::Nearest(_) => 0.0,
+        Lookup::Trilinear { threshold, .. } => f64::from(*threshold),
+    };
+    let map = [free_space.scale, free_space.shift, [threshold, 0.0, 0.0]];
+    output.append(&map.as_flattened().iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>())?;
+    match &free_space.lookup {
+        Lookup::Nearest(inside) => {
+            output.append(&inside.iter().map(|&inside| inside.into()).collect::<Vec<u8>>())
+        }
+        Lookup::Trilinear { values, .. } => output.append(&float_bytes(values)),
+    }
+}
+
+fn append_level(
+    level: &BakedLevel,
+    metadata: &LevelMetadata,
+    features: usize,
+    output: &mut Output,
+) -> Result<()> {
+    let occupied: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
+    output.append(&occupied)?;
+    let [nx, ny, nz] = metadata.dimensions;
+    for group in Group::ALL.into_iter().filter(|&group| metadata.encoding(group).is_some()) {
+        for channel in 0..group.channels(features) {
+            for start in (0..nx).step_by(metadata.block_size) {
+                let count = metadata.block_size.min(nx - start);
+                let planes = parallel::map(count, |i| {
+                    let mut plane = vec![0.0; ny * nz];
+                    fill_plane(level, metadata, group, channel, start + i, &mut plane);
+                    Ok(float_bytes(&plane))
+                })?;
+                planes.iter().try_for_each(|plane| output.append(plane))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<Vec<u8>> {
+    let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
+    if let Some(provenance) = container.provenance()? {
+        texts.insert("mipvog_provenance", to_canonical(&provenance)?);
+    }
+    let mut entries = serde_json::Map::new();
+    entries.insert("__metadata__".to_owned(), json!(texts));
+    let mut at = 0;
+    for row in rows {
+        let offsets = [at, at + row.bytes];
+        at += row.bytes;
+        let entry = json!({ "dtype": row.dtype, "shape": row.shape, "data_offsets": offsets });
+        entries.insert(row.name.clone(), entry);
+    }
+    let mut text = Value::Object(entries).to_string();
+    // Readers expect the data at a multiple of 8; the format pads with spaces.
+    text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
+    let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(text.into_bytes());
+    Ok(bytes)
+}
+
+fn float_bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}

@@ -1,0 +1,103 @@
+//! The coarse checkpoint, which alone says how the mask's density becomes opacity.
+//!
+//! Only its settings are read (`MaskCache_kwargs` at its top level: `act_shift` and
+//! `voxel_size_ratio`); its grids are not. A fine checkpoint has a dictionary of the same name, but
+//! that one describes the fine model.
+
+use std::path::{Path, PathBuf};
+
+use super::names::Names;
+use super::{Assumption, SourceOptions, march};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::input::tensor;
+
+/// Opacity that training of the coarse stage starts from.
+const ALPHA_INIT: f64 = 1e-6;
+/// The coarse checkpoint's usual name.
+const FILE_NAME: &str = "coarse_last.tar";
+
+/// How the mask's density becomes opacity.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Coarse {
+    /// Added to raw density.
+    pub(super) shift: f64,
+    /// Interval of one voxel.
+    pub(super) ratio: f64,
+    /// The file that says so, with its digest; none where it was assumed.
+    pub(super) file: Option<(PathBuf, [u8; 32])>,
+}
+
+/// Finds the coarse checkpoint of the fine one at `checkpoint`.
+pub(super) fn find(
+    names: &Names<'_>,
+    checkpoint: &Path,
+    options: &SourceOptions,
+    limits: &Limits,
+    assumptions: &mut Vec<Assumption>,
+) -> Result<Coarse> {
+    if let Some(path) = &options.coarse {
+        return read(path, limits).map_err(|error| error.in_file(path));
+    }
+    let mut failure = None;
+    for path in candidates(names, checkpoint) {
+        // Only regular files: the path comes out of a checkpoint.
+        if !path.is_file() {
+            continue;
+        }
+        match read(&path, limits) {
+            Ok(coarse) => return Ok(coarse),
+            Err(error) => failure = failure.or(Some(error.in_file(&path))),
+        }
+    }
+    let reason = failure.map_or_else(
+        || "the coarse checkpoint was not found".to_owned(),
+        |error| format!("the coarse checkpoint could not be used ({error})"),
+    );
+    assumptions.push(Assumption {
+        key: "coarse",
+        value: format!("alpha_init {ALPHA_INIT:e}, voxel_size_ratio 1"),
+        message: format!(
+            "{reason}: assuming that its free-space mask was trained with alpha_init \
+             {ALPHA_INIT:e} and a voxel size ratio of 1; --coarse FILE names it"
+        ),
+    });
+    Ok(Coarse { shift: march::shift(ALPHA_INIT, &Place::File)?, ratio: 1.0, file: None })
+}
+
+/// Where it may be, the likeliest first.
+fn candidates(names: &Names<'_>, checkpoint: &Path) -> Vec<PathBuf> {
+    let folder = checkpoint.parent().unwrap_or(Path::new(""));
+    let mut paths = Vec::new();
+    if let Some(tensor::Value::Text(stated)) = names.setting("mask_cache_path") {
+        paths.push(PathBuf::from(stated));
+        // The training machine may have had other separators.
+        if let Some(name) = stated.rsplit(['/', '\\']).next().filter(|name| !name.is_empty()) {
+            paths.push(folder.join(name));
+        }
+    }
+    paths.push(folder.join(FILE_NAME));
+    paths
+}
+
+fn read(path: &Path, limits: &Limits) -> Result<Coarse> {
+    let file = tensor::open(path, limits)?;
+    let names = Names::new(&file);
+    let shift = match names.own_mask_number("act_shift")? {
+        Some(shift) => shift,
+        None => match names.number("alpha_init")? {
+            Some(alpha_init) => march::shift(alpha_init, &Place::Key("alpha_init".into()))?,
+            None => {
+                return Err(Error::malformed(
+                    Place::Key(super::names::AS_MASK.into()),
+                    "neither act_shift nor alpha_init",
+                    "a coarse checkpoint that says how its density becomes opacity",
+                ));
+            }
+        },
+    };
+    march::narrow("act_shift", shift)?;
+    let ratio = names.own_mask_number("voxel_size_ratio")?.unwrap_or(1.0);
+    let ratio = march::positive("voxel_size_ratio", ratio)?;
+    Ok(Coarse { shift, ratio, file: Some((path.to_owned(), file.digest)) })
+}

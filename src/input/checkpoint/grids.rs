@@ -1,0 +1,133 @@
+//! The two grids, the box they span, and the models that this is not.
+
+use super::names::Names;
+use super::{Assumption, Family};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::model::field::Volume;
+use crate::model::grid::Bounds;
+
+/// What another model's checkpoints have, and why it cannot be baked: names of weights (a dot at
+/// the end stands for all that start so), names of settings, the reason.
+const OTHERS: [(&[&str], &[&str], &str); 3] = [
+    (
+        &["scene_center", "scene_radius"],
+        &["bg_len", "contracted_norm", "fourier_freq_num"],
+        "an unbounded scene in contracted space, whose rays are not straight in the grid",
+    ),
+    (&["act_shift.grid"], &["mpi_depth"], "a multiplane scene, whose opacity depends on the plane"),
+    (
+        &["density.xy_plane", "k0.xy_plane", "density_plane.", "app_plane."],
+        &[],
+        "a factorized grid (TensoRF), which has no values at nodes",
+    ),
+];
+
+/// Refuses models that are not dense grids in a box, interpolated linearly.
+pub(super) fn refuse_others(names: &Names<'_>) -> Result<()> {
+    let expected = "a dense grid in a box (Mip-VoG or DirectVoxGO)";
+    for (weights, settings, reason) in OTHERS {
+        let weight = weights.iter().find(|name| match name.strip_suffix('.') {
+            Some(_) => names.has_prefix(name),
+            None => names.weight(name).is_some(),
+        });
+        let setting = settings.iter().find(|name| names.setting(name).is_some());
+        if let Some(name) = weight.or(setting) {
+            let place = Place::Key((*name).to_owned());
+            return Err(Error::unsupported(place, reason, expected));
+        }
+    }
+    let key = |name: &str| Place::Key(format!("{}.{name}", super::names::SETTINGS));
+    if names.flag("nearest")? {
+        let found = "a grid that is looked up at the nearest node";
+        return Err(Error::unsupported(key("nearest"), found, "trilinear interpolation"));
+    }
+    if names.flag("rgbnet_full_implicit")? {
+        let found = "colour that a network makes for every sample";
+        let expected = "colour stored at the nodes";
+        return Err(Error::unsupported(key("rgbnet_full_implicit"), found, expected));
+    }
+    Ok(())
+}
+
+/// Finds density and colour, of one size, the colour of at least three channels.
+pub(super) fn find(names: &Names<'_>, limits: &Limits) -> Result<(Volume, Volume)> {
+    let (density_name, density) = grid(names, "density", limits)?;
+    let (color_name, color) = grid(names, "k0", limits)?;
+    if density.channels != 1 {
+        let found = format!("{} channels of density", density.channels);
+        return Err(Error::malformed(Place::Tensor(density_name), found, "one"));
+    }
+    if color.channels < 3 {
+        let found = format!("{} channels of colour", color.channels);
+        let expected = "three of diffuse colour, then the features";
+        return Err(Error::malformed(Place::Tensor(color_name), found, expected));
+    }
+    if color.nodes != density.nodes {
+        let found = format!("{:?} nodes", color.nodes.0);
+        let expected = format!("{:?}, as density has", density.nodes.0);
+        return Err(Error::malformed(Place::Tensor(color_name), found, expected));
+    }
+    Ok((density, color))
+}
+
+/// A grid under its name of either generation.
+fn grid(names: &Names<'_>, name: &str, limits: &Limits) -> Result<(String, Volume)> {
+    let newer = format!("{name}.grid");
+    let Some(tensor) = names.tensor(&newer).or_else(|| names.tensor(name)) else {
+        return Err(Error::unsupported(
+            Place::Key(name.into()),
+            format!("no grid {name} or {newer}"),
+            "a Mip-VoG or DirectVoxGO checkpoint with density and k0",
+        ));
+    };
+    Ok((tensor.name().to_owned(), tensor.volume(limits)?))
+}
+
+/// The family that wrote a checkpoint. Mip-VoG keeps its low-pass filter and its surface cache
+/// with the weights; files that were stripped of both are Mip-VoG's if their colour has its
+/// seven channels under the old names.
+pub(super) fn family(names: &Names<'_>, channels: usize) -> Family {
+    let own = names.has_prefix("lowpass_filter.") || names.has_prefix("surf_cache.");
+    let newer = names.weight("density.grid").is_some() || names.weight("mask_cache.mask").is_some();
+    if own || (!newer && channels == 7) { Family::MipVog } else { Family::Dvgo }
+}
+
+/// The box that the nodes span.
+pub(super) fn bounds(names: &Names<'_>) -> Result<Bounds> {
+    let corner = |name: &str| {
+        let stored = match names.vector3(name)? {
+            Some(corner) => Some(corner),
+            None => names.vector3(&format!("density.{name}"))?,
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "stored as float32")]
+        let corner = stored.map(|corner| corner.map(|value| value as f32));
+        corner.ok_or_else(|| {
+            let expected = "the box of the scene, xyz_min and xyz_max";
+            Error::malformed(Place::Key(name.into()), "no such tensor or setting", expected)
+        })
+    };
+    let bounds = Bounds { min: corner("xyz_min")?, max: corner("xyz_max")? };
+    bounds.check(&Place::Key("xyz_min".into()))?;
+    Ok(bounds)
+}
+
+/// Keeps the diffuse channels only, if that was asked for or nothing could use the others.
+pub(super) fn drop_features(color: &mut Volume, asked: bool, assumptions: &mut Vec<Assumption>) {
+    let features = color.channels - 3;
+    if features == 0 {
+        return;
+    }
+    color.channels = 3;
+    let message = if asked {
+        format!(
+            "--mlp none: {features} feature channels and the view-dependent colour are left out"
+        )
+    } else {
+        format!(
+            "the checkpoint has {features} feature channels but no network rgbnet to use them: \
+             they are left out, and the scene is diffuse; --mlp FILE names another file's network"
+        )
+    };
+    assumptions.push(Assumption { key: "mlp", value: "none".into(), message });
+}

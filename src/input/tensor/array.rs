@@ -1,0 +1,370 @@
+//! A tensor that lies in a file: type, sizes, strides, and where its bytes are.
+//!
+//! Element `(i0, i1, ...)` is element `first + i0 * strides[0] + i1 * strides[1] + ...` of the
+//! storage. Every size, stride and offset is checked against the storage's length when the tensor
+//! is made, so that no later read can leave it.
+
+use std::ops::Range;
+
+use super::zip::Data;
+use crate::base::bytes::Storage;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits::{self, Budget, Limits};
+use crate::model::field::Volume;
+use crate::model::grid::{Element, Nodes};
+
+/// Storages up to this many bytes are read whole when a part of them is needed, so that their
+/// checksum can be verified.
+const SMALL: u64 = 1 << 20;
+
+/// Most axes of a tensor; the same bound as PyTorch's and NumPy's.
+const AXES: u64 = 64;
+
+/// A strided array of numbers.
+#[derive(Debug, Clone)]
+pub struct Tensor {
+    name: String,
+    element: Element,
+    shape: Vec<u64>,
+    strides: Vec<u64>,
+    first: u64,
+    count: u64,
+    data: Data,
+}
+
+impl Tensor {
+    /// A strided tensor over `data`.
+    ///
+    /// # Errors
+    /// `Malformed` where it would reach beyond `data`, `Overflow` where its sizes do.
+    pub fn new(
+        name: String,
+        element: Element,
+        shape: Vec<u64>,
+        strides: Vec<u64>,
+        first: u64,
+        data: Data,
+    ) -> Result<Self> {
+        let place = Place::Tensor(name.clone());
+        limits::check("axes", shape.len() as u64, AXES, &place)?;
+        if shape.len() != strides.len() {
+            let found = format!("{} sizes and {} strides", shape.len(), strides.len());
+            return Err(Error::malformed(place, found, "one stride for each size"));
+        }
+        let count = limits::product(&shape, "element count", &place)? as u64;
+        let overflow = || Error::new(ErrorKind::Overflow { what: "tensor" }, place.clone());
+        count.checked_mul(element.size() as u64).ok_or_else(overflow)?;
+        let mut end = first;
+        if count > 0 {
+            for (&size, &stride) in shape.iter().zip(&strides) {
+                let reach = (size - 1).checked_mul(stride).ok_or_else(overflow)?;
+                end = end.checked_add(reach).ok_or_else(overflow)?;
+            }
+            end = end.checked_add(1).ok_or_else(overflow)?;
+        }
+        let held = data.length() / element.size() as u64;
+        if end > held {
+            return Err(Error::malformed(
+                place,
+                format!("shape {shape:?}, strides {strides:?}, offset {first} in {held} elements"),
+                "a tensor inside its storage",
+            ));
+        }
+        Ok(Self { name, element, shape, strides, first, count, data })
+    }
+
+    /// A tensor in C order that starts with `data`.
+    pub fn dense(name: String, element: Element, shape: Vec<u64>, data: Data) -> Result<Self> {
+        let strides = dense_strides(&shape);
+        Self::new(name, element, shape, strides, 0, data)
+    }
+
+    /// A tensor in Fortran order (first axis fastest) that starts with `data`.
+    pub fn fortran(name: String, element: Element, shape: Vec<u64>, data: Data) -> Result<Self> {
+        let reversed: Vec<u64> = shape.iter().rev().copied().collect();
+        let strides = dense_strides(&reversed).into_iter().rev().collect();
+        Self::new(name, element, shape, strides, 0, data)
+    }
+
+    /// Its name: the keys that lead to it, with dots between.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Type of its numbers.
+    pub fn element(&self) -> Element {
+        self.element
+    }
+
+    /// Sizes, slowest axis first.
+    pub fn shape(&self) -> &[u64] {
+        &self.shape
+    }
+
+    /// Elements in all.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Bytes of its elements.
+    pub fn bytes(&self) -> u64 {
+        self.count * self.element.size() as u64
+    }
+
+    /// Offset of its first element in the file, unless it is compressed or in a pickle.
+    pub fn offset(&self) -> Option<u64> {
+        match &self.data {
+            Data::Stored(Storage::File { range, .. }) => {
+                Some(range.start + self.first * self.element.size() as u64)
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether its bytes have to be inflated to be read.
+    pub fn is_compressed(&self) -> bool {
+        matches!(self.data, Data::Deflated { .. })
+    }
+
+    /// All values in C order, as float32. Verifies the checksum of small storages, and of those
+    /// that the tensor covers.
+    pub fn read_f32(&self, budget: &mut Budget) -> Result<Vec<f32>> {
+        let packed = self.packed(budget)?;
+        let mut out = budget.zeroed(self.length()?, "tensor bytes", &self.place())?;
+        self.element.decode(&packed, &mut out);
+        Ok(out)
+    }
+
+    /// All values in C order, as float64; see [`Tensor::read_f32`].
+    pub fn read_f64(&self, budget: &mut Budget) -> Result<Vec<f64>> {
+        let packed = self.packed(budget)?;
+        Ok(match self.element {
+            Element::F64 => {
+                packed.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
+            }
+            Element::I64 => {
+                packed.as_chunks::<8>().0.iter().map(|b| i64::from_le_bytes(*b) as f64).collect()
+            }
+            Element::I32 => {
+                packed.as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b).into()).collect()
+            }
+            element => {
+                let mut out = budget.zeroed(self.length()?, "tensor bytes", &self.place())?;
+                element.decode(&packed, &mut out);
+                out.into_iter().map(f64::from).collect()
+            }
+        })
+    }
+
+    /// All values in C order of a tensor of bools or bytes; see [`Tensor::read_f32`].
+    pub fn read_bool(&self, budget: &mut Budget) -> Result<Vec<bool>> {
+        if !matches!(self.element, Element::Bool | Element::U8) {
+            return Err(Error::malformed(
+                self.place(),
+                format!("{} values", self.element.name()),
+                "bool values",
+            ));
+        }
+        Ok(self.packed(budget)?.into_iter().map(|byte| byte != 0).collect())
+    }
+
+    /// The tensor as a grid `[1, channels, x, y, z]`, `[channels, x, y, z]` or `[x, y, z]` that is
+    /// read where it lies. It is copied into memory only where it is compressed, or where z is
+    /// not its fastest axis.
+    ///
+    /// # Errors
+    /// `Malformed` where the shape is another or the numbers are not floating point, `OverLimit`
+    /// where it is too large.
+    pub fn volume(&self, limits: &Limits) -> Result<Volume> {
+        let place = self.place();
+        if !matches!(self.element, Element::F16 | Element::BF16 | Element::F32 | Element::F64) {
+            return Err(Error::malformed(
+                place,
+                format!("a grid of {}", self.element.name()),
+                "float16, bfloat16, float32 or float64",
+            ));
+        }
+        let (sizes, strides) = match (self.shape.as_slice(), self.strides.as_slice()) {
+            (&[1, c, x, y, z], &[_, sc, sx, sy, sz]) | (&[c, x, y, z], &[sc, sx, sy, sz]) => {
+                ([c, x, y, z], [sc, sx, sy, sz])
+            }
+            (&[x, y, z], &[sx, sy, sz]) => ([1, x, y, z], [0, sx, sy, sz]),
+            _ => {
+                return Err(Error::malformed(
+                    place,
+                    format!("shape {:?}", self.shape),
+                    "a grid [1, channels, x, y, z], [channels, x, y, z] or [x, y, z]",
+                ));
+            }
+        };
+        let [channels, x, y, z] = sizes;
+        let nodes = Nodes::checked([x, y, z], limits, &place)?;
+        limits::check("channels", channels, limits.channels, &place)?;
+        if channels == 0 {
+            return Err(Error::malformed(place, "a grid of 0 channels", "at least one"));
+        }
+        let channels = limits::product(&[channels], "channel count", &place)?;
+        let element = self.element;
+        let mut budget = Budget::new(limits);
+        let [sc, sx, sy, sz] = strides;
+        if sz == 1 {
+            let storage = self.data.storage(&mut budget)?;
+            let strides = [sc, sx, sy];
+            return Ok(Volume { nodes, channels, element, storage, first: self.first, strides });
+        }
+        let storage = Storage::Memory(self.packed(&mut budget)?.into());
+        // The product of all sizes fits in memory.
+        let strides = [x * y * z, y * z, z];
+        Ok(Volume { nodes, channels, element, storage, first: 0, strides })
+    }
+
+    /// Where errors about it point.
+    pub fn place(&self) -> Place {
+        Place::Tensor(self.name.clone())
+    }
+
+    fn length(&self) -> Result<usize> {
+        limits::product(&[self.count], "element count", &self.place())
+    }
+
+    /// The storage's elements from the first that belongs to the tensor to the last.
+    fn span(&self) -> Range<u64> {
+        let reach = self.shape.iter().zip(&self.strides).map(|(&n, &stride)| (n - 1) * stride);
+        self.first..self.first + reach.sum::<u64>() + 1
+    }
+
+    fn is_dense(&self) -> bool {
+        let mut dense = 1;
+        self.shape.iter().zip(&self.strides).rev().all(|(&size, &stride)| {
+            let fits = size == 1 || stride == dense;
+            dense *= size;
+            fits
+        })
+    }
+
+    /// The elements' bytes in C order.
+    fn packed(&self, budget: &mut Budget) -> Result<Vec<u8>> {
+        if self.count == 0 {
+            return Ok(Vec::new());
+        }
+        let place = self.place();
+        let storage = self.data.storage(budget)?;
+        let span = self.span();
+        let size = self.element.size();
+        let bytes = load(&storage, span.start, span.end, size as u64, budget, &place)?;
+        if self.is_dense() {
+            return Ok(bytes);
+        }
+        let count = limits::product(&[self.count, size as u64], "tensor", &place)?;
+        let mut packed: Vec<u8> = budget.zeroed(count, "tensor bytes", &place)?;
+        let mut index = vec![0; self.shape.len()];
+        let mut at = 0u64;
+        for element in packed.chunks_exact_mut(size) {
+            let start = usize::try_from(at).unwrap_or(usize::MAX).saturating_mul(size);
+            if let Some(source) = bytes.get(start..start.saturating_add(size)) {
+                element.copy_from_slice(source);
+            }
+            let axes = index.iter_mut().zip(&self.shape).zip(&self.strides);
+            for ((i, &nodes), &stride) in axes.rev() {
+                // The stride of an axis of one node may be any number; what it adds here is taken
+                // back below.
+                *i += 1;
+                at = at.wrapping_add(stride);
+                if *i < nodes {
+                    break;
+                }
+                at = at.wrapping_sub(stride.wrapping_mul(nodes));
+                *i = 0;
+            }
+        }
+        Ok(packed)
+    }
+}
+
+/// Reads elements `start..end` of `storage`; verifies its checksum if that takes no more than
+/// reading a small storage whole.
+fn load(
+    storage: &Storage,
+    start: u64,
+    end: u64,
+    size: u64,
+    budget: &mut Budget,
+    place: &Place,
+) -> Result<Vec<u8>> {
+    let length = limits::product(&[end - start, size], "tensor", place)?;
+    let mut bytes: Vec<u8> = budget.zeroed(length, "tensor bytes", place)?;
+    storage.read_into(start * size, &mut bytes)?;
+    let Some(expected) = storage.crc32() else { return Ok(bytes) };
+    let whole = storage.length();
+    let found = if length as u64 == whole {
+        crc32fast::hash(&bytes)
+    } else if whole <= SMALL {
+        let mut all = vec![0; limits::product(&[whole], "storage", place)?];
+        storage.read_into(0, &mut all)?;
+        crc32fast::hash(&all)
+    } else {
+        return Ok(bytes);
+    };
+    if found == expected {
+        return Ok(bytes);
+    }
+    let what = "the tensor's storage".into();
+    Err(Error::new(ErrorKind::Checksum { what, found, expected }, place.clone()))
+}
+
+fn dense_strides(shape: &[u64]) -> Vec<u64> {
+    let mut next = 1u64;
+    let mut strides: Vec<u64> = shape
+        .iter()
+        .rev()
+        .map(|&size| {
+            let stride = next;
+            next = next.saturating_mul(size.max(1));
+            stride
+        })
+        .collect();
+    strides.reverse();
+    strides
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stored(bytes: impl IntoIterator<Item = u8>) -> Data {
+        Data::Stored(Storage::Memory(bytes.into_iter().collect()))
+    }
+
+    fn budget() -> Budget {
+        Budget::new(&Limits::default())
+    }
+
+    #[test]
+    fn strides_are_followed() {
+        let transposed = |shape, strides, first| {
+            Tensor::new("t".into(), Element::U8, shape, strides, first, stored(0..24))
+        };
+        let t = transposed(vec![3, 2], vec![1, 4], 5).expect("inside");
+        assert_eq!(t.read_f32(&mut budget()).expect("memory"), [5., 9., 6., 10., 7., 11.]);
+        let t = transposed(vec![2, 3], vec![0, 1], 21).expect("inside");
+        assert_eq!(t.read_f64(&mut budget()).expect("memory"), [21., 22., 23., 21., 22., 23.]);
+        let t = transposed(vec![2, 1, 2], vec![1, u64::MAX, 9], 0).expect("inside");
+        assert_eq!(t.read_f32(&mut budget()).expect("memory"), [0., 9., 1., 10.]);
+        assert!(transposed(vec![2, 3], vec![0, 1], 22).is_err());
+        assert!(transposed(vec![2], vec![u64::MAX], 1).is_err());
+        assert!(transposed(vec![0, u64::MAX], vec![1, 1], 24).is_ok());
+        assert!(transposed(vec![0], vec![1], 25).is_err());
+        assert!(transposed(vec![1 << 32, 1 << 32], vec![0, 0], 0).is_err());
+    }
+
+    #[test]
+    fn grids_with_another_fastest_axis_are_copied() {
+        let bytes: Vec<u8> = (0..24u8).flat_map(|i| f32::from(i).to_le_bytes()).collect();
+        let shape = vec![2, 3, 4];
+        let t = Tensor::fortran("t".into(), Element::F32, shape, stored(bytes)).expect("24 values");
+        let volume = t.volume(&Limits::default()).expect("a grid");
+        let (mut out, mut scratch) = ([0.0; 4], Vec::new());
+        volume.read_run(0, [1, 2, 0], &mut out, &mut scratch, |_| {}).expect("inside");
+        assert_eq!(out, [5., 11., 17., 23.]);
+    }
+}

@@ -1,0 +1,137 @@
+//! Plain values of a tensor file: what a pickle or a header comes down to.
+
+use super::array::Tensor;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{Budget, Limits};
+
+/// Most elements of a tensor that stands for a setting.
+const SETTING_ELEMENTS: u64 = 64;
+
+/// Most bytes that are read for a setting.
+const SETTING_BYTES: u64 = 4 << 20;
+
+/// A value of a tensor file.
+#[derive(Debug, Clone)]
+pub enum Value {
+    /// Nothing.
+    None,
+    /// True or false.
+    Bool(bool),
+    /// A whole number.
+    Int(i64),
+    /// A number.
+    Float(f64),
+    /// Text.
+    Text(String),
+    /// An array of numbers.
+    Tensor(Tensor),
+    /// Values in order.
+    List(Vec<Value>),
+    /// Values by key, in the file's order; keys that are no text were turned into it.
+    Dict(Vec<(String, Value)>),
+}
+
+impl Value {
+    /// The value of `key`, of a dictionary that has it.
+    pub fn get(&self, key: &str) -> Option<&Self> {
+        self.entries().iter().find(|(found, _)| found == key).map(|(_, value)| value)
+    }
+
+    /// The value that `keys` lead to, one dictionary after the other.
+    pub fn at(&self, keys: &[&str]) -> Option<&Self> {
+        keys.iter().try_fold(self, |value, key| value.get(key))
+    }
+
+    /// Keys and values of a dictionary; nothing of anything else.
+    pub fn entries(&self) -> &[(String, Self)] {
+        match self {
+            Self::Dict(entries) => entries,
+            _ => &[],
+        }
+    }
+
+    /// The tensor that this is.
+    pub fn tensor(&self) -> Option<&Tensor> {
+        match self {
+            Self::Tensor(tensor) => Some(tensor),
+            _ => None,
+        }
+    }
+
+    /// Whether this is `None`.
+    pub fn is_none(&self) -> bool {
+        matches!(self, Self::None)
+    }
+
+    /// What this is, in a word or two.
+    pub fn describe(&self) -> String {
+        match self {
+            Self::None => "None".into(),
+            Self::Bool(value) => value.to_string(),
+            Self::Int(value) => value.to_string(),
+            Self::Float(value) => value.to_string(),
+            Self::Text(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
+            Self::Tensor(t) => format!("a {} tensor of shape {:?}", t.element().name(), t.shape()),
+            Self::List(values) => format!("a list of {}", values.len()),
+            Self::Dict(entries) => format!("a dictionary of {}", entries.len()),
+        }
+    }
+
+    /// A number, whether Python's, NumPy's or a tensor of one element.
+    pub fn number(&self, key: &str) -> Result<f64> {
+        match self.numbers(key)?.as_slice() {
+            &[number] => Ok(number),
+            _ => Err(self.unlike(key, "one number")),
+        }
+    }
+
+    /// A whole number, likewise.
+    pub fn integer(&self, key: &str) -> Result<i64> {
+        if let Self::Int(value) = self {
+            return Ok(*value);
+        }
+        let number = self.number(key)?;
+        // Above 2^53 a float64 no longer tells neighbours apart.
+        if number.fract() != 0.0 || number.abs() > 9_007_199_254_740_992.0 {
+            return Err(self.unlike(key, "a whole number"));
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a whole number below 2^53")]
+        Ok(number as i64)
+    }
+
+    /// A truth value, likewise; 0 and 1 count.
+    pub fn boolean(&self, key: &str) -> Result<bool> {
+        match (self, self.number(key)) {
+            (Self::Bool(value), _) => Ok(*value),
+            (_, Ok(0.0)) => Ok(false),
+            (_, Ok(1.0)) => Ok(true),
+            _ => Err(self.unlike(key, "true or false")),
+        }
+    }
+
+    /// Three numbers, in a tensor or a list.
+    pub fn vector3(&self, key: &str) -> Result<[f64; 3]> {
+        <[f64; 3]>::try_from(self.numbers(key)?).map_err(|_| self.unlike(key, "three numbers"))
+    }
+
+    /// The numbers of a small tensor, a list of numbers, or a number.
+    pub fn numbers(&self, key: &str) -> Result<Vec<f64>> {
+        match self {
+            Self::Bool(value) => Ok(vec![f64::from(u8::from(*value))]),
+            Self::Int(value) => Ok(vec![*value as f64]),
+            Self::Float(value) => Ok(vec![*value]),
+            Self::Tensor(tensor) if tensor.count() <= SETTING_ELEMENTS => {
+                let limits = Limits { memory: SETTING_BYTES, ..Limits::default() };
+                tensor.read_f64(&mut Budget::new(&limits))
+            }
+            Self::List(values) if values.len() as u64 <= SETTING_ELEMENTS => {
+                values.iter().map(|value| value.number(key)).collect()
+            }
+            _ => Err(self.unlike(key, "a few numbers")),
+        }
+    }
+
+    fn unlike(&self, key: &str, expected: &str) -> Error {
+        Error::malformed(Place::Key(key.into()), self.describe(), expected)
+    }
+}

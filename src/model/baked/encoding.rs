@@ -1,0 +1,207 @@
+//! How values become codes and back.
+//!
+//! ```text
+//! u8, u16:  x = code - 2^(bits - 1),  value = center + x * (step + curve * (x * x))
+//!           each operation rounded to f32, innermost first;
+//!           where code 0 stands for emptiness, it decodes to `empty` instead
+//! f16, f32: value = the number itself
+//! ```
+//!
+//! Codes are dense around `center`, where an activation is steep, and grow sparse towards the ends,
+//! which only have to be in proportion: a surface lies where interpolation between a node inside and
+//! one far outside crosses the visible range.
+
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::activate;
+use crate::model::field::{Activation, UNSEEN_OPACITY};
+
+/// Values that share an encoding and a chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Density, one channel.
+    Density,
+    /// Diffuse colour, three channels.
+    Diffuse,
+    /// Specular features.
+    Features,
+}
+
+impl Group {
+    /// Every group, in the order of a level's chunks.
+    pub const ALL: [Self; 3] = [Self::Density, Self::Diffuse, Self::Features];
+
+    /// Its name in metadata and in unpacked files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Density => "density",
+            Self::Diffuse => "diffuse",
+            Self::Features => "features",
+        }
+    }
+
+    /// Channels, in a field with this many features.
+    pub const fn channels(self, features: usize) -> usize {
+        match self {
+            Self::Density => 1,
+            Self::Diffuse => 3,
+            Self::Features => features,
+        }
+    }
+}
+
+/// How a code is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NumberType {
+    /// One byte.
+    U8,
+    /// Two bytes.
+    U16,
+    /// IEEE binary16.
+    F16,
+    /// IEEE binary32.
+    F32,
+}
+
+impl NumberType {
+    /// Bytes of one code.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 | Self::F16 => 2,
+            Self::F32 => 4,
+        }
+    }
+
+    /// Whether codes are numbers themselves.
+    pub const fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32)
+    }
+}
+
+/// What a decoded value means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decode {
+    /// Raw density: `sigma = softplus(value + shift)`.
+    RawDensity,
+    /// Raw colour: `sigmoid(value)`.
+    Logit,
+    /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
+    SqrtOpticalDepth,
+    /// Opacity over one interval.
+    Opacity,
+}
+
+impl Decode {
+    /// Every meaning.
+    pub const ALL: [Self; 4] =
+        [Self::RawDensity, Self::Logit, Self::SqrtOpticalDepth, Self::Opacity];
+
+    /// What a value comes to: opacity over one interval, or colour from 0 to 1. Errors are counted in
+    /// this. It never falls where values rise.
+    pub fn activated(self, value: f64, activation: &Activation) -> f64 {
+        match self {
+            Self::RawDensity => {
+                activate::opacity(value, activation.shift.into(), activation.interval.into())
+            }
+            Self::SqrtOpticalDepth => -libm::expm1(-value * value),
+            Self::Opacity => value.clamp(0.0, 1.0),
+            Self::Logit => activate::sigmoid(value),
+        }
+    }
+
+    /// The values of a group that can have this meaning.
+    pub const fn is_density(self) -> bool {
+        !matches!(self, Self::Logit)
+    }
+
+    /// The density that nobody sees: see [`Activation::unseen_raw`]. Colours are seen, whatever they
+    /// are.
+    pub fn unseen(self, activation: &Activation) -> f32 {
+        match self {
+            Self::RawDensity => activation.unseen_raw(),
+            Self::SqrtOpticalDepth => UNSEEN_OPACITY.sqrt() as f32,
+            Self::Opacity => UNSEEN_OPACITY as f32,
+            Self::Logit => f32::MAX,
+        }
+    }
+}
+
+/// How the values of one group of one level are stored.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Encoding {
+    /// How a code is stored.
+    pub number: NumberType,
+    /// Bits that codes use: 4 to 16, or those of the float.
+    pub bits: u32,
+    /// Value of the middle code; 0 for floats.
+    pub center: f32,
+    /// Distance of neighbouring codes' values at the middle; 0 for floats.
+    pub step: f32,
+    /// How that distance grows towards the ends; 0 for floats.
+    pub curve: f32,
+    /// What values in dropped blocks read as.
+    pub empty: f32,
+    /// Whether code 0 means `empty`.
+    pub empty_code: bool,
+    /// What a decoded value means.
+    pub decode: Decode,
+    /// Largest distance, at a needed node, of what is decoded from what was encoded: in opacity
+    /// over one interval for density, in colour (0 to 1) otherwise.
+    pub max_error: f32,
+}
+
+impl Encoding {
+    /// The highest integer code.
+    pub fn last_code(&self) -> u32 {
+        (1 << self.bits) - 1
+    }
+
+    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded up.
+    pub fn error_after(&self, moved: f64) -> f32 {
+        if moved > 0.0 {
+            ((f64::from(self.max_error) + moved) * (1.0 + 1e-6)) as f32
+        } else {
+            self.max_error
+        }
+    }
+
+    /// The codes that may be: those that `bits` can hold, those of finite floats.
+    pub fn codes(&self) -> RangeInclusive<u32> {
+        match self.number {
+            NumberType::U8 | NumberType::U16 => 0..=self.last_code(),
+            NumberType::F16 => 0x0400..=0xfbff,
+            NumberType::F32 => 0x0080_0000..=0xff7f_ffff,
+        }
+    }
+
+    /// The values of all integer codes, lowest first; ascending in every sound encoding.
+    pub fn values(&self) -> impl Iterator<Item = f32> {
+        (0..=self.last_code()).map(|code| self.value(code))
+    }
+
+    /// The value of an integer code.
+    pub fn value(&self, code: u32) -> f32 {
+        if self.empty_code && code == 0 {
+            return self.empty;
+        }
+        let x = code as f32 - (1u32 << (self.bits - 1)) as f32;
+        self.center + x * (self.step + self.curve * (x * x))
+    }
+}
+
+/// Codes of one group of one level: `[frame][channel][node]`, z fastest within a block.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Codes {
+    /// Quantized to at most 8 bits.
+    U8(Vec<u8>),
+    /// Quantized to 9 to 16 bits, or the bits of a binary16.
+    U16(Vec<u16>),
+    /// The bits of a binary32.
+    U32(Vec<u32>),
+}

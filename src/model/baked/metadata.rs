@@ -1,0 +1,169 @@
+//! What a renderer needs beside the bulk: the JSON of a container's `META` chunk.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Encoding, Group};
+use crate::model::field::{Activation, March, nullable};
+use crate::model::grid::{BlockGrid, Bounds, Nodes};
+use crate::model::view_mlp::ViewInput;
+
+/// All that is not bulk. Levels go fine to coarse.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Metadata {
+    /// The box that every level spans, in training axes.
+    pub bounds: Bounds,
+    /// Raw density to opacity.
+    pub activation: Activation,
+    /// Steps along a ray.
+    pub march: March,
+    /// How a step's length depends on the level.
+    pub step_rule: StepRule,
+    /// Which level a sample reads.
+    pub level_of_detail: LevelOfDetail,
+    /// How two levels are mixed.
+    pub blend: Blend,
+    /// Colour behind the field.
+    pub background: [f32; 3],
+    /// What colours are.
+    pub color_space: ColorSpace,
+    /// Specular features of a node.
+    pub features: usize,
+    /// View-dependent colour; `None` for a diffuse field.
+    #[serde(deserialize_with = "nullable")]
+    pub view: Option<ViewMetadata>,
+    /// Whether samples outside the free-space mask in chunk `MASK` are dropped.
+    pub free_space: bool,
+    /// Opacity over one interval up to which blocks were dropped. Not for single samples.
+    pub alpha_threshold: f32,
+    /// Name of the filter that made the coarser levels.
+    pub filter: String,
+    /// Fine to coarse.
+    pub levels: Vec<LevelMetadata>,
+}
+
+/// One level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LevelMetadata {
+    /// Nodes along x, y and z.
+    pub dimensions: [usize; 3],
+    /// Nodes along a block's edge.
+    pub block_size: usize,
+    /// Stored blocks, those whose colours are filled among them.
+    pub blocks_stored: usize,
+    /// Blocks whose colours are filled from the next coarser level; left out where there are none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub blocks_filled: usize,
+    /// Density; `None` where every level uses level 0's.
+    #[serde(deserialize_with = "nullable")]
+    pub density: Option<Encoding>,
+    /// Diffuse colour.
+    #[serde(deserialize_with = "nullable")]
+    pub diffuse: Option<Encoding>,
+    /// Specular features; `None` without any.
+    #[serde(deserialize_with = "nullable")]
+    pub features: Option<Encoding>,
+}
+
+fn is_none(count: &usize) -> bool {
+    *count == 0
+}
+
+impl LevelMetadata {
+    /// The cut into blocks.
+    pub fn grid(&self) -> BlockGrid {
+        BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
+    }
+
+    /// Whether colours are stored in integer codes, as filled blocks need them.
+    pub fn has_integer_colors(&self) -> bool {
+        let mut colors = [&self.diffuse, &self.features].into_iter().flatten();
+        colors.all(|encoding| !encoding.number.is_float())
+    }
+
+    /// The encoding of a group, to be changed.
+    pub fn encoding_mut(&mut self, group: Group) -> Option<&mut Encoding> {
+        match group {
+            Group::Density => self.density.as_mut(),
+            Group::Diffuse => self.diffuse.as_mut(),
+            Group::Features => self.features.as_mut(),
+        }
+    }
+
+    /// The encoding of a group.
+    pub fn encoding(&self, group: Group) -> Option<&Encoding> {
+        match group {
+            Group::Density => self.density.as_ref(),
+            Group::Diffuse => self.diffuse.as_ref(),
+            Group::Features => self.features.as_ref(),
+        }
+    }
+}
+
+/// How a step's length depends on the level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepRule {
+    /// `stepsize * voxel_size` at every level, as trained.
+    Constant,
+    /// `stepsize * voxel_size * 2^lambda` from a sample of level of detail `lambda` to the next.
+    LevelOfDetail,
+}
+
+/// How two levels are mixed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Blend {
+    /// Decoded values are mixed, then activated once, as trained.
+    BeforeActivation,
+    /// Optical depths and activated colours of the levels are mixed.
+    AfterActivation,
+}
+
+/// What colours are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColorSpace {
+    /// Display-referred sRGB, as the training pictures.
+    SrgbDisplay,
+}
+
+/// Which sample of the ray aside a sample's footprint is measured to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Aside {
+    /// The one at the same distance: the pixel's size there.
+    SameDistance,
+    /// The one of the same index, as in the paper and the research code. Where the box is entered
+    /// through an oblique face, the entries differ, and what lies behind is blurred.
+    SameIndex,
+}
+
+/// `lambda = clamp(factor * log2(rho) + bias, 0, min(last level, most))`, where `rho` is the
+/// footprint of half a pixel in voxels of size `(max - min) / N`, doubled.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LevelOfDetail {
+    /// 1/3 in the paper, 1/2 in the research code, 1 for mipmaps.
+    pub factor: f32,
+    /// Added after the factor.
+    pub bias: f32,
+    /// Which sample of the ray aside the footprint is measured to.
+    pub aside: Aside,
+    /// An upper bound beside the last level, if there is one.
+    #[serde(deserialize_with = "nullable")]
+    pub most: Option<f32>,
+}
+
+/// The network of chunk `VMLP`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViewMetadata {
+    /// Widths from input to output.
+    pub widths: Vec<usize>,
+    /// Octaves of the direction embedding.
+    pub frequencies: usize,
+    /// What follows the embedding in the first layer's input.
+    pub input: ViewInput,
+}

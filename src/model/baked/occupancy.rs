@@ -1,0 +1,125 @@
+//! Which blocks of a level are stored, and where: the indirection table.
+
+use crate::model::grid::BlockGrid;
+
+/// How a reader gets a block's values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Occupancy {
+    /// The level's empty values.
+    Empty = 0,
+    /// From the block's frame.
+    Stored = 1,
+    /// Density from the block's frame, colours from the next coarser level.
+    Filled = 2,
+}
+
+impl Occupancy {
+    /// Its byte in a file.
+    pub const fn id(self) -> u8 {
+        self as u8
+    }
+
+    /// From its byte in a file.
+    pub const fn from_id(id: u8) -> Option<Self> {
+        match id {
+            0 => Some(Self::Empty),
+            1 => Some(Self::Stored),
+            2 => Some(Self::Filled),
+            _ => None,
+        }
+    }
+}
+
+/// Each block's occupancy, and its frame in the atlases. Frames are numbered in the order of the
+/// blocks, so the table follows from occupancy alone and cannot contradict it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Table {
+    grid: BlockGrid,
+    occupancy: Vec<Occupancy>,
+    /// Frame of the first block of each row of blocks along z.
+    row_frames: Vec<u32>,
+    frames: usize,
+    filled: usize,
+}
+
+impl Table {
+    /// From each block's occupancy, z fastest; as many as the grid has blocks.
+    pub fn new(grid: BlockGrid, occupancy: Vec<Occupancy>) -> Self {
+        assert_eq!(occupancy.len(), grid.total(), "one occupancy for each block");
+        let mut row_frames = Vec::new();
+        let mut frames = 0;
+        for row in occupancy.chunks(grid.counts()[2]) {
+            row_frames.push(frames as u32);
+            frames += row.iter().filter(|&&block| block != Occupancy::Empty).count();
+        }
+        let filled = occupancy.iter().filter(|&&block| block == Occupancy::Filled).count();
+        Self { grid, occupancy, row_frames, frames, filled }
+    }
+
+    /// The level's cut into blocks.
+    pub fn grid(&self) -> BlockGrid {
+        self.grid
+    }
+
+    /// Each block's occupancy, z fastest.
+    pub fn occupancy(&self) -> &[Occupancy] {
+        &self.occupancy
+    }
+
+    /// Blocks that have a frame: those that are stored, and those whose colours are filled.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Blocks whose colours are filled.
+    pub fn filled(&self) -> usize {
+        self.filled
+    }
+
+    /// Whether a block's colours are filled, by its place along each axis.
+    pub fn is_filled(&self, [i, j, k]: [usize; 3]) -> bool {
+        let [_, rows, length] = self.grid.counts();
+        self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled
+    }
+
+    /// Frame of a block by its place along each axis, if it has one.
+    pub fn frame(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
+        let [_, rows, length] = self.grid.counts();
+        let row = i * rows + j;
+        let blocks = &self.occupancy[row * length..][..length];
+        let before = blocks[..k].iter().filter(|&&block| block != Occupancy::Empty).count();
+        (blocks[k] != Occupancy::Empty).then(|| self.row_frames[row] as usize + before)
+    }
+
+    /// Places of the blocks that have a frame, in the order of their frames.
+    pub fn stored(&self) -> impl Iterator<Item = [usize; 3]> {
+        let [_, rows, length] = self.grid.counts();
+        let places = (0..self.occupancy.len())
+            .map(move |block| [block / length / rows, block / length % rows, block % length]);
+        let stored = places.zip(&self.occupancy);
+        stored.filter(|&(_, &block)| block != Occupancy::Empty).map(|(place, _)| place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::grid::Nodes;
+
+    #[test]
+    fn frames_count_the_stored_blocks_in_order() {
+        let grid = BlockGrid { nodes: Nodes([5, 4, 9]), edge: 4 };
+        let occupancy = [1, 0, 2, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
+        let table = Table::new(grid, occupancy.to_vec());
+        assert_eq!((table.frames(), table.filled()), (3, 1));
+        assert!(table.is_filled([0, 0, 2]) && !table.is_filled([1, 0, 0]));
+        let stored: Vec<_> = table.stored().collect();
+        assert_eq!(stored, [[0, 0, 0], [0, 0, 2], [1, 0, 0]]);
+        for (frame, place) in stored.into_iter().enumerate() {
+            assert_eq!(table.frame(place), Some(frame));
+        }
+        assert_eq!(table.frame([1, 0, 2]), None);
+        assert_eq!(Occupancy::from_id(7), None);
+    }
+}

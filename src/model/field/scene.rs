@@ -1,0 +1,82 @@
+//! What a renderer needs beside the grids.
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::model::activate;
+use crate::model::grid::{Bounds, Nodes};
+
+/// Opacity over one interval that nobody sees: 10^4 such samples move a picture by a part in 10^6.
+pub const UNSEEN_OPACITY: f64 = 1e-10;
+
+/// How raw density becomes opacity, and how a ray is marched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The box that every level spans.
+    pub bounds: Bounds,
+    /// Nodes of level 0.
+    pub nodes: Nodes,
+    /// Raw density to opacity.
+    pub activation: Activation,
+    /// Steps along a ray.
+    pub march: March,
+    /// Colour behind the field, in the colour space of training, 0 to 1.
+    pub background: [f32; 3],
+}
+
+/// `sigma = softplus(raw + shift)`, `alpha = 1 - exp(-sigma * interval)`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Activation {
+    /// Added to raw density before softplus.
+    pub shift: f32,
+    /// Step length over base voxel size.
+    pub interval: f32,
+    /// What is interpolated between nodes.
+    pub order: ActivationOrder,
+}
+
+impl Activation {
+    /// The raw density of an opacity of 1e-10: renderers need not look at cells whose corners are all
+    /// at or below it, and bakes fill nodes that nobody needs with at most this.
+    pub fn unseen_raw(&self) -> f32 {
+        activate::raw_at_opacity(UNSEEN_OPACITY, self.shift.into(), self.interval.into()) as f32
+    }
+}
+
+/// What is interpolated between nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActivationOrder {
+    /// Raw density; softplus and opacity come after ("post-activation").
+    Raw,
+    /// Density after softplus (`in_act_density`).
+    Density,
+    /// Opacity (`pre_act_density`).
+    Opacity,
+}
+
+/// Steps along a ray.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct March {
+    /// Step length in voxels.
+    pub stepsize: f32,
+    /// Edge of a cubic voxel of the same volume as the trained one, in world units.
+    pub voxel_size: f32,
+    /// Rays start no nearer than this, in units of the unnormalised direction.
+    pub near: f32,
+    /// Rays enter the box no farther than this; `None` is without bound.
+    #[serde(deserialize_with = "nullable")]
+    pub far: Option<f32>,
+    /// Samples of at most this weight add no colour.
+    pub color_threshold: f32,
+    /// Samples of at most this opacity are dropped altogether.
+    pub alpha_threshold: f32,
+}
+
+/// A key that must be there, though its value may be null.
+pub(crate) fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    Option::deserialize(from)
+}

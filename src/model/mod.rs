@@ -1,0 +1,8 @@
+//! The two nouns and their geometry: the trained [`field::RadianceField`] and the quantized [`baked::BakedField`].
+
+pub mod activate;
+pub mod baked;
+pub mod camera;
+pub mod field;
+pub mod grid;
+pub mod view_mlp;

@@ -1,0 +1,84 @@
+//! What a field should look like: another field, or photographs.
+
+use std::path::{Path, PathBuf};
+
+use super::metrics::Picture;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::base::picture;
+use crate::base::progress::Progress;
+use crate::model::camera::{self, Camera};
+use crate::view::render::{Field, FrameOptions, render};
+
+/// Where the right pictures come from.
+pub enum Reference {
+    /// Rendered from a field.
+    Field(Box<Field>),
+    /// Files in a folder, named as the camera file names its frames.
+    Pictures {
+        /// The folder.
+        folder: PathBuf,
+        /// Colour behind transparent pixels.
+        background: [f32; 3],
+    },
+}
+
+impl Reference {
+    /// The right picture at the camera's size, clamped.
+    pub fn picture(
+        &self,
+        camera: &Camera,
+        supersample: usize,
+        progress: &dyn Progress,
+    ) -> Result<Picture> {
+        match self {
+            Self::Field(field) => {
+                let options = FrameOptions { supersample: 1, ..FrameOptions::default() };
+                let lens = camera.lens.supersampled(supersample);
+                let fine = Camera { lens, ..camera.clone() };
+                let frame = render(field, &fine, &options, progress)?;
+                let full = Picture::of_frame(&frame, field.view().background);
+                Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
+            }
+            Self::Pictures { folder, background } => photograph(folder, camera, *background),
+        }
+    }
+}
+
+fn photograph(folder: &Path, camera: &Camera, background: [f32; 3]) -> Result<Picture> {
+    let path = find(folder, camera).ok_or_else(|| {
+        let missing = std::io::ErrorKind::NotFound.into();
+        Error::io(missing, &folder.join(format!("{}.png", camera.name)))
+    })?;
+    let file = picture::read(&path, Limits::default().memory)?;
+    let (width, height) = (camera.lens.width, camera.lens.height);
+    let factor = file.width / width.max(1);
+    if factor == 0 || file.width != factor * width || file.height != factor * height {
+        let found = format!("a picture of {} x {} pixels", file.width, file.height);
+        let expected = format!("a multiple of {width} x {height}; --size sets the size");
+        return Err(Error::malformed(Place::File, found, expected).in_file(&path));
+    }
+    let pixels = file.bytes.as_chunks::<4>().0;
+    let share = |byte: u8| f32::from(byte) / 255.0;
+    let color = |&[red, green, blue, alpha]: &[u8; 4]| {
+        let opacity = share(alpha);
+        let over = |byte: u8, behind: f32| share(byte) * opacity + behind * (1.0 - opacity);
+        [over(red, background[0]), over(green, background[1]), over(blue, background[2])]
+    };
+    let transparent = pixels.iter().any(|pixel| pixel[3] < 255);
+    let opacity = || pixels.iter().map(|pixel| share(pixel[3])).collect();
+    let full = Picture {
+        width: file.width,
+        height: file.height,
+        color: pixels.iter().map(color).collect(),
+        diffuse: None,
+        opacity: transparent.then(opacity),
+    };
+    Ok(full.downsampled(factor))
+}
+
+/// A frame's picture: by its name in the folder, or by the path of the camera file.
+fn find(folder: &Path, camera: &Camera) -> Option<PathBuf> {
+    let by_name = camera::picture_path(folder, &camera.name);
+    by_name.or_else(|| camera::picture_path(folder, camera.picture.as_deref()?))
+}

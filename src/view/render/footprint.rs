@@ -1,0 +1,66 @@
+//! Level of detail from a pixel's footprint.
+//!
+//! `rho` is the larger, over the picture's x and y, of the distance in voxels of size
+//! `(max - min) / N` between a sample and one on the ray half a pixel aside (of the same distance or
+//! the same index, as the rule says), divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias, 0, last)`. Both rays' samples
+//! move linearly with their index, so the offset is linear and `rho^2` a quadratic in it.
+
+use crate::model::baked::LevelOfDetail;
+
+/// How a ray's level of detail follows from its sample index.
+#[derive(Debug, Clone, Copy)]
+pub struct Footprint {
+    /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole pixel.
+    sides: [[[f64; 3]; 2]; 2],
+    factor: f32,
+    bias: f32,
+    last: f32,
+}
+
+impl Footprint {
+    /// From the sides' offsets in voxels for a whole pixel: `[x or y][at index 0, a step]`.
+    pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: usize) -> Self {
+        let last = (levels - 1) as f32;
+        let last = rule.most.map_or(last, |most| most.min(last));
+        Self { sides, factor: rule.factor, bias: rule.bias, last }
+    }
+
+    /// A level that does not depend on the footprint.
+    pub fn fixed(level: usize) -> Self {
+        let bias = level as f32;
+        Self { sides: [[[0.0; 3]; 2]; 2], factor: 0.0, bias, last: bias }
+    }
+
+    /// The fractional level of sample `k`.
+    pub fn lambda(&self, k: f64) -> f32 {
+        let squares = self.sides.map(|[start, step]| {
+            let [x, y, z] = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
+            x * x + y * y + z * z
+        });
+        self.level(f64::max(squares[0], squares[1]))
+    }
+
+    /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
+    pub fn range(&self, first: f64, last: f64) -> [f32; 2] {
+        if self.factor == 0.0 {
+            return [self.bias; 2];
+        }
+        // Each side's square is convex: largest at an end, least at its vertex.
+        let most = self.lambda(first).max(self.lambda(last));
+        let least = self.sides.map(|[start, step]| {
+            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let vertex = -dot(start, step) / dot(step, step).max(f64::MIN_POSITIVE);
+            let k = vertex.clamp(first, last);
+            let offset = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
+            dot(offset, offset)
+        });
+        [self.level(f64::max(least[0], least[1])).min(most), most]
+    }
+
+    /// The level of a footprint whose square is this.
+    fn level(&self, square: f64) -> f32 {
+        // log2(rho) from rho^2; a pixel of no size is the finest level.
+        let log = 0.5 * libm::log2(square.max(f64::MIN_POSITIVE)) as f32;
+        (self.factor * log + self.bias).clamp(0.0, self.last)
+    }
+}

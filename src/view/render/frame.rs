@@ -1,0 +1,254 @@
+//! Pictures of a field.
+
+use glam::DVec3;
+
+use super::march::{Gathered, march};
+use super::view::{Field, View};
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
+use crate::base::picture::box_means;
+use crate::base::progress::Progress;
+use crate::model::camera::{Camera, Lens};
+use crate::model::view_mlp::RAYS;
+use crate::view::sample::{Sample, Stored};
+
+/// Pixels along a tile's edge. Neighbouring rays read the same blocks.
+const TILE: usize = 16;
+
+/// Which level samples read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LevelChoice {
+    /// As the field's rule says.
+    #[default]
+    Auto,
+    /// Always this one.
+    Fixed(usize),
+}
+
+/// How to render.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameOptions {
+    /// Which level samples read.
+    pub levels: LevelChoice,
+    /// Rays along each side of a pixel; their mean is the pixel.
+    pub supersample: usize,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        Self { levels: LevelChoice::Auto, supersample: 1 }
+    }
+}
+
+/// A picture and its companions, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Pixels along a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Colour over the background, not clamped.
+    pub color: Vec<[f32; 3]>,
+    /// Light left behind the field.
+    pub transmittance: Vec<f32>,
+    /// Expected distance in world units; what is left behind the field counts at `far`, if there is one.
+    pub distance: Vec<f32>,
+    /// Weighted mean level of the samples, 0 where there are none.
+    pub level: Vec<f32>,
+    /// Diffuse colour and features, `channels` a pixel.
+    pub accumulated: Vec<f32>,
+    /// Values of `accumulated` for a pixel.
+    pub channels: usize,
+    /// What it took.
+    pub statistics: Statistics,
+}
+
+/// What rendering took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Statistics {
+    /// Rays.
+    pub rays: u64,
+    /// Samples that were interpolated.
+    pub samples: u64,
+    /// Samples between the rays' entry and exit, looked at or not.
+    pub steps: u64,
+}
+
+impl std::ops::AddAssign for Statistics {
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.samples += other.samples;
+        self.steps += other.steps;
+    }
+}
+
+/// Renders one frame.
+pub fn render(
+    field: &Field,
+    camera: &Camera,
+    options: &FrameOptions,
+    progress: &dyn Progress,
+) -> Result<Frame> {
+    camera.check()?;
+    if progress.cancelled() {
+        return Err(Error::cancelled());
+    }
+    let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
+    let frame = match field {
+        Field::Lanes4(view, stored) => render_lanes(view, stored, &fine, options)?,
+        Field::Lanes8(view, stored) => render_lanes(view, stored, &fine, options)?,
+        Field::Lanes16(view, stored) => render_lanes(view, stored, &fine, options)?,
+    };
+    progress.advance(crate::base::progress::Step::Render, 1);
+    Ok(frame.box_downsampled(options.supersample))
+}
+
+/// One tile's pixels in rows.
+struct Tile<const C: usize> {
+    origin: [usize; 2],
+    size: [usize; 2],
+    gathered: Vec<Gathered<C>>,
+    specular: Vec<[f32; 3]>,
+}
+
+/// Chooses the code for the kind of values here, once a picture and not once a sample.
+fn render_lanes<const C: usize>(
+    view: &View,
+    stored: &Stored<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+) -> Result<Frame> {
+    match stored {
+        Stored::Dense(field) => render_tiles(view, field, camera, options),
+        Stored::Sparse(field) => render_tiles(view, field, camera, options),
+    }
+}
+
+fn render_tiles<const C: usize>(
+    view: &View,
+    field: &impl Sample<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+) -> Result<Frame> {
+    let Lens { width, height, .. } = camera.lens;
+    let across = width.div_ceil(TILE);
+    let tiles = parallel::map(across * height.div_ceil(TILE), |i| {
+        let origin = [i % across * TILE, i / across * TILE];
+        let size = [TILE.min(width - origin[0]), TILE.min(height - origin[1])];
+        Ok(render_tile(view, field, camera, options, origin, size))
+    })?;
+    let channels = 3 + view.features;
+    let mut frame = Frame::black(width, height, channels);
+    for tile in &tiles {
+        tile.place(view, &mut frame);
+    }
+    Ok(frame)
+}
+
+fn render_tile<const C: usize>(
+    view: &View,
+    field: &impl Sample<C>,
+    camera: &Camera,
+    options: &FrameOptions,
+    origin: [usize; 2],
+    size: [usize; 2],
+) -> Tile<C> {
+    let mut gathered = Vec::with_capacity(size[0] * size[1]);
+    let mut directions = Vec::with_capacity(size[0] * size[1]);
+    let fixed = match options.levels {
+        LevelChoice::Auto => None,
+        LevelChoice::Fixed(level) => Some(level),
+    };
+    let needs_footprint = fixed.is_none() && view.level_of_detail.is_some() && field.levels() > 1;
+    for y in origin[1]..origin[1] + size[1] {
+        for x in origin[0]..origin[0] + size[0] {
+            let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
+            let ray = camera.ray(x, y);
+            let aside = needs_footprint.then(|| [camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
+            gathered.push(march(view, field, &ray, aside, fixed));
+            directions.push(unit(ray.direction));
+        }
+    }
+    let mut specular = Vec::with_capacity(gathered.len());
+    if let Some(network) = &view.view_mlp {
+        let channels = 3 + view.features;
+        for (rays, directions) in gathered.chunks(RAYS).zip(directions.chunks(RAYS)) {
+            let accumulated: Vec<&[f32]> = rays.iter().map(|ray| &ray.color[..channels]).collect();
+            let colors = network.colors(directions, &accumulated);
+            specular.extend_from_slice(&colors[..rays.len()]);
+        }
+    } else {
+        specular.resize(gathered.len(), [0.0; 3]);
+    }
+    Tile { origin, size, gathered, specular }
+}
+
+fn unit(direction: DVec3) -> [f64; 3] {
+    (direction / direction.length()).to_array()
+}
+
+impl<const C: usize> Tile<C> {
+    fn place(&self, view: &View, frame: &mut Frame) {
+        for (i, (ray, specular)) in self.gathered.iter().zip(&self.specular).enumerate() {
+            let [x, y] = [self.origin[0] + i % self.size[0], self.origin[1] + i / self.size[0]];
+            let pixel = y * frame.width + x;
+            frame.color[pixel] = [0, 1, 2].map(|channel| {
+                let behind = ray.transmittance * view.background[channel];
+                ray.color[channel] + specular[channel] + behind
+            });
+            let far = view.march.far.unwrap_or(0.0);
+            frame.transmittance[pixel] = ray.transmittance;
+            frame.distance[pixel] = ray.distance + ray.transmittance * far;
+            frame.level[pixel] = ray.level;
+            let channels = frame.channels;
+            frame.accumulated[pixel * channels..][..channels]
+                .copy_from_slice(&ray.color[..channels]);
+            let (samples, steps) = (ray.samples.into(), ray.steps.into());
+            frame.statistics += Statistics { rays: 1, samples, steps };
+        }
+    }
+}
+
+impl Frame {
+    fn black(width: usize, height: usize, channels: usize) -> Self {
+        let pixels = width * height;
+        Self {
+            width,
+            height,
+            color: vec![[0.0; 3]; pixels],
+            transmittance: vec![0.0; pixels],
+            distance: vec![0.0; pixels],
+            level: vec![0.0; pixels],
+            accumulated: vec![0.0; pixels * channels],
+            channels,
+            statistics: Statistics::default(),
+        }
+    }
+
+    /// The mean of `factor` by `factor` pixels; what is left over at the right and below is dropped.
+    #[must_use]
+    pub fn box_downsampled(self, factor: usize) -> Self {
+        if factor == 1 {
+            return self;
+        }
+        let size = [self.width, self.height];
+        let means =
+            |of: &dyn Fn(usize) -> f32| -> Vec<f32> { box_means(size, factor, of).collect() };
+        let mut small = Self::black(self.width / factor, self.height / factor, self.channels);
+        small.statistics = self.statistics;
+        small.transmittance = means(&|pixel| self.transmittance[pixel]);
+        small.distance = means(&|pixel| self.distance[pixel]);
+        small.level = means(&|pixel| self.level[pixel]);
+        for channel in 0..3 {
+            let values = means(&|pixel| self.color[pixel][channel]);
+            small.color.iter_mut().zip(values).for_each(|(pixel, value)| pixel[channel] = value);
+        }
+        for channel in 0..self.channels {
+            let values = means(&|pixel| self.accumulated[pixel * self.channels + channel]);
+            for (pixel, value) in small.accumulated.chunks_exact_mut(self.channels).zip(values) {
+                pixel[channel] = value;
+            }
+        }
+        small
+    }
+}

@@ -1,0 +1,117 @@
+//! Where a ray's samples lie.
+
+use super::view::View;
+use crate::model::baked::Aside;
+use crate::model::camera::Ray;
+
+/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries are
+/// faces, and rounding must not decide whether a ray's first sample counts.
+const ON_FACE: f64 = 1e-9;
+
+/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each axis.
+#[derive(Debug, Clone, Copy)]
+pub struct Path {
+    /// Sample 0.
+    pub start: [f64; 3],
+    /// From one sample to the next.
+    pub step: [f64; 3],
+    /// The first sample inside the box.
+    pub first: f64,
+    /// Where samples end.
+    pub last: f64,
+    /// `t` of sample 0, and for each step.
+    entry: f64,
+    t_step: f64,
+    /// World units for a unit of `t`.
+    length: f64,
+}
+
+impl Path {
+    /// Where the ray samples the box; none if it misses it.
+    pub fn new(view: &View, ray: &Ray) -> Option<Self> {
+        let (entry, length) = (entry_t(view, ray), ray.direction.length());
+        let t_step = step_world(view) / length;
+        let (start, step) = samples(view, ray, entry, t_step);
+        let most = view.nodes.0.map(|size| (size + 1) as f64);
+        let most = (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt();
+        // The first and the last sample inside, along every axis.
+        let (mut first, mut last) = (0.0f64, (most / f64::from(view.march.stepsize)).floor());
+        for axis in 0..3 {
+            let (from, by) = (start[axis], step[axis]);
+            if by == 0.0 {
+                if !(-ON_FACE..=1.0 + ON_FACE).contains(&from) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((-ON_FACE - from) / by, (1.0 + ON_FACE - from) / by);
+            first = first.max(a.min(b).ceil());
+            last = last.min(a.max(b));
+        }
+        (first <= last).then_some(Self { start, step, first, last, entry, t_step, length })
+    }
+
+    /// Sample `k`.
+    #[inline(always)]
+    pub fn position(&self, k: f64) -> [f64; 3] {
+        let along = |axis: usize| (self.start[axis] + k * self.step[axis]).clamp(0.0, 1.0);
+        [along(0), along(1), along(2)]
+    }
+
+    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample
+    /// 0, and its growth with each step.
+    pub fn offsets(&self, view: &View, aside: Aside, other: &Ray) -> [[f64; 3]; 2] {
+        let (start, step) = match aside {
+            Aside::SameIndex => {
+                let t_step = step_world(view) / other.direction.length();
+                samples(view, other, entry_t(view, other), t_step)
+            }
+            Aside::SameDistance => samples(view, other, self.entry, self.t_step),
+        };
+        // Positions are shares of the box, which is N voxels along an axis.
+        let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
+        [
+            [0, 1, 2].map(|axis| (start[axis] - self.start[axis]) * voxels(axis)),
+            [0, 1, 2].map(|axis| (step[axis] - self.step[axis]) * voxels(axis)),
+        ]
+    }
+
+    /// Distance of sample `k` from the camera, in world units.
+    pub fn distance(&self, k: f64) -> f64 {
+        (self.entry + k * self.t_step) * self.length
+    }
+}
+
+/// `t` at which a ray enters the box, clamped to near and far.
+fn entry_t(view: &View, ray: &Ray) -> f64 {
+    let mut entry = f64::NEG_INFINITY;
+    for axis in 0..3 {
+        let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+        // A ray along a face, or a hair beside it, is between the faces from the start or never.
+        if direction == 0.0 {
+            continue;
+        }
+        let (min, max) = (f64::from(view.bounds.min[axis]), f64::from(view.bounds.max[axis]));
+        entry = entry.max(((min - origin) / direction).min((max - origin) / direction));
+    }
+    let far = view.march.far.map_or(f64::INFINITY, f64::from);
+    entry.max(f64::from(view.march.near)).min(far)
+}
+
+/// Length of a step in world units.
+fn step_world(view: &View) -> f64 {
+    f64::from(view.march.stepsize) * f64::from(view.march.voxel_size)
+}
+
+/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along each
+/// axis of the box.
+fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
+    let extent = view.bounds.extent();
+    let start =
+        [0, 1, 2].map(|axis| to_box(view, axis, ray.origin[axis] + ray.direction[axis] * entry));
+    (start, [0, 1, 2].map(|axis| ray.direction[axis] * t_step / extent[axis]))
+}
+
+fn to_box(view: &View, axis: usize, world: f64) -> f64 {
+    (world - f64::from(view.bounds.min[axis])) / view.bounds.extent()[axis]
+}

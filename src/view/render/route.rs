@@ -1,0 +1,97 @@
+//! The samples of a ray that may be seen.
+
+use super::footprint::Footprint;
+use super::path::Path;
+use super::view::View;
+use crate::model::baked::StepRule;
+use crate::model::camera::Ray;
+use crate::view::sample::{Macro, SkipGrid};
+
+/// A ray's samples and their levels of detail.
+#[derive(Debug, Clone, Copy)]
+pub struct Route {
+    /// Where samples lie.
+    pub path: Path,
+    footprint: Footprint,
+    /// Bounds of the levels of detail; equal where it is one.
+    range: [f32; 2],
+}
+
+impl Route {
+    /// Through a field of `levels` levels; `aside` are the rays half a pixel aside along x and y, if
+    /// the level depends on them. None if the ray misses the box.
+    pub fn new(
+        view: &View,
+        levels: usize,
+        ray: &Ray,
+        aside: Option<[Ray; 2]>,
+        fixed_level: Option<usize>,
+    ) -> Option<Self> {
+        let path = Path::new(view, ray)?;
+        let footprint = match (fixed_level, aside, &view.level_of_detail) {
+            (Some(level), _, _) => Footprint::fixed(level.min(levels - 1)),
+            (None, Some(aside), Some(rule)) => {
+                let sides = aside.map(|other| path.offsets(view, rule.aside, &other));
+                Footprint::new(sides, rule, levels)
+            }
+            _ => Footprint::fixed(0),
+        };
+        let range = footprint.range(path.first, path.last);
+        Some(Self { path, footprint, range })
+    }
+
+    /// Visits samples front to back with their number, level of detail and the intervals that each
+    /// stands for, until a visit says no.
+    #[inline(always)]
+    pub fn walk(&self, view: &View, skip: &SkipGrid, mut visit: impl FnMut(f64, f32, f32) -> bool) {
+        let Self { path, footprint, range: [least, most] } = self;
+        // Samples between two levels read both.
+        let levels = [*least as usize, most.ceil() as usize];
+        let constant = least == most;
+        // Intervals from one sample to the next, where they do not depend on the sample.
+        let interval = match view.step_rule {
+            StepRule::Constant => Some(1.0),
+            StepRule::LevelOfDetail => constant.then(|| libm::exp2f(*least)),
+        };
+        let mut k = path.first;
+        while k <= path.last {
+            let place = skip.place(path.position(k));
+            let state = skip.state(levels, place);
+            let room = if let Macro::Empty(room) = state { room } else { 1 };
+            let leaves = skip.leaves(place, room, path.start, path.step);
+            if let (Macro::Empty(_), Some(interval)) = (state, interval) {
+                // The first sample that has left; never the same again, however that is rounded.
+                let interval = f64::from(interval);
+                k += ((leaves.min(path.last + 1.0) - k) / interval).ceil().max(1.0) * interval;
+                continue;
+            }
+            loop {
+                let lambda = if constant { *least } else { footprint.lambda(k) };
+                let interval = interval.unwrap_or_else(|| libm::exp2f(lambda));
+                let seen = match state {
+                    Macro::Empty(_) => false,
+                    Macro::Open => true,
+                    Macro::Masked => view.keeps(path.position(k)),
+                };
+                if seen && !visit(k, lambda, interval) {
+                    return;
+                }
+                k += f64::from(interval);
+                if k >= leaves || k > path.last {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+impl View {
+    /// Whether the free-space mask keeps a sample.
+    fn keeps(&self, position: [f64; 3]) -> bool {
+        let Some(free_space) = &self.free_space else { return true };
+        let extent = self.bounds.extent();
+        let world =
+            [0, 1, 2].map(|axis| f64::from(self.bounds.min[axis]) + position[axis] * extent[axis]);
+        free_space.contains(world)
+    }
+}

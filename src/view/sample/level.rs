@@ -1,0 +1,68 @@
+//! One level's arrays and trilinear interpolation in them.
+
+use crate::model::baked::Decode;
+
+/// A position's cell: its lowest node in the level's arrays, and where in the cell it lies.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Cell {
+    /// Number of the lowest node.
+    pub node: usize,
+    /// Place between the lowest node and the next along each axis, 0 to 1.
+    pub fraction: [f32; 3],
+}
+
+/// Values of nodes, and the distances of neighbours along x and y (along z it is 1).
+#[derive(Debug)]
+pub struct Values<const C: usize> {
+    /// None where the level has no density of its own.
+    pub density: Option<Vec<f32>>,
+    /// What densities mean.
+    pub decode: Decode,
+    pub color: Vec<[f32; C]>,
+    pub strides: [usize; 2],
+}
+
+/// The lowest node of a position's cell along one axis of `nodes`, and the place in it.
+#[inline(always)]
+pub fn split(position: f64, nodes: usize) -> (usize, f32) {
+    let at = position * (nodes - 1) as f64;
+    let low = (at as usize).min(nodes - 2);
+    (low, (at - low as f64) as f32)
+}
+
+impl<const C: usize> Values<C> {
+    fn corners(&self, node: usize) -> [usize; 4] {
+        let [x, y] = self.strides;
+        [node, node + y, node + x, node + x + y]
+    }
+
+    /// Interpolated density, of a level that has it.
+    #[inline(always)]
+    pub fn density(&self, cell: &Cell) -> f32 {
+        let density = self.density.as_deref().unwrap_or_default();
+        let [fx, fy, fz] = cell.fraction;
+        let along_z = self.corners(cell.node).map(|node| {
+            let pair = &density[node..node + 2];
+            pair[0] + (pair[1] - pair[0]) * fz
+        });
+        let low = along_z[0] + (along_z[1] - along_z[0]) * fy;
+        let high = along_z[2] + (along_z[3] - along_z[2]) * fy;
+        low + (high - low) * fx
+    }
+
+    /// Interpolated colour.
+    #[inline(always)]
+    pub fn color(&self, cell: &Cell) -> [f32; C] {
+        let [fx, fy, fz] = cell.fraction;
+        let weights = [(1.0 - fx) * (1.0 - fy), (1.0 - fx) * fy, fx * (1.0 - fy), fx * fy];
+        let mut sum = [0.0; C];
+        for (node, weight) in self.corners(cell.node).into_iter().zip(weights) {
+            let pair = &self.color[node..node + 2];
+            let (near, far) = (weight * (1.0 - fz), weight * fz);
+            for lane in 0..C {
+                sum[lane] += near * pair[0][lane] + far * pair[1][lane];
+            }
+        }
+        sum
+    }
+}

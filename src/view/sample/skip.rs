@@ -1,0 +1,288 @@
+//! Where rays need not look.
+//!
+//! The box is cut into *macro cells* of a few level-0 cells a side. For each level every macro cell
+//! says whether samples of that level can be seen in it, and if not, how far around it nothing can be
+//! seen either: that far a ray jumps at once.
+
+use crate::base::error::Result;
+use crate::levels::prune;
+use crate::model::baked::Decode;
+use crate::model::field::{Activation, FreeSpace, Lookup};
+use crate::model::grid::{BlockGrid, Bounds, Nodes};
+
+use super::interpolated_density;
+
+/// Level-0 cells along a macro cell's edge where the box has few.
+const LEAST_EDGE: usize = 2;
+/// Macro cells along an axis, at most: more would not fit into a processor's caches.
+const MOST_CELLS: usize = 128;
+
+/// What a macro cell says about samples in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Macro {
+    /// Nothing can be seen in it, nor in macro cells less than this many away along every axis.
+    Empty(usize),
+    /// Samples count.
+    Open,
+    /// Samples count where the free-space mask says so.
+    Masked,
+}
+
+/// Macro cells of a field.
+#[derive(Debug, Clone)]
+pub struct SkipGrid {
+    counts: [usize; 3],
+    /// Macro cells along the whole box, which the last ones may overhang.
+    scale: [f64; 3],
+    /// For each level and macro cell, how far the nearest one is in which something can be seen.
+    rooms: Vec<Vec<u8>>,
+    /// Macro cells in which only some positions are inside the free-space mask.
+    masked: Option<Vec<bool>>,
+}
+
+/// The macro cells of a level in which samples have an opacity worth looking at.
+pub struct SeenCells {
+    grid: BlockGrid,
+    limit: f32,
+    blocks: Vec<bool>,
+}
+
+impl SeenCells {
+    /// For a level of `nodes` whose densities mean `decode`; the finest level has `finest`.
+    pub fn new(nodes: Nodes, finest: Nodes, decode: Decode, activation: &Activation) -> Self {
+        let grid = BlockGrid { nodes, edge: macro_edge(finest) };
+        let limit = interpolated_density(activation, decode, decode.unseen(activation));
+        Self { grid, limit, blocks: vec![false; grid.total()] }
+    }
+
+    /// Takes the density, as it is interpolated, of the node `at`, for those of its cells whose lowest
+    /// nodes are from `first` to before `end` along each axis.
+    #[inline]
+    pub fn take(&mut self, at: [usize; 3], density: f32, [first, end]: [[usize; 3]; 2]) {
+        if density <= self.limit {
+            return;
+        }
+        let (edge, [_, by, bz]) = (self.grid.edge, self.grid.counts());
+        // The node is a corner of the cells at and below it.
+        let range = |axis: usize| {
+            let lowest = at[axis].saturating_sub(1).max(first[axis]);
+            let highest = at[axis].min(end[axis] - 1);
+            lowest / edge..highest / edge + 1
+        };
+        for x in range(0) {
+            for y in range(1) {
+                self.blocks[(x * by + y) * bz..][range(2)].fill(true);
+            }
+        }
+    }
+
+    /// The macro cells of the finest level, of `finest` nodes, in which this level can be seen.
+    pub fn finish(self, finest: Nodes) -> Vec<bool> {
+        mark_blocks(&self.blocks, self.grid, finest)
+    }
+}
+
+impl SkipGrid {
+    /// For level 0 of `nodes` nodes. `seen[level]` marks the macro cells in which samples of that
+    /// level alone may be seen, z fastest.
+    pub fn new(
+        nodes: Nodes,
+        bounds: &Bounds,
+        free_space: Option<&FreeSpace>,
+        seen: &[Vec<bool>],
+    ) -> Result<Self> {
+        let counts = macro_counts(nodes);
+        let scale = nodes.0.map(|size| (size - 1) as f64 / macro_edge(nodes) as f64);
+        let masks = match free_space {
+            Some(free_space) => Some(MaskedCells::new(free_space, bounds, nodes)?),
+            None => None,
+        };
+        let touched = |i: usize| masks.as_ref().is_none_or(|masks| masks.touched[i]);
+        let mut rooms = Vec::with_capacity(seen.len());
+        for seen in seen {
+            let seen = seen.iter().enumerate().map(|(i, &seen)| seen && touched(i));
+            rooms.push(distances(seen.collect(), counts));
+        }
+        Ok(Self { counts, scale, rooms, masked: masks.map(|masks| masks.partly) })
+    }
+
+    /// The macro cell of a position, `0..=1` along each axis.
+    #[inline(always)]
+    pub fn place(&self, position: [f64; 3]) -> [usize; 3] {
+        let [x, y, z] = position;
+        let along = |axis: usize, position: f64| {
+            ((position * self.scale[axis]) as usize).min(self.counts[axis] - 1)
+        };
+        [along(0, x), along(1, y), along(2, z)]
+    }
+
+    /// What is in a macro cell for samples that read some of the levels from `finest` to `coarsest`.
+    #[inline(always)]
+    pub fn state(&self, [finest, coarsest]: [usize; 2], [x, y, z]: [usize; 3]) -> Macro {
+        let at = (x * self.counts[1] + y) * self.counts[2] + z;
+        let rooms = self.rooms[finest..=coarsest].iter().map(|rooms| rooms[at]);
+        match rooms.min() {
+            Some(room @ 1..) => Macro::Empty(room.into()),
+            _ if self.masked.as_ref().is_some_and(|masked| masked[at]) => Macro::Masked,
+            _ => Macro::Open,
+        }
+    }
+
+    /// Where a ray leaves a macro cell and all those less than `room` away: the least `k` at which
+    /// `start + k * step` lies on a face that it moves towards, in positions `0..=1`. Infinity where
+    /// it does not move.
+    #[inline(always)]
+    pub fn leaves(&self, place: [usize; 3], room: usize, start: [f64; 3], step: [f64; 3]) -> f64 {
+        let mut least = f64::INFINITY;
+        for axis in 0..3 {
+            if step[axis] == 0.0 {
+                continue;
+            }
+            let face = match step[axis] > 0.0 {
+                true => (place[axis] + room) as f64,
+                false => place[axis] as f64 - (room - 1) as f64,
+            };
+            least = least.min((face / self.scale[axis] - start[axis]) / step[axis]);
+        }
+        least
+    }
+}
+
+/// Level-0 cells along a macro cell's edge, for level 0 of `nodes`.
+fn macro_edge(nodes: Nodes) -> usize {
+    let most = nodes.0.into_iter().max().unwrap_or(2) - 1;
+    most.div_ceil(MOST_CELLS).max(LEAST_EDGE)
+}
+
+fn macro_counts(nodes: Nodes) -> [usize; 3] {
+    nodes.0.map(|size| (size - 1).div_ceil(macro_edge(nodes)))
+}
+
+/// How many cells away the nearest marked one is, by the largest of the distances along the axes; at
+/// most 255.
+fn distances(marked: Vec<bool>, counts: [usize; 3]) -> Vec<u8> {
+    let mut rooms: Vec<u8> =
+        marked.into_iter().map(|marked| if marked { 0 } else { 255 }).collect();
+    // One sweep from each end, over the 13 neighbours that it has passed, is exact for this metric.
+    sweep(&mut rooms, counts);
+    rooms.reverse();
+    sweep(&mut rooms, counts);
+    rooms.reverse();
+    rooms
+}
+
+fn sweep(rooms: &mut [u8], [nx, ny, nz]: [usize; 3]) {
+    let mut least = vec![255u8; nz];
+    for row in 0..nx * ny {
+        let (x, y) = (row / ny, row % ny);
+        least.fill(255);
+        let below = (y.saturating_sub(1)..(y + 2).min(ny)).map(|y| (x.wrapping_sub(1), y));
+        let beside = (y > 0).then(|| (x, y.wrapping_sub(1)));
+        let (passed, own) = rooms.split_at_mut(row * nz);
+        for (x, y) in below.filter(|_| x > 0).chain(beside) {
+            let neighbour = &passed[(x * ny + y) * nz..][..nz];
+            least.iter_mut().zip(neighbour).for_each(|(least, &room)| *least = room.min(*least));
+        }
+        let own = &mut own[..nz];
+        for (z, room) in own.iter_mut().enumerate() {
+            let around = &least[z.saturating_sub(1)..(z + 2).min(nz)];
+            let nearest = around.iter().copied().min().unwrap_or(255);
+            *room = nearest.saturating_add(1).min(*room);
+        }
+        for z in 1..nz {
+            own[z] = own[z].min(own[z - 1].saturating_add(1));
+        }
+    }
+}
+
+/// Marks the macro cells that a level's marked blocks overlap; a block holds the cells whose lowest
+/// nodes it holds.
+fn mark_blocks(blocks: &[bool], grid: BlockGrid, finest: Nodes) -> Vec<bool> {
+    let (counts, macro_edge) = (macro_counts(finest), macro_edge(finest));
+    let BlockGrid { nodes, edge } = grid;
+    // First and one past the last macro cell that block i of an axis overlaps.
+    let range = |axis: usize, i: usize| {
+        let to_macro = (finest.0[axis] - 1) as f64 / (macro_edge * (nodes.0[axis] - 1)) as f64;
+        let low = (i * edge) as f64 * to_macro;
+        let high = ((i + 1) * edge).min(nodes.0[axis] - 1) as f64 * to_macro;
+        // Ends are multiples of 1 / (macro edge * cells), so rounding is less than this: cells that
+        // only touch do not overlap.
+        let (start, end) = ((low + 1e-9) as usize, (high - 1e-9).ceil() as usize);
+        (start.min(counts[axis] - 1), end.min(counts[axis]))
+    };
+    let mut marked = vec![false; counts.iter().product()];
+    for (block, _) in blocks.iter().enumerate().filter(|(_, marked)| **marked) {
+        let [_, by, bz] = grid.counts();
+        let place = [block / bz / by, block / bz % by, block % bz];
+        let [xs, ys, zs] = [0, 1, 2].map(|axis| range(axis, place[axis]));
+        for x in xs.0..xs.1 {
+            for y in ys.0..ys.1 {
+                marked[(x * counts[1] + y) * counts[2]..][zs.0..zs.1].fill(true);
+            }
+        }
+    }
+    marked
+}
+
+/// How the free-space mask divides the macro cells.
+struct MaskedCells {
+    /// Some position of the macro cell is inside the mask.
+    touched: Vec<bool>,
+    /// Some is inside and some is not.
+    partly: Vec<bool>,
+}
+
+impl MaskedCells {
+    fn new(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<Self> {
+        let counts = macro_counts(nodes);
+        let faces: [Vec<f64>; 3] = [0, 1, 2].map(|axis| {
+            let (min, spacing) = (f64::from(bounds.min[axis]), nodes.spacing(bounds)[axis]);
+            let node = |i: usize| (i * macro_edge(nodes)).min(nodes.0[axis] - 1) as f64;
+            (0..=counts[axis]).map(|i| min + node(i) * spacing).collect()
+        });
+        let touched = prune::touched_cells(free_space, &faces)?;
+        let outside = prune::touched_cells(&free_space_complement(free_space), &faces)?;
+        let cells = |get: &dyn Fn([usize; 3]) -> bool| {
+            let [nx, ny, nz] = counts;
+            (0..nx * ny * nz).map(|i| get([i / nz / ny, i / nz % ny, i % nz])).collect()
+        };
+        Ok(Self {
+            touched: cells(&|at| touched.contains(at)),
+            partly: cells(&|at| touched.contains(at) && outside.contains(at)),
+        })
+    }
+}
+
+/// The mask whose inside is the other's outside, at its nodes.
+fn free_space_complement(free_space: &FreeSpace) -> FreeSpace {
+    let lookup = match &free_space.lookup {
+        Lookup::Nearest(inside) => Lookup::Nearest(inside.iter().map(|inside| !inside).collect()),
+        Lookup::Trilinear { values, threshold } => {
+            let outside = |value: &f32| f32::from(u8::from(value < threshold));
+            Lookup::Trilinear { values: values.iter().map(outside).collect(), threshold: 1.0 }
+        }
+    };
+    FreeSpace { lookup, ..free_space.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_to_the_nearest_marked_cell() {
+        let counts = [5, 4, 7];
+        let place = |i: usize| [i / 28, i / 7 % 4, i % 7];
+        for marked in [vec![], vec![0], vec![139], vec![30, 77], vec![6, 64, 120]] {
+            let cells = (0..140).map(|i| marked.contains(&i)).collect();
+            for (i, room) in distances(cells, counts).into_iter().enumerate() {
+                let distance = |&other: &usize| {
+                    let (a, b) = (place(i), place(other));
+                    (0..3).map(|axis| a[axis].abs_diff(b[axis])).max()
+                };
+                let want = marked.iter().filter_map(distance).min().unwrap_or(255);
+                assert_eq!(usize::from(room), want, "cell {i} of {marked:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! A baked field: decoded frames, each with an apron of one node on its upper sides, found through
+//! the indirection table.
+//!
+//! A cell belongs to the block of its lowest node. The apron repeats the lowest nodes of the next
+//! blocks along each axis, so that all cells of a block are interpolated within its frame; where the
+//! next block is not stored the apron holds the level's empty values.
+
+use super::level::{Cell, Values, split};
+use super::skip::{SeenCells, SkipGrid};
+use super::{Sample, interpolated_density};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{Budget, Limits};
+use crate::base::parallel;
+use crate::codec::quantize::decode_codes;
+use crate::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use crate::model::field::Activation;
+use crate::model::grid::Nodes;
+
+/// Marks blocks without a frame.
+const NO_FRAME: u32 = u32::MAX;
+
+/// Sparse levels.
+#[derive(Debug)]
+pub struct Sparse<const C: usize> {
+    levels: Vec<Level<C>>,
+    skip: SkipGrid,
+}
+
+#[derive(Debug)]
+struct Level<const C: usize> {
+    sizes: [usize; 3],
+    /// For each node along each axis, what it adds to the number of its block, and to its own number
+    /// in its frame: divisions that rays would repeat.
+    parts: [Vec<[u32; 2]>; 3],
+    /// Frame of each block, or [`NO_FRAME`].
+    frames: Vec<u32>,
+    /// Nodes of a frame with its apron.
+    frame_nodes: usize,
+    empty_density: f32,
+    empty_color: [f32; C],
+    values: Values<C>,
+}
+
+impl<const C: usize> Sparse<C> {
+    /// Decodes `field`.
+    pub fn new(field: &BakedField, limits: &Limits) -> Result<Self> {
+        let metadata = &field.metadata;
+        if metadata.features + 3 > C {
+            let found = format!("{} colour channels", metadata.features + 3);
+            return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
+        }
+        let mut budget = Budget::new(limits);
+        let mut levels = Vec::new();
+        let mut seen: Vec<Vec<bool>> = Vec::new();
+        let finest = metadata.levels[0].grid().nodes;
+        for (level, of_level) in field.levels.iter().zip(&metadata.levels) {
+            let (activation, features) = (&metadata.activation, metadata.features);
+            let decoded = Level::new(level, of_level, activation, features, &mut budget)?;
+            seen.push(match decoded.seen(level, of_level, finest, activation) {
+                Some(cells) => cells.finish(finest),
+                // Colour alone: what level 0 shows.
+                None => seen[0].clone(),
+            });
+            levels.push(decoded);
+        }
+        let mask = field.free_space.as_ref();
+        let skip = SkipGrid::new(finest, &metadata.bounds, mask, &seen)?;
+        Ok(Self { levels, skip })
+    }
+}
+
+impl<const C: usize> Sample<C> for Sparse<C> {
+    fn levels(&self) -> usize {
+        self.levels.len()
+    }
+
+    #[inline(always)]
+    fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
+        let level = &self.levels[level];
+        let [px, py, pz] = position;
+        let [sx, sy, sz] = level.sizes;
+        let [(x, fx), (y, fy), (z, fz)] = [split(px, sx), split(py, sy), split(pz, sz)];
+        let [xs, ys, zs] = &level.parts;
+        let (x, y, z) = (xs[x], ys[y], zs[z]);
+        let frame = level.frames[(x[0] + y[0] + z[0]) as usize];
+        if frame == NO_FRAME {
+            return None;
+        }
+        let node = frame as usize * level.frame_nodes + (x[1] + y[1] + z[1]) as usize;
+        Some(Cell { node, fraction: [fx, fy, fz] })
+    }
+
+    #[inline(always)]
+    fn density(&self, level: usize, cell: &Cell) -> f32 {
+        self.levels[level].values.density(cell)
+    }
+
+    #[inline(always)]
+    fn color(&self, level: usize, cell: &Cell) -> [f32; C] {
+        self.levels[level].values.color(cell)
+    }
+
+    fn density_level(&self, level: usize) -> bool {
+        self.levels.get(level).is_some_and(|level| level.values.density.is_some())
+    }
+
+    fn decode(&self, level: usize) -> Decode {
+        self.levels[level].values.decode
+    }
+
+    fn empty_density(&self, level: usize) -> f32 {
+        self.levels[level].empty_density
+    }
+
+    fn empty_color(&self, level: usize) -> [f32; C] {
+        self.levels[level].empty_color
+    }
+
+    fn skip(&self) -> &SkipGrid {
+        &self.skip
+    }
+}
+
+impl<const C: usize> Level<C> {
+    fn new(
+        level: &BakedLevel,
+        metadata: &LevelMetadata,
+        activation: &Activation,
+        features: usize,
+        budget: &mut Budget,
+    ) -> Result<Self> {
+        let grid = metadata.grid();
+        let side = grid.edge + 1;
+        let nodes = side.pow(3);
+        let table = &level.table;
+        budget.spend(
+            (table.frames() * nodes * (C + 1) * 4) as u64,
+            "bytes of decoded frames",
+            &Place::File,
+        )?;
+        let mut frames = vec![NO_FRAME; grid.total()];
+        let places: Vec<[usize; 3]> = table.stored().collect();
+        let [_, by, bz] = grid.counts();
+        for (frame, &[x, y, z]) in places.iter().enumerate() {
+            frames[(x * by + y) * bz + z] = frame as u32;
+        }
+        let decode = metadata.density.as_ref().map_or(Decode::RawDensity, |e| e.decode);
+        let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
+        let empty_density = interpolated_density(activation, decode, empty(Group::Density));
+        let mut empty_color = [0.0; C];
+        let (diffuse, rest) = empty_color.split_at_mut(3);
+        diffuse.fill(empty(Group::Diffuse));
+        rest[..features].fill(empty(Group::Features));
+        let decoded = parallel::map(places.len(), |i| {
+            let mut density = vec![0.0; nodes];
+            let mut color = vec![[0.0; C]; nodes];
+            let mut scratch = vec![0.0; nodes];
+            if level.atlases[Group::Density as usize].is_some() {
+                apron_frame(level, metadata, Group::Density, (0, 1), places[i], &mut density);
+                density
+                    .iter_mut()
+                    .for_each(|raw| *raw = interpolated_density(activation, decode, *raw));
+            }
+            let mut lane = 0;
+            for group in [Group::Diffuse, Group::Features] {
+                let channels = group.channels(features);
+                for channel in 0..channels {
+                    apron_frame(
+                        level,
+                        metadata,
+                        group,
+                        (channel, channels),
+                        places[i],
+                        &mut scratch,
+                    );
+                    for (node, &value) in color.iter_mut().zip(&scratch) {
+                        node[lane] = value;
+                    }
+                    lane += 1;
+                }
+            }
+            Ok((density, color))
+        })?;
+        let has_density = metadata.density.is_some();
+        let density = has_density.then(|| decoded.iter().flat_map(|(d, _)| d).copied().collect());
+        let color = decoded.iter().flat_map(|(_, color)| color).copied().collect();
+        let values = Values { density, decode, color, strides: [side * side, side] };
+        let strides = [[by * bz, side * side], [bz, side], [1, 1]];
+        let parts = [0, 1, 2].map(|axis| {
+            let part = |node: usize| {
+                let [block, inside] = [node / grid.edge, node % grid.edge];
+                [(block * strides[axis][0]) as u32, (inside * strides[axis][1]) as u32]
+            };
+            (0..grid.nodes.0[axis]).map(part).collect()
+        });
+        Ok(Self {
+            sizes: grid.nodes.0,
+            parts,
+            frames,
+            frame_nodes: nodes,
+            empty_density,
+            empty_color,
+            values,
+        })
+    }
+
+    /// Where the level can be seen; none if it has no density.
+    fn seen(
+        &self,
+        level: &BakedLevel,
+        metadata: &LevelMetadata,
+        finest: Nodes,
+        activation: &Activation,
+    ) -> Option<SeenCells> {
+        let density = self.values.density.as_ref()?;
+        let grid = metadata.grid();
+        let mut cells = SeenCells::new(grid.nodes, finest, self.values.decode, activation);
+        let [plane, row] = self.values.strides;
+        for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
+            let first = place.map(|block| block * grid.edge);
+            let end = [0, 1, 2].map(|axis| (first[axis] + grid.edge).min(grid.nodes.0[axis] - 1));
+            if (0..3).any(|axis| first[axis] == end[axis]) {
+                // Only the last nodes of an axis, which are no cell's lowest.
+                continue;
+            }
+            for (i, &value) in frame.iter().enumerate() {
+                let inside = [i / plane, i % plane / row, i % row];
+                let at = [0, 1, 2].map(|axis| first[axis] + inside[axis]);
+                cells.take(at, value, [first, end]);
+            }
+        }
+        Some(cells)
+    }
+}
+
+/// Decodes one channel of a block with its apron.
+fn apron_frame(
+    level: &BakedLevel,
+    metadata: &LevelMetadata,
+    group: Group,
+    (channel, channels): (usize, usize),
+    place: [usize; 3],
+    out: &mut [f32],
+) {
+    let (Some(codes), Some(encoding)) = (&level.atlases[group as usize], metadata.encoding(group))
+    else {
+        return;
+    };
+    let grid = metadata.grid();
+    let (edge, side) = (grid.edge, grid.edge + 1);
+    let counts = grid.counts();
+    out.fill(encoding.empty);
+    for corner in 0..8usize {
+        let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+        let neighbour = [0, 1, 2].map(|axis| place[axis] + up[axis]);
+        if (0..3).any(|axis| neighbour[axis] >= counts[axis]) {
+            continue;
+        }
+        let Some(frame) = level.table.frame(neighbour) else { continue };
+        let block = (frame * channels + channel) * grid.block_nodes();
+        // The block itself, or the lowest nodes of a neighbour along each axis that is up.
+        let count = up.map(|up| if up == 1 { 1 } else { edge });
+        for x in 0..count[0] {
+            for y in 0..count[1] {
+                let from = block + (x * edge + y) * edge;
+                let to = ((x + up[0] * edge) * side + y + up[1] * edge) * side + up[2] * edge;
+                let row = &mut out[to..to + count[2]];
+                decode_codes(encoding, codes, from..from + count[2], row);
+            }
+        }
+    }
+}
