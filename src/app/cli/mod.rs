@@ -192,7 +192,7 @@ pub fn main() -> ExitCode {
 
 fn exit_code(kind: &ErrorKind) -> u8 {
     match kind {
-        ErrorKind::Usage { .. } => 2,
+        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => 2,
         ErrorKind::Truncated { .. }
         | ErrorKind::Overflow { .. }
         | ErrorKind::Checksum { .. }
