@@ -6,8 +6,8 @@
 //! averaged and resized as levels are, in units of its own mean again.
 
 use super::{BakeOptions, Importance};
-use crate::levels::mips::Kernel;
-use crate::levels::mips::taps::AxisTaps;
+use crate::levels::Kernel;
+use crate::levels::taps::AxisTaps;
 use crate::model::grid::Nodes;
 use crate::view::render::Exposure;
 

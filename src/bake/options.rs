@@ -2,12 +2,14 @@
 
 use serde_json::json;
 
+use super::MaxErrors;
 use super::memory;
-use super::{Filter, LevelRule, MaxErrors};
 use crate::base::bytes::hex;
 use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
 use crate::codec::container::LARGEST_BLOCK;
 use crate::codec::quantize::Bits;
+use crate::levels::{Filter, LevelRule, SharedFilter};
 use crate::model::baked::{Aside, LevelOfDetail, Metadata};
 use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
@@ -25,7 +27,7 @@ const MOST_FIT_STEPS: usize = 100_000;
 pub struct BakeOptions {
     /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
     /// afar
-    pub filter: Filter,
+    pub filter: SharedFilter,
     /// Levels in all, at most. Default: down to 4 nodes along the longest axis
     pub levels: Option<usize>,
     /// Bits of a code. Default: 8
@@ -66,12 +68,15 @@ pub struct BakeOptions {
     pub memory: Option<u64>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
+    /// Limits on sizes and memory; what comes out does not depend on them. Default: those for files
+    /// that are not trusted
+    pub limits: Limits,
 }
 
 impl Default for BakeOptions {
     fn default() -> Self {
         Self {
-            filter: Filter::RateTent,
+            filter: Filter::RateTent.into(),
             levels: None,
             bits: Bits::Integer(8),
             max_error: None,
@@ -89,6 +94,7 @@ impl Default for BakeOptions {
             seen_from: Vec::new(),
             memory: None,
             nonfinite: Nonfinite::Refuse,
+            limits: Limits::default(),
         }
     }
 }
@@ -97,7 +103,8 @@ impl BakeOptions {
     /// The options that made a container, as far as its metadata and provenance tell.
     pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
         let mut options = Self::default();
-        options.filter = metadata.filter.parse().unwrap_or(options.filter);
+        options.filter =
+            metadata.filter.parse::<Filter>().map_or(options.filter, SharedFilter::from);
         options.levels = Some(metadata.levels.len());
         options.alpha_threshold = metadata.alpha_threshold;
         if let Some(finest) = metadata.levels.first() {
@@ -118,7 +125,7 @@ impl BakeOptions {
 
     /// The rule that says which level a sample reads.
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
-        let own = self.filter.level_of_detail(Aside::SameDistance);
+        let own = self.filter.rule(Aside::SameDistance);
         let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
         LevelOfDetail { factor: rule.factor * self.lod_scale, ..rule }
     }
@@ -150,7 +157,7 @@ impl BakeOptions {
                 "--fill-error must be above 0 and at most 1",
             ),
             (
-                self.lod_rule.is_none() || self.filter != Filter::Fit,
+                self.lod_rule.is_none() || !self.filter.is_fitted(),
                 "--lod-rule and --filter fit exclude each other: a fit finds its own rule",
             ),
             (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
@@ -184,7 +191,7 @@ impl BakeOptions {
         if let Some(max_error) = self.max_error {
             options["max_error"] = max_error.to_json();
         }
-        if self.filter == Filter::Fit {
+        if self.filter.is_fitted() {
             options["fit_steps"] = self.fit_steps.into();
             options["fit_seconds"] = self.fit_seconds.into();
             options["fit_cameras"] = cameras_json(&self.fit_cameras);

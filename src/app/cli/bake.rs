@@ -19,7 +19,7 @@ use super::values::Background;
 use super::{Common, Outcome, readable, say, warn};
 use crate::bake::fit::FittedLevel;
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
+    BakeOptions, BakeReport, Changes, Origin, Preset, StageReport, bake, forecast, repack,
 };
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Result};
@@ -193,7 +193,7 @@ impl Arguments {
             true => Some(self.gate.cameras(&source.field)?),
             false => None,
         };
-        if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
+        if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
             check_judges(&options.fit_cameras, cameras)?;
         }
         let options = &self.seen(options, &source.field)?;
@@ -331,7 +331,7 @@ impl Arguments {
             let inputs = vec![self.input.clone()];
             return Ok(Baked { report, resolved: options.to_json(), gate: None, inputs });
         }
-        let report = rebake(unpacked, &changes, output, bar)?;
+        let report = repack(unpacked, &changes, &options.limits, output, bar)?;
         let inputs = vec![self.input.clone()];
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }

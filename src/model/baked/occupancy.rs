@@ -83,6 +83,15 @@ impl Table {
         self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled
     }
 
+    /// The same blocks, all with colours of their own.
+    pub fn without_inheritance(&self) -> Self {
+        let stored = |&block: &Occupancy| match block {
+            Occupancy::Filled => Occupancy::Stored,
+            block => block,
+        };
+        Self::new(self.grid, self.occupancy.iter().map(stored).collect())
+    }
+
     /// Frame of a block by its place along each axis, if it has one.
     pub fn frame(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
         let [_, rows, length] = self.grid.counts();

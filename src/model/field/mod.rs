@@ -7,7 +7,7 @@ mod scene;
 mod volume;
 
 pub use free_space::{FreeSpace, Lookup};
-pub use planes::{EMPTY_DENSITY, Found, Nonfinite, PlaneRead, Planes, verify_crc32};
+pub use planes::{EMPTY_DENSITY, Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub(crate) use scene::nullable;
 pub use scene::{Activation, ActivationOrder, March, Scene, UNSEEN_OPACITY};
 pub use volume::Volume;

@@ -69,6 +69,12 @@ impl NodeMask {
         self.bits[first * length..].chunks_exact_mut(length).collect()
     }
 
+    /// The rows of one x plane.
+    pub fn plane_mut(&mut self, x: usize) -> &mut [u64] {
+        let length = self.nodes.0[1] * self.words;
+        &mut self.bits[x * length..][..length]
+    }
+
     /// The grid's size.
     pub fn nodes(&self) -> Nodes {
         self.nodes

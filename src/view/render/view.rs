@@ -2,11 +2,12 @@
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::model::baked::{BakedField, Blend, LevelOfDetail, Metadata, StepRule};
-use crate::model::field::{Activation, FreeSpace, March, RadianceField};
+use crate::levels::LevelFilter;
+use crate::model::baked::{Aside, BakedField, Blend, LevelOfDetail, Metadata, StepRule};
+use crate::model::field::{Activation, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::view_mlp::ViewMlp;
-use crate::view::sample::{Dense, Levels, Sparse, Stored};
+use crate::view::sample::{Dense, Sparse, Stored};
 
 /// Everything but the values between nodes.
 #[derive(Debug, Clone)]
@@ -37,17 +38,28 @@ pub struct View {
     pub features: usize,
 }
 
-/// Coarser levels of a trained field, and the rules to render them by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrainedLevels {
-    /// How they are made.
-    pub levels: Levels,
+/// Coarser levels of a trained field, and the rule to render them by.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainedLevels<'a> {
+    /// How they are made, mixed and marched through.
+    pub filter: &'a dyn LevelFilter,
+    /// Levels in all, at most.
+    pub count: usize,
     /// Which level a sample reads.
     pub level_of_detail: LevelOfDetail,
-    /// How two levels are mixed.
-    pub blend: Blend,
-    /// How far apart samples of coarser levels are.
-    pub step_rule: StepRule,
+}
+
+impl<'a> TrainedLevels<'a> {
+    /// As many levels as `filter` makes of a scene, rendered by the rules of training where training
+    /// had such levels.
+    pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
+        let aside = match filter.blend() {
+            Blend::BeforeActivation => Aside::SameIndex,
+            Blend::AfterActivation => Aside::SameDistance,
+        };
+        let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(aside));
+        Self { filter, count, level_of_detail }
+    }
 }
 
 /// A field to be rendered: rules, and values in as many lanes as its channels need.
@@ -76,14 +88,14 @@ impl Field {
             march: scene.march,
             background: scene.background,
             depth_scale: 1.0,
-            blend: levels.map_or(Blend::BeforeActivation, |levels| levels.blend),
-            step_rule: levels.map_or(StepRule::Constant, |levels| levels.step_rule),
+            blend: levels.map_or(Blend::BeforeActivation, |levels| levels.filter.blend()),
+            step_rule: levels.map_or(StepRule::Constant, |levels| levels.filter.step_rule()),
             level_of_detail: levels.map(|levels| levels.level_of_detail),
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
             features,
         };
-        let levels = levels.map_or(Levels::FINEST, |levels| levels.levels);
+        let levels = levels.map(|levels| (levels.filter, levels.count));
         Ok(match features {
             0..=1 => Self::Lanes4(view, Stored::Dense(Dense::new(field, levels, limits)?)),
             2..=5 => Self::Lanes8(view, Stored::Dense(Dense::new(field, levels, limits)?)),

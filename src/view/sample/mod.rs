@@ -14,7 +14,7 @@ mod level;
 mod skip;
 mod sparse;
 
-pub use dense::{Dense, Levels};
+pub use dense::Dense;
 pub use level::Cell;
 pub use skip::{Macro, SkipGrid};
 pub use sparse::Sparse;

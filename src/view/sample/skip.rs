@@ -5,7 +5,7 @@
 //! seen either: that far a ray jumps at once.
 
 use crate::base::error::Result;
-use crate::levels::prune;
+use crate::levels::free_space;
 use crate::model::baked::Decode;
 use crate::model::field::{Activation, FreeSpace, Lookup};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
@@ -240,8 +240,8 @@ impl MaskedCells {
             let node = |i: usize| (i * macro_edge(nodes)).min(nodes.0[axis] - 1) as f64;
             (0..=counts[axis]).map(|i| min + node(i) * spacing).collect()
         });
-        let touched = prune::touched_cells(free_space, &faces)?;
-        let outside = prune::touched_cells(&free_space_complement(free_space), &faces)?;
+        let touched = free_space::touched_cells(free_space, &faces)?;
+        let outside = free_space::touched_cells(&free_space_complement(free_space), &faces)?;
         let cells = |get: &dyn Fn([usize; 3]) -> bool| {
             let [nx, ny, nz] = counts;
             (0..nx * ny * nz).map(|i| get([i / nz / ny, i / nz % ny, i % nz])).collect()

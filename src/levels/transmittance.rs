@@ -1,9 +1,10 @@
-//! Light that gets to each node along the 26 directions to a neighbour.
+//! Transmittance from outside the box to each node, along the 26 directions to a neighbour.
 //!
-//! Planes are gone through in order, once upwards and once downwards along x, with the light of nine directions on the
-//! way from each to the next; the eight directions within planes follow plane by plane. So what is worked on stays in
-//! the caches, and the whole field is read three times instead of once for each direction. Both ways run at the same
-//! time, and each sum has its terms in one order: threads never show.
+//! Planes are swept in order, once upwards and once downwards along x. A sweep carries the
+//! transmittance of nine directions from each plane to the next. The eight directions within planes
+//! follow plane by plane. So the working set stays in the caches, and the whole grid is read three
+//! times instead of once for each direction. Both sweeps run at the same time, and the terms of each
+//! sum have one order, so results do not depend on threads.
 
 use multiversion::multiversion;
 
@@ -12,18 +13,18 @@ use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::grid::Nodes;
 
-/// Light below this is none: it keeps products from subnormal numbers, which processors are slow with.
-pub const LEAST: f32 = 1e-9;
-/// No optical depth is more than this from a node to the next, for the same reason.
-const MOST_DEPTH: f32 = 30.0;
+/// Smaller transmittances and optical depths are 0: processors are slow with subnormal products.
+pub const NEGLIGIBLE: f32 = 1e-9;
+/// The greatest optical depth from a node to the next, for the same reason.
+const GREATEST_DEPTH: f32 = 30.0;
 /// Steps along y and z on the way from a plane to the next.
 const SIDEWAYS: [[isize; 2]; 9] =
     [[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [-1, 1], [1, -1], [1, 1]];
 
-/// What is in the way of light.
+/// A grid of optical depths.
 #[derive(Debug, Clone, Copy)]
-pub struct Light<'a> {
-    /// Its size.
+pub struct TransmittanceSweep<'a> {
+    /// The grid's size.
     pub nodes: Nodes,
     /// Intervals from a node to the next along each axis.
     pub spacing: [f32; 3],
@@ -31,8 +32,8 @@ pub struct Light<'a> {
     pub depths: &'a [f32],
 }
 
-impl Light<'_> {
-    /// The sum of the light, 1 at its start, that gets to each node along all directions.
+impl TransmittanceSweep<'_> {
+    /// The sum over all directions of each node's transmittance, 0 to 26.
     pub fn sums(&self) -> Result<Vec<f32>> {
         let (mut up, down) = parallel::join(|| self.along_x(false), || self.along_x(true));
         let size = self.plane_size();
@@ -53,11 +54,12 @@ impl Light<'_> {
         &self.depths[x * self.plane_size()..][..self.plane_size()]
     }
 
-    /// What the nodes of a plane let through to neighbours so many steps away along each axis.
-    fn passing(&self, depths: &[f32], steps: [bool; 3], passing: &mut [f32]) {
+    /// Transmittances from the nodes of a plane to neighbours that are one step away along the axes in
+    /// `steps`.
+    fn node_transmittances(&self, depths: &[f32], steps: [bool; 3], transmittances: &mut [f32]) {
         let lengths = [0, 1, 2].map(|axis| if steps[axis] { self.spacing[axis] } else { 0.0 });
         let [x, y, z] = lengths.map(|length| length * length);
-        transmittances(depths, (x + y + z).sqrt(), passing);
+        exponentials(depths, (x + y + z).sqrt(), transmittances);
     }
 
     /// The sums over the nine directions up along x, or down.
@@ -65,22 +67,22 @@ impl Light<'_> {
         let [nx, ny, nz] = self.nodes.0;
         let size = self.plane_size();
         let mut sums = vec![0.0; nx * size];
-        // Behind what has been gone through: nothing so far.
+        // From outside to the plane, by direction.
         let mut light = [(); SIDEWAYS.len()].map(|()| vec![1.0; size]);
-        let mut passing = [(); 4].map(|()| vec![1.0; size]);
+        let mut through = [(); 4].map(|()| vec![1.0; size]);
         let mut next = vec![1.0; size];
         for x in 0..nx {
             let x = if down { nx - 1 - x } else { x };
             let sums = &mut sums[x * size..][..size];
             for ([dy, dz], light) in SIDEWAYS.into_iter().zip(&mut light) {
-                let passing = &passing[kind(dy, dz)];
+                let through = &through[kind(dy, dz)];
                 for y in 0..ny {
                     let row = y * nz..(y + 1) * nz;
                     let (next, sums) = (&mut next[row.clone()], &mut sums[row]);
                     match y.checked_add_signed(-dy).filter(|&from| from < ny) {
                         Some(from) => {
                             let from = from * nz..(from + 1) * nz;
-                            step(dz, &light[from.clone()], &passing[from], next);
+                            step(dz, &light[from.clone()], &through[from], next);
                         }
                         None => next.fill(1.0),
                     }
@@ -88,56 +90,60 @@ impl Light<'_> {
                 }
                 std::mem::swap(light, &mut next);
             }
-            for (kind, passing) in passing.iter_mut().enumerate() {
-                self.passing(self.plane(x), [true, kind & 2 > 0, kind & 1 > 0], passing);
+            for (kind, through) in through.iter_mut().enumerate() {
+                self.node_transmittances(
+                    self.plane(x),
+                    [true, kind & 2 > 0, kind & 1 > 0],
+                    through,
+                );
             }
         }
         sums
     }
 
-    /// Adds the light along the eight directions within a plane.
+    /// Adds the transmittances along the eight directions within a plane.
     fn within_plane(&self, depths: &[f32], sums: &mut [f32]) {
         let nz = self.nodes.0[2];
-        let mut passing = vec![0.0; depths.len()];
+        let mut through = vec![0.0; depths.len()];
         let [mut light, mut next] = [(); 2].map(|()| vec![1.0; nz]);
         for dz in [0, -1, 1] {
-            // Both ways along z take as long.
+            // Both ways along z are equally long.
             if dz <= 0 {
-                self.passing(depths, [false, true, dz != 0], &mut passing);
+                self.node_transmittances(depths, [false, true, dz != 0], &mut through);
             }
             for down in [false, true] {
                 light.fill(1.0);
-                let mut go = |(passing, sums): (&[f32], &mut [f32])| {
+                let mut go = |(through, sums): (&[f32], &mut [f32])| {
                     add(sums, &light);
-                    step(dz, &light, passing, &mut next);
+                    step(dz, &light, through, &mut next);
                     std::mem::swap(&mut light, &mut next);
                 };
-                let rows = passing.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
+                let rows = through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
                 if down { rows.rev().for_each(&mut go) } else { rows.for_each(&mut go) }
             }
         }
-        self.passing(depths, [false, false, true], &mut passing);
-        for (passing, sums) in passing.chunks_exact(nz).zip(sums.chunks_exact_mut(nz)) {
+        self.node_transmittances(depths, [false, false, true], &mut through);
+        for (through, sums) in through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz)) {
             let [mut up, mut down] = [1.0; 2];
             for z in 0..nz {
                 let opposite = nz - 1 - z;
                 sums[z] += up;
                 sums[opposite] += down;
-                up = behind(up, passing[z]);
-                down = behind(down, passing[opposite]);
+                up = behind(up, through[z]);
+                down = behind(down, through[opposite]);
             }
         }
     }
 }
 
-/// Which of four transmittances steps along y and z need.
+/// The number, of four, of the transmittances that steps along y and z need.
 fn kind(dy: isize, dz: isize) -> usize {
     2 * usize::from(dy != 0) + usize::from(dz != 0)
 }
 
-/// The light of the next row behind one, `dz` nodes further along z; 1 where it comes from outside.
+/// The transmittances of the next row, `dz` nodes further along z; 1 where the ray enters there.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn step(dz: isize, light: &[f32], passing: &[f32], next: &mut [f32]) {
+fn step(dz: isize, light: &[f32], through: &[f32], next: &mut [f32]) {
     let last = light.len() - 1;
     let (from, next) = match dz {
         0 => (0..last + 1, next),
@@ -150,8 +156,8 @@ fn step(dz: isize, light: &[f32], passing: &[f32], next: &mut [f32]) {
             (1..last + 1, &mut next[..last])
         }
     };
-    for ((next, light), passing) in next.iter_mut().zip(&light[from.clone()]).zip(&passing[from]) {
-        *next = behind(*light, *passing);
+    for ((next, light), through) in next.iter_mut().zip(&light[from.clone()]).zip(&through[from]) {
+        *next = behind(*light, *through);
     }
 }
 
@@ -162,17 +168,17 @@ fn add(sums: &mut [f32], light: &[f32]) {
     }
 }
 
-/// What nodes let through to the next, `length` intervals away.
+/// Transmittances over `length` intervals.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn transmittances(depths: &[f32], length: f32, passing: &mut [f32]) {
-    for (passing, depth) in passing.iter_mut().zip(depths) {
-        *passing = lanes::exp(-(depth * length).min(MOST_DEPTH));
+fn exponentials(depths: &[f32], length: f32, transmittances: &mut [f32]) {
+    for (transmittance, depth) in transmittances.iter_mut().zip(depths) {
+        *transmittance = lanes::exp(-(depth * length).min(GREATEST_DEPTH));
     }
 }
 
-/// What is left of `light` behind what lets `passing` through.
+/// The transmittance behind a node that lets the share `through` through.
 #[inline(always)]
-fn behind(light: f32, passing: f32) -> f32 {
-    let left = light * passing;
-    if left > LEAST { left } else { 0.0 }
+fn behind(light: f32, through: f32) -> f32 {
+    let product = light * through;
+    if product > NEGLIGIBLE { product } else { 0.0 }
 }

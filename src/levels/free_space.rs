@@ -1,4 +1,4 @@
-//! Where the free-space mask lets samples be.
+//! The cells of a grid that the free-space mask lets samples be in.
 //!
 //! The mask is a grid of its own with its own box, looked up at each sample. A cell of a level is
 //! *inside* if any of its points may be in the mask: if any mask node within the reach of a lookup
@@ -15,21 +15,33 @@ use crate::model::grid::{Bounds, NodeMask, Nodes, row};
 const SLACK: f64 = 1e-4;
 
 /// The cells of a level that the mask touches.
+///
+/// # Errors
+///
+/// None of its own.
 pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<NodeMask> {
     touched_cells(free_space, &cell_faces(bounds, nodes))
 }
 
 /// The cells between `faces` (world positions along each axis, ascending) that the mask touches, as
-/// a mask of as many nodes as there are faces.
+/// a set of as many nodes as there are faces.
+///
+/// # Errors
+///
+/// None of its own.
 pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<NodeMask> {
     let nodes = Nodes([0, 1, 2].map(|axis| faces[axis].len()));
-    gather(&inside_nodes(free_space)?, nodes, &mask_ranges(free_space, faces))
+    any_in_ranges(&inside_nodes(free_space)?, nodes, &mask_ranges(free_space, faces))
 }
 
-/// How much would show if the mask were dropped: the opacity, over one interval, of the visible
-/// samples that only the mask drops, for each visible sample that it keeps. Sampled at 27 points of
-/// each cell that is partly inside. A mask's box holds the field's, as training makes it: beyond its nodes nothing is
-/// looked for.
+/// The opacity that would show if the mask were dropped: that over one interval of the visible
+/// samples that only the mask drops, for each visible sample that it keeps. Cells that are partly
+/// inside are sampled at 27 points each. A mask's box holds the field's, as training makes it, so
+/// nothing is searched beyond its nodes.
+///
+/// # Errors
+///
+/// Those of reading density.
 pub fn masked_share(
     free_space: &FreeSpace,
     planes: &Planes,
@@ -41,7 +53,7 @@ pub fn masked_share(
     let nodes = cells.nodes();
     let outside = inside_nodes(free_space)?.complement();
     let ranges = mask_ranges(free_space, &cell_faces(bounds, nodes));
-    let mut partial = gather(&outside, nodes, &ranges)?;
+    let mut partial = any_in_ranges(&outside, nodes, &ranges)?;
     partial.intersect(cells);
     let corners = partial.corners()?;
     let spacing = nodes.spacing(bounds);
@@ -79,8 +91,8 @@ pub fn masked_share(
     Ok(sums.iter().sum::<f64>() / (27 * cells.count().max(1)) as f64)
 }
 
-/// For each cell of `nodes`, whether `from` holds a node in the cell's ranges along each axis.
-pub(super) fn gather(
+/// The cells of `nodes` for which `from` holds a node in the cell's ranges along each axis.
+pub(super) fn any_in_ranges(
     from: &NodeMask,
     nodes: Nodes,
     ranges: &[Vec<(usize, usize)>; 3],

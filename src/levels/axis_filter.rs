@@ -1,21 +1,23 @@
-//! One step from a level to the next: rows are summed along y as planes come, then along x and z.
+//! The filter from one level to the next. Rows are summed along y as planes come, then planes along
+//! x, then values along z.
 
 use std::collections::VecDeque;
 use std::ops::Range;
 
 use multiversion::multiversion;
 
-use super::regions::Step;
+use super::required::LevelTaps;
 use crate::model::grid::{NodeMask, row};
 
-/// Rows of a plane that are worked on together: as many as leave room in the caches for what they are made of.
+/// Bytes of the rows that are worked on together. The caches have room for their inputs too.
 const BAND_BYTES: usize = 64 << 10;
-/// Output nodes that nobody needs, but fewer than these in a row are made too: stopping costs more.
-const GAP: usize = 16;
+/// Shorter gaps between required output nodes are computed too: splitting the loop costs more.
+const BRIDGED_NODES: usize = 16;
 
-/// Planes on their way up from one level to the next.
-pub(super) struct Stage<'a> {
-    pub(super) step: &'a Step,
+/// Planes between two levels.
+pub(super) struct AxisFilter<'a> {
+    pub(super) taps: &'a LevelTaps,
+    /// The required nodes of the coarser level.
     pub(super) outputs: &'a NodeMask,
     /// Number of the first plane in `ring`.
     pub(super) ring_first: usize,
@@ -25,7 +27,7 @@ pub(super) struct Stage<'a> {
     pub(super) made: usize,
 }
 
-impl Stage<'_> {
+impl AxisFilter<'_> {
     /// Planes that have come so far.
     pub(super) fn fed(&self) -> usize {
         self.ring_first + self.ring.len()
@@ -33,13 +35,13 @@ impl Stage<'_> {
 
     /// Sums the ring along x, and then along z, into output plane `x` of one channel.
     pub(super) fn sum_planes(&self, x: usize, channel: usize, out: &mut [f32]) {
-        let [x_taps, _, z_taps] = &self.step.axes;
+        let [x_taps, _, z_taps] = &self.taps.axes;
         let (first, weights) = x_taps.window(x);
         let nz = z_taps.inputs();
         let mut sums = vec![0.0; nz];
         for (y, out) in out.chunks_exact_mut(z_taps.outputs()).enumerate() {
-            for (start, end) in row::spans(self.outputs.row(x, y), out.len(), GAP) {
-                let (low, high) = z_taps.long_reach(start, end);
+            for (start, end) in row::spans(self.outputs.row(x, y), out.len(), BRIDGED_NODES) {
+                let (low, high) = z_taps.padded_inputs_of(start, end);
                 let sums = &mut sums[low..high];
                 let row = |plane: usize| {
                     let ring = &self.ring[first + plane - self.ring_first][channel];
@@ -54,19 +56,20 @@ impl Stage<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where output planes read it: some rows at a time, as
-    /// soon as `fill(rows, plane)` has made those, so that they are still in a processor's cache.
+    /// Filters one channel of a plane of the finer level along y, where the output nodes in `readers`
+    /// read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they are then
+    /// still in a processor's cache.
     pub(super) fn filter_plane(
         &self,
-        wanted: &[u64],
+        readers: &[u64],
         plane: &mut [f32],
         out: &mut [f32],
         mut fill: impl FnMut(Range<usize>, &mut [f32]),
     ) {
-        if wanted.iter().all(|&word| word == 0) {
+        if readers.iter().all(|&word| word == 0) {
             return;
         }
-        let [_, y_taps, z_taps] = &self.step.axes;
+        let [_, y_taps, z_taps] = &self.taps.axes;
         let (ny, nz) = (y_taps.inputs(), z_taps.inputs());
         let words = self.outputs.row_words();
         let mut sums = vec![0.0; nz];
@@ -78,9 +81,9 @@ impl Stage<'_> {
             let ready = y_taps.ready(end);
             for y in made..ready {
                 let (first, weights) = y_taps.window(y);
-                let wanted = &wanted[y * words..][..words];
-                for (start, end) in row::spans(wanted, z_taps.outputs(), GAP) {
-                    let (low, high) = z_taps.long_reach(start, end);
+                let readers = &readers[y * words..][..words];
+                for (start, end) in row::spans(readers, z_taps.outputs(), BRIDGED_NODES) {
+                    let (low, high) = z_taps.padded_inputs_of(start, end);
                     let sums = &mut sums[low..high];
                     let row = |row: usize| &plane[(first + row) * nz..][low..high];
                     sum_rows(weights, row, sums);
@@ -92,14 +95,14 @@ impl Stage<'_> {
     }
 }
 
-/// Sums rows times weights, in their order. Rows without weight may not be there.
+/// Sums rows times weights, in their order. Rows without weight are not asked for.
 #[inline(always)]
 fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f64]) {
     sums.fill(0.0);
     let mut weighted =
         weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
     while let Some(first) = weighted.next() {
-        // As many at once as the default filter has: sums then stay in registers.
+        // Four at once, as many as the default filter has: sums then stay in registers.
         let [second, third, fourth] = [(); 3].map(|()| weighted.next());
         match (second, third, fourth) {
             (Some(second), Some(third), Some(fourth)) => {

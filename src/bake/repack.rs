@@ -4,27 +4,27 @@
 //! encodings are searched only where an error is asked for. Decoding and encoding are inverse for
 //! codes, so without changes the result is the same file that was unpacked, byte for byte.
 
-use std::ops::Range;
-use std::time::Instant;
-
 use serde_json::{Value, json};
 
-use super::encode::{Check, EncodeOptions, LevelEncoder};
-use super::ranges::{LevelSpans, encodings_within};
-use super::report::{BakeReport, StageReport, level_reports};
-use super::{LevelRule, MaxErrors};
+use super::inherit::Inheritance;
+use super::pack::{BitSearch, LevelSource, Packing};
+use super::report::{BakeReport, Stages, level_reports};
+use super::run::write;
+use super::{ErrorBound, LevelRule, MaxErrors};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits::Limits;
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
-use crate::codec::container::{self, Head};
+use crate::codec::container::Head;
 use crate::codec::quantize::{Bits, color_encoding, density_encoding};
 use crate::codec::unpack::{Unpacked, UnpackedLevel};
+use crate::levels::{Plane, PlaneSink, ReadSummary};
 use crate::model::baked::{Encoding, Group, Metadata, Table};
 use crate::model::field::{March, Scene, Volume};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes, row};
 
-/// What to change of an unpacked container.
+/// Changes to an unpacked container.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Changes {
     /// Other bits, with ranges to match.
@@ -114,46 +114,47 @@ fn change(encoding: &mut Encoding, to: &Encoding) {
 }
 
 /// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
-pub fn rebake(
+///
+/// Blocks that inherit their colours were unpacked with those colours. Each is encoded like any other
+/// block, and inherits again if that gives exactly its codes. So edited values are kept, and a changed
+/// encoding or number of levels breaks no bound.
+///
+/// # Errors
+///
+/// A value that is not finite, or one that its encoding cannot hold within the stated error.
+pub fn repack(
     unpacked: &Unpacked,
     changes: &Changes,
+    limits: &Limits,
     output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     changes.max_error.map_or(Ok(()), |max_error| max_error.check())?;
-    let clock = Instant::now();
+    let mut stages = Stages::start();
     let mut metadata = unpacked.metadata.clone();
     changes.apply(&mut metadata);
-    if let Some(max_error) = changes.max_error {
-        fit_encodings(unpacked, max_error, &mut metadata)?;
-    }
     let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
     let stated = stated.and_then(|level| i32::try_from(level).ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
-    progress.begin(Step::Encode, metadata.levels.len() as u64);
-    let mut levels = Vec::new();
-    let mut bytes_read = 0;
-    for (number, (level, of_level)) in unpacked.levels.iter().zip(&metadata.levels).enumerate() {
-        // Arrays can be edited: what a container's encodings were made for may be gone.
-        let options = EncodeOptions {
-            level: number,
-            features: metadata.features,
-            activation: metadata.activation,
-            zstd_level,
-            check: Some(Check { most: changes.max_error }),
-            room: None,
-            importance: None,
-        };
-        let needed = stored_nodes(&level.table);
-        let encodings = Group::ALL.map(|group| of_level.encoding(group));
-        let mut encoder = LevelEncoder::new(level.table.clone(), &needed, encodings, options);
-        let planes = encoder.planes();
-        let put = |x, channel, plane: &[f32]| planes.put(x, channel, plane);
-        for_each_plane(level, number, put, |planes| encoder.take(planes))?;
-        levels.push(encoder.finish()?);
-        bytes_read += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
-        progress.advance(Step::Encode, 1);
-    }
+    let levels = &unpacked.levels[..metadata.levels.len()];
+    let unpacked_tables: Vec<Table> = levels.iter().map(|level| level.table.clone()).collect();
+    let tables: Vec<Table> = unpacked_tables.iter().map(Table::without_inheritance).collect();
+    metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
+    let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
+    let inherits = unpacked_tables.iter().any(|table| table.filled() > 0);
+    let packing = Packing {
+        source: &UnpackedLevels(levels),
+        retained: stored.iter().collect(),
+        search: changes.max_error.map(|max_errors| BitSearch { max_errors, only_fewer: true }),
+        // Arrays can be edited, and encodings were made for the values before.
+        bound: changes.max_error.map_or(ErrorBound::Encoding, ErrorBound::Asked),
+        importance: &[],
+        coarseness: 0.0,
+        inheritance: inherits.then_some(Inheritance { error: 0.0, among: Some(&unpacked_tables) }),
+        zstd_level,
+        store: None,
+    };
+    let (encoded, _) = packing.run(&mut metadata, tables, &mut stages, progress)?;
     let unchanged = metadata == unpacked.metadata
         && changes.zstd_level.is_none_or(|level| Some(level) == stated);
     let provenance = if unchanged {
@@ -172,9 +173,9 @@ pub fn rebake(
         free_space: unpacked.free_space.as_ref(),
         provenance: &provenance,
         zstd_level,
+        limits,
     };
-    let entries = container::write(&head, &levels, output)?;
-    let seconds = clock.elapsed().as_secs_f64();
+    let entries = write(&head, &encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
         levels: level_reports(&metadata, &entries),
@@ -183,44 +184,11 @@ pub fn rebake(
         unchanged: false,
         free_space_stored: metadata.free_space,
         nonfinite_values: 0,
-        stages: vec![StageReport { name: "encode", seconds, bytes: bytes_read }],
+        stages: stages.list,
     })
 }
 
-/// Makes encodings those with the fewest bits that keep the error, where that is fewer than they have.
-fn fit_encodings(
-    unpacked: &Unpacked,
-    max_errors: MaxErrors,
-    metadata: &mut Metadata,
-) -> Result<()> {
-    let Metadata { levels, activation, features, .. } = metadata;
-    let needed: Vec<NodeMask> =
-        unpacked.levels.iter().map(|level| stored_nodes(&level.table)).collect();
-    let mut spans = Vec::new();
-    for (number, (level, of_level)) in unpacked.levels.iter().zip(levels.iter()).enumerate() {
-        let of_values = LevelSpans::new(of_level, &needed[number], activation, *features);
-        let put = |x, channel, plane: &[f32]| {
-            of_values.put(x, channel, plane);
-            Ok(())
-        };
-        for_each_plane(level, number, put, |_| Ok(()))?;
-        spans.push(of_values);
-    }
-    let found = encodings_within(max_errors, levels, activation, &spans)?;
-    for (level, found) in levels.iter_mut().zip(found) {
-        let present = [&mut level.density, &mut level.diffuse, &mut level.features];
-        for (encoding, found) in present.into_iter().zip(found) {
-            if let (Some(encoding), Some(found)) = (encoding, found)
-                && found.bits < encoding.bits
-            {
-                *encoding = found;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Every node of a stored block: each value counts as it is, whether anybody sees it or not.
+/// Every node of a stored block: each value counts as it is.
 fn stored_nodes(table: &Table) -> NodeMask {
     let BlockGrid { nodes, edge } = table.grid();
     let [nx, _, nz] = nodes.0;
@@ -237,13 +205,33 @@ fn stored_nodes(table: &Table) -> NodeMask {
     stored
 }
 
-/// Calls `put(x, channel, plane)` with every plane of a level, from any thread, and tells `take` which have come, a
-/// block's thickness at a time.
-fn for_each_plane(
-    level: &UnpackedLevel,
+/// The levels of an unpacked container, as they are.
+struct UnpackedLevels<'a>(&'a [UnpackedLevel]);
+
+impl LevelSource for UnpackedLevels<'_> {
+    fn stream(
+        &self,
+        sink: &dyn PlaneSink,
+        step: Step,
+        progress: &dyn Progress,
+    ) -> Result<ReadSummary> {
+        progress.begin(step, self.0.len() as u64);
+        let mut summary = ReadSummary::default();
+        for (number, level) in self.0.iter().enumerate() {
+            stream_level(number, level, sink, progress)?;
+            summary.bytes += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
+            progress.advance(step, 1);
+        }
+        Ok(summary)
+    }
+}
+
+/// Streams one level, a block's thickness at a time.
+fn stream_level(
     number: usize,
-    put: impl Fn(usize, usize, &[f32]) -> Result<()> + Sync + Send,
-    mut take: impl FnMut(Range<usize>) -> Result<()>,
+    level: &UnpackedLevel,
+    sink: &dyn PlaneSink,
+    progress: &dyn Progress,
 ) -> Result<()> {
     let channels: Vec<(Group, &Volume, usize)> = Group::ALL
         .into_iter()
@@ -253,13 +241,16 @@ fn for_each_plane(
         .collect();
     let BlockGrid { nodes: Nodes([nx, ny, nz]), edge } = level.table.grid();
     for first in (0..nx).step_by(edge) {
+        if progress.cancelled() {
+            return Err(Error::cancelled());
+        }
         let planes = first..nx.min(first + edge);
         parallel::map(planes.len() * channels.len(), |i| {
             let (group, volume, channel) = channels[i % channels.len()];
             let x = first + i / channels.len();
-            let mut plane = vec![0.0; ny * nz];
+            let mut values = vec![0.0; ny * nz];
             let mut scratch = Vec::new();
-            for (y, row) in plane.chunks_exact_mut(nz).enumerate() {
+            for (y, row) in values.chunks_exact_mut(nz).enumerate() {
                 volume.read_run(channel, [x, y, 0], row, &mut scratch, |_| {})?;
                 if let Some(z) = row.iter().position(|value| !value.is_finite()) {
                     let kind = ErrorKind::NonFinite { count: 1, first: [channel, x, y, z] };
@@ -267,9 +258,10 @@ fn for_each_plane(
                     return Err(Error::new(kind, Place::Tensor(name)));
                 }
             }
-            put(x, i % channels.len(), &plane)
+            let channel = i % channels.len();
+            sink.plane(Plane { level: number, x, channel, values: &mut values })
         })?;
-        take(planes)?;
+        sink.slab(number, planes)?;
     }
     Ok(())
 }

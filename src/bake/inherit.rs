@@ -1,16 +1,18 @@
-//! Blocks whose own colours add little to what the next coarser level says there.
+//! Blocks that inherit their colours from the next coarser level.
 //!
-//! From the second coarsest level to level 0, each block is held against what readers would fill it with
-//! ([`crate::codec::quantize::Filler`]). Where no needed node's colour would move by more than is allowed, the block's
-//! colours are left out; its density stays. Coarser levels are settled first, so that blocks are compared with
-//! exactly what readers will see. Memory is the colours' codes of one level and of the next coarser one.
+//! From the second coarsest level to level 0, each block's colours are compared with those that a
+//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). Where no
+//! retained node's colour would move by more than is allowed, the block's own colours are left out;
+//! its density stays. Coarser levels are decided first, so blocks are compared with exactly the
+//! colours that readers will see. Memory is the colours' codes of one level and of the next coarser
+//! one.
 
-use super::{BakeOptions, LevelImportance};
+use super::importance::LevelImportance;
+use super::pack::Packing;
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::codec::quantize::{Filler, Frame, FrameShape};
-use crate::levels::prune::Pruned;
 use crate::model::baked::{
     BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table,
 };
@@ -19,15 +21,23 @@ use crate::model::grid::{BlockGrid, NodeMask};
 /// Groups that are filled.
 const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
 
-/// Fills blocks of encoded levels where `options` ask for it. The metadata's errors grow by what that moves values.
-pub fn fill_levels(
+/// The blocks that may inherit their colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Inheritance<'a> {
+    /// The most that a retained node's colour may move by, 0 to 1, at mean importance.
+    pub error: f32,
+    /// Only blocks that these tables of the levels say inherit already; none means any block.
+    pub among: Option<&'a [Table]>,
+}
+
+/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as that
+/// moves values.
+pub fn inherit_levels(
     encoded: &mut [EncodedLevel],
     metadata: &mut Metadata,
-    pruned: &Pruned,
-    importance: &[LevelImportance],
-    options: &BakeOptions,
+    inheritance: &Inheritance,
+    packing: &Packing,
 ) -> Result<()> {
-    let Some(most) = options.fill_error else { return Ok(()) };
     let features = metadata.features;
     let activated = |encoding: &Encoding| -> Vec<f64> {
         let activation = &metadata.activation;
@@ -56,12 +66,17 @@ pub fn fill_levels(
             });
             let judge = Judge {
                 grid: level.grid(),
-                needed: &pruned.levels[number].needed,
-                importance: importance.get(number),
-                most: most.into(),
+                needed: packing.retained[number],
+                importance: packing.importance.get(number),
+                most: inheritance.error.into(),
             };
             let places: Vec<_> = own.table.stored().collect();
-            let moves = |frame: usize| Ok(judge.moves(places[frame], frame, &candidates));
+            let among = inheritance.among.map(|tables| &tables[number]);
+            let moves = |frame: usize| {
+                let place = places[frame];
+                let may = among.is_none_or(|table| table.is_filled(place));
+                Ok(may.then(|| judge.moves(place, frame, &candidates)).flatten())
+            };
             let moves = parallel::map(places.len(), moves)?;
             let (table, moved) = filled(&own.table, &moves);
             let level = &mut levels[number];
@@ -75,7 +90,8 @@ pub fn fill_levels(
                 let stored = only_stored(&codes, &table, shape);
                 encoding.max_error = encoding.error_after(moved);
                 if table.filled() > 0 {
-                    encoded[number].atlases[group as usize] = Some(atlas(shape, &stored, options)?);
+                    encoded[number].atlases[group as usize] =
+                        Some(atlas(shape, &stored, packing.zstd_level)?);
                 }
                 own.atlases[group as usize] = Some(filler.fill(&table, &stored));
             }
@@ -199,7 +215,7 @@ fn only_stored(codes: &Codes, table: &Table, shape: FrameShape) -> Codes {
 }
 
 /// An atlas of these codes.
-fn atlas(shape: FrameShape, codes: &Codes, options: &BakeOptions) -> Result<EncodedAtlas> {
+fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtlas> {
     let size = shape.channels * shape.nodes();
     let length = match codes {
         Codes::U8(codes) => codes.len(),
@@ -219,7 +235,7 @@ fn atlas(shape: FrameShape, codes: &Codes, options: &BakeOptions) -> Result<Enco
     let runs = parallel::map(count.div_ceil(full), |run| {
         let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
         // Every code counts: those that nobody needs were chosen when the level was encoded.
-        CompressedRun::new(shape, &frames, 0, options.zstd_level)
+        CompressedRun::new(shape, &frames, 0, zstd_level)
     })?;
     EncodedAtlas::new(full, runs)
 }

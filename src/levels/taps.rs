@@ -2,8 +2,8 @@
 //!
 //! Output node `o` of `M` lies at `u = o * (N - 1) / (M - 1)` among `N` input nodes. With
 //! `i = floor(u)` and `f = u - i`, the resize is `(1 - f) * P[i] + f * P[i + 1]` where the low-pass
-//! is `P[i] = sum_j w[j] * V[mirror(i + j)]`. Both together reach `radius` nodes to either side, and
-//! what the mirror folds back lies in the same reach, so each output node has one window.
+//! is `P[i] = sum_j w[j] * V[mirror(i + j)]`. Both together read `radius` nodes to either side, and
+//! nodes that the mirror folds back lie in the same range, so each output node has one window.
 
 use crate::model::grid::row;
 
@@ -56,7 +56,7 @@ impl AxisTaps {
     }
 
     /// Weighted sums for the output nodes from `start` on; `inputs` are those of the input nodes from
-    /// `first` on, as far as [`AxisTaps::reach`] goes.
+    /// `first` on, as far as [`AxisTaps::inputs_of`] says.
     pub fn apply(&self, inputs: &[f64], first: usize, start: usize, outputs: &mut [f32]) {
         match self.width {
             2 => self.apply_windows::<2>(inputs, first, start, outputs),
@@ -86,13 +86,13 @@ impl AxisTaps {
     }
 
     /// Input nodes `start..end` that the output nodes `start..end` read.
-    pub fn reach(&self, start: usize, end: usize) -> (usize, usize) {
+    pub fn inputs_of(&self, start: usize, end: usize) -> (usize, usize) {
         (self.first[start], self.first[end - 1] + self.width)
     }
 
     /// The same, and some after them, so that loops over them are whole vectors.
-    pub fn long_reach(&self, start: usize, end: usize) -> (usize, usize) {
-        let (low, high) = self.reach(start, end);
+    pub fn padded_inputs_of(&self, start: usize, end: usize) -> (usize, usize) {
+        let (low, high) = self.inputs_of(start, end);
         (low, (low + (high - low).next_multiple_of(row::LANES)).min(self.inputs))
     }
 
@@ -108,16 +108,16 @@ impl AxisTaps {
     }
 
     /// Adds to `outputs` every output node that reads a set input node; rows of bits.
-    pub fn gather(&self, inputs: &[u64], outputs: &mut [u64]) {
+    pub fn add_outputs(&self, inputs: &[u64], outputs: &mut [u64]) {
         for (start, end) in row::runs(inputs) {
             row::set_between(outputs, self.readers(start).0, self.readers(end - 1).1);
         }
     }
 
     /// Adds to `inputs` every input node that a set output node reads; rows of bits.
-    pub fn spread(&self, outputs: &[u64], inputs: &mut [u64]) {
+    pub fn add_inputs(&self, outputs: &[u64], inputs: &mut [u64]) {
         for (start, end) in row::runs(outputs) {
-            let (start, end) = self.reach(start, end);
+            let (start, end) = self.inputs_of(start, end);
             row::set_between(inputs, start, end);
         }
     }
@@ -138,7 +138,7 @@ fn mirror(node: isize, count: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::levels::mips::Kernel;
+    use crate::levels::Kernel;
 
     #[test]
     fn mirrors_repeat() {
@@ -164,13 +164,13 @@ mod tests {
     }
 
     #[test]
-    fn readers_and_reach_are_inverse() {
+    fn readers_and_inputs_are_inverse() {
         for inputs in 2..40 {
             let taps = AxisTaps::new(inputs, (inputs / 2).max(2), &Kernel::Mean5.weights());
             for input in 0..inputs {
                 let (start, end) = taps.readers(input);
                 for output in 0..taps.outputs() {
-                    let (low, high) = taps.reach(output, output + 1);
+                    let (low, high) = taps.inputs_of(output, output + 1);
                     let reads = (low..high).contains(&input);
                     assert_eq!(reads, (start..end).contains(&output), "{inputs} {input} {output}");
                 }
