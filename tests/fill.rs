@@ -122,7 +122,7 @@ fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
         let field = smooth_field(&mut random, nodes, 3.0);
         for filter in [Filter::RateTent, Filter::Code] {
             let mut options = options(edge, Some(0.05));
-            options.filter = filter;
+            options.filter = filter.into();
             let bytes = baked_bytes(&field, &options).expect("a bake");
             all += check_filled(&open_bytes(&bytes).expect("valid"));
         }

@@ -129,6 +129,11 @@ impl RequiredNodes {
         Ok(Self { steps, levels })
     }
 
+    /// All levels, finest first.
+    pub fn levels(&self) -> &[NodeMask] {
+        &self.levels
+    }
+
     /// The required nodes of a level.
     pub fn level(&self, level: usize) -> &NodeMask {
         &self.levels[level]

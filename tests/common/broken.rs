@@ -56,7 +56,7 @@ fn sound_container() -> Vec<u8> {
     let lookup = Lookup::Nearest(inside);
     let mask = FreeSpace { nodes: Nodes([2; 3]), scale: [0.5; 3], shift: [0.5; 3], lookup };
     let mut options = BakeOptions::default();
-    options.filter = Filter::Paper;
+    options.filter = Filter::Paper.into();
     options.levels = Some(2);
     options.block_size = 4;
     baked_bytes(&masked(field, mask), &options).expect("a bake")

@@ -1,7 +1,5 @@
 //! The slow twin: every stage as its definition says, in float64, one node at a time.
 
-use mipvog_bake::unstable::levels::mips::Kernel;
-
 /// Every node of a grid, z fastest.
 pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..nx * ny * nz).map(move |i| [i / nz / ny, i / nz % ny, i % nz])
@@ -18,10 +16,10 @@ pub fn halved(nodes: [usize; 3]) -> [usize; 3] {
 }
 
 /// One level step: low-pass with mirrored faces, then trilinear resize with corners aligned.
-pub fn next_level(nodes: [usize; 3], values: &[f64], kernel: Kernel) -> Vec<f64> {
+pub fn next_level(nodes: [usize; 3], values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut low = values.to_vec();
     for axis in 0..3 {
-        low = lowpass(nodes, &low, &kernel.weights(), axis);
+        low = lowpass(nodes, &low, weights, axis);
     }
     let coarse = halved(nodes);
     all_nodes(coarse)
