@@ -1,8 +1,8 @@
 //! The fit of one level, from its first step to its best state.
 
 use super::adam::Adam;
+use super::context::{FitContext, FittedLevel, psnr};
 use super::gradient::{Gradient, Rays};
-use super::{FittedLevel, Work, psnr};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::base::progress::Step;
@@ -27,7 +27,7 @@ const PATIENCE: usize = 2;
 
 /// One level's fit.
 pub struct Course<'a> {
-    pub work: &'a Work<'a>,
+    pub work: &'a FitContext<'a>,
     pub view: &'a View,
     pub level: usize,
     pub needed: &'a NodeMask,
@@ -41,7 +41,7 @@ impl Course<'_> {
         field: &mut Dense<C>,
         cut: bool,
     ) -> Result<(FittedLevel, bool)> {
-        let Work { options, progress, .. } = self.work;
+        let FitContext { options, progress, .. } = self.work;
         let steps = options.steps;
         let before = self.watched_psnr(field)?;
         let mut fitted =

@@ -3,9 +3,9 @@
 //! Levels are fitted under one rule, the filter's. A finer factor or bias may suit a scene better: of
 //! rules around the first, that one is taken whose pictures at all scales have the highest mean PSNR.
 
+use super::context::psnr;
 use super::course::mean_square;
 use super::gradient::Rays;
-use super::psnr;
 use super::target::Targets;
 use crate::base::error::Result;
 use crate::model::baked::LevelOfDetail;

@@ -1,10 +1,9 @@
 //! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
-    META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header,
+    KNOWN_FEATURES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
-use super::read::unknown_features;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
@@ -22,7 +21,11 @@ pub fn is_known(kind: ChunkKind) -> bool {
 
 /// Features, length and the directory's place.
 pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
-    if let Some(error) = unknown_features(header) {
+    let unknown = header.features & !KNOWN_FEATURES;
+    if unknown != 0 {
+        let found = format!("required features {unknown:#x}");
+        let expected = "bit 0 (filled blocks) or none";
+        let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
     if header.file_length > file_length {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::coarsen::{Coarsener, Coarsening};
 use super::code::{Quantizer, decode_values};
+use super::frame::{Frame, FrameShape, Typed, each_width};
 use super::planes::CodeSlab;
-use super::run::{Frame, FrameShape, Typed, each_width};
 use crate::model::baked::{Codes, Encoding, NumberType};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};

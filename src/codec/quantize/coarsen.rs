@@ -7,9 +7,9 @@
 //! in codes, not in colours: what is interpolated is what codes stand for, and beside a node where the activation
 //! is flat may be one where it is steep.
 
+use super::code_word::Code;
+use super::frame::FrameShape;
 use super::predict::{for_each_node, mean};
-use super::run::FrameShape;
-use super::wide::Code;
 use crate::model::baked::Encoding;
 use crate::model::field::Activation;
 

@@ -1,8 +1,8 @@
 //! Values to codes and back, row by row.
 
+use super::code_word::Code;
+use super::frame::each_width;
 use super::nearest::Nearest;
-use super::run::each_width;
-use super::wide::Code;
 use crate::model::baked::{Codes, Encoding, NumberType};
 
 /// Finds codes of values: the nearest for integers, emptiness being one of the candidates where it

@@ -9,7 +9,7 @@ use crate::base::parallel;
 use crate::model::baked::{BakedLevel, Codes, Encoding, Group, LevelMetadata, Occupancy, Table};
 use crate::model::grid::BlockGrid;
 
-use super::wide::Code;
+use super::code_word::Code;
 
 /// Marks blocks without a frame.
 const NO_FRAME: u32 = u32::MAX;

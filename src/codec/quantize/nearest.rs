@@ -8,7 +8,7 @@
 
 use multiversion::multiversion;
 
-use super::wide::Code;
+use super::code_word::Code;
 use crate::model::baked::Encoding;
 use crate::model::grid::row::LANES;
 

@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::code::{Quantizer, decode_codes};
-use super::run::each_width;
-use super::wide::Code;
+use super::code_word::Code;
+use super::frame::each_width;
 use crate::model::baked::{Codes, Encoding, NumberType};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
