@@ -7,7 +7,9 @@ use common::asset;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::check_metadata;
-use mipvog_bake::unstable::model::baked::{Blend, Decode, Encoding, Metadata, NumberType};
+use mipvog_bake::unstable::model::baked::{
+    Blend, Decode, DensityDomain, Encoding, Metadata, NumberType,
+};
 
 const NAN: f32 = f32::NAN;
 const INFINITE: f32 = f32::INFINITY;
@@ -238,7 +240,7 @@ fn values_mean_what_their_group_and_the_blend_allow() {
                 level.density.as_mut().expect("density").decode = decode;
             }
             let fits = match blend {
-                Blend::BeforeActivation => decode == Decode::RawDensity,
+                Blend::BeforeActivation => decode == Decode::Density(DensityDomain::Raw),
                 Blend::AfterActivation => decode != Decode::Logit,
             };
             let wrong = (!fits).then_some("levels[0].density");

@@ -226,7 +226,7 @@ impl<'a> LevelEncoder<'a> {
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             let encoder = &groups[*number].encoder;
-            let most = encoder.unneeded_limit();
+            let most = encoder.dont_care_max();
             let mut run = CompressedRun::new(encoder.shape(), frames, most, level)?;
             self.options.room.map_or(Ok(()), |room| room.keep(&mut run))?;
             Ok(run)

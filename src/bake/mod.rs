@@ -254,8 +254,9 @@ fn metadata(
     let features = field.color_channels() - 3;
     let (blend, step_rule) = options.filter.rules();
     let levels = options.filter.levels(scene);
-    let density =
-        |level: usize| density_encoding(options.bits, levels.decode(level), &scene.activation);
+    let density = |level: usize| {
+        density_encoding(options.bits, levels.density_domain(level), &scene.activation)
+    };
     let color = color_encoding(options.bits);
     let level = |(number, (nodes, table)): (usize, (&Nodes, &Table))| {
         let has_density = number == 0 || options.filter.filters_density();

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use super::MaxErrors;
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::codec::quantize::{ValueSpan, encoding_within};
+use crate::codec::quantize::{ValueRange, encoding_within};
 use crate::model::baked::{Encoding, Group, LevelMetadata};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
@@ -15,7 +15,7 @@ use crate::model::grid::{NodeMask, row};
 pub struct LevelSpans<'a> {
     needed: &'a NodeMask,
     /// By [`Group`].
-    spans: [Option<Mutex<ValueSpan>>; 3],
+    spans: [Option<Mutex<ValueRange>>; 3],
     /// The group of each channel.
     groups: Vec<Group>,
 }
@@ -28,7 +28,7 @@ impl<'a> LevelSpans<'a> {
         activation: &Activation,
         features: usize,
     ) -> Self {
-        let span = |encoding: &Encoding| Mutex::new(ValueSpan::new(encoding.decode, activation));
+        let span = |encoding: &Encoding| Mutex::new(ValueRange::new(encoding.decode, activation));
         let spans = Group::ALL.map(|group| level.encoding(group).map(span));
         let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
         let of_group = |group: Group| std::iter::repeat_n(group, group.channels(features));

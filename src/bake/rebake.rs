@@ -67,8 +67,9 @@ impl Changes {
         if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
             let color = color_encoding(bits);
             for level in &mut metadata.levels {
+                let domain = level.density_domain();
                 if let Some(density) = &mut level.density {
-                    change(density, &density_encoding(bits, density.decode, &metadata.activation));
+                    change(density, &density_encoding(bits, domain, &metadata.activation));
                 }
                 level.diffuse.iter_mut().for_each(|encoding| change(encoding, &color));
                 level.features.iter_mut().for_each(|encoding| change(encoding, &color));

@@ -1,7 +1,9 @@
 //! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
 
 use mipvog_bake::unstable::levels::mips::Settled;
-use mipvog_bake::unstable::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use mipvog_bake::unstable::model::baked::{
+    BakedField, BakedLevel, DensityDomain, Group, LevelMetadata,
+};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
@@ -29,7 +31,7 @@ pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> 
     let finest = PlainLevel {
         nodes,
         density: Some(density.clone()),
-        decode: Decode::RawDensity,
+        domain: DensityDomain::Raw,
         color: color.clone(),
         pruned: None,
     };
@@ -47,15 +49,15 @@ pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> 
     }
     while all.len() < levels.most && halved(nodes) != nodes {
         let next = |values: &[f64]| next_level(nodes, values, levels.kernel);
-        let mut decode = Decode::RawDensity;
+        let mut domain = DensityDomain::Raw;
         if let Some(matter) = &levels.matter {
             lifted = lifted.iter().map(|channel| next(channel)).collect();
             let mut settled = plain_matter::settle(halved(nodes), matter, &lifted);
             density = settled.remove(0);
             color = settled;
-            decode = match matter.settled {
-                Settled::SqrtOpticalDepth => Decode::SqrtOpticalDepth,
-                Settled::Opacity => Decode::Opacity,
+            domain = match matter.settled {
+                Settled::SqrtOpticalDepth => DensityDomain::SqrtOpticalDepth,
+                Settled::Opacity => DensityDomain::Opacity,
             };
         } else {
             color = color.iter().map(|channel| next(channel)).collect();
@@ -63,7 +65,7 @@ pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> 
         }
         nodes = halved(nodes);
         let density = levels.density.then(|| density.clone());
-        all.push(PlainLevel { nodes, density, decode, color: color.clone(), pruned: None });
+        all.push(PlainLevel { nodes, density, domain, color: color.clone(), pruned: None });
     }
     all
 }
@@ -104,7 +106,7 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
         PlainLevel {
             nodes,
             density: of_level.density.is_some().then(|| channels(Group::Density).remove(0)),
-            decode: of_level.density.as_ref().map_or(Decode::RawDensity, |of| of.decode),
+            domain: of_level.density_domain(),
             color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),

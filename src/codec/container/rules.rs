@@ -8,7 +8,9 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::base::limits::Limits;
-use crate::model::baked::{Blend, Decode, Encoding, Group, LevelMetadata, Metadata, NumberType};
+use crate::model::baked::{
+    Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
+};
 use crate::model::grid::Nodes;
 
 /// Nodes along a block's edge, at most.
@@ -202,8 +204,8 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
 /// the same.
 fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
     match (group, blend) {
-        (Group::Density, Blend::BeforeActivation) => decode == Decode::RawDensity,
-        (Group::Density, Blend::AfterActivation) => decode.is_density(),
+        (Group::Density, Blend::BeforeActivation) => decode == Decode::Density(DensityDomain::Raw),
+        (Group::Density, Blend::AfterActivation) => decode.density().is_some(),
         (Group::Diffuse | Group::Features, _) => decode == Decode::Logit,
     }
 }

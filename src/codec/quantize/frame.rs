@@ -68,38 +68,6 @@ pub struct RunBytes {
     pub sections: Vec<usize>,
 }
 
-/// The same with codes of each width.
-macro_rules! each_width {
-    ($codes:expr, $of_one:ident => $value:expr) => {
-        match $codes {
-            Codes::U8($of_one) => $value,
-            Codes::U16($of_one) => $value,
-            Codes::U32($of_one) => $value,
-        }
-    };
-}
-pub(super) use each_width;
-
-/// Codes of one type.
-pub(super) trait Typed: Code {
-    /// The codes, if they are of this type.
-    fn of(codes: &Codes) -> &[Self];
-}
-
-macro_rules! typed {
-    ($code:ty, $variant:ident) => {
-        impl Typed for $code {
-            fn of(codes: &Codes) -> &[Self] {
-                if let Codes::$variant(codes) = codes { codes } else { &[] }
-            }
-        }
-    };
-}
-
-typed!(u8, U8);
-typed!(u16, U16);
-typed!(u32, U32);
-
 /// The weights of every lane.
 pub(super) type LaneWeights<T, const L: usize> = [[<T as Code>::Wide; L]; WEIGHTS];
 

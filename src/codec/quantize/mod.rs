@@ -33,4 +33,4 @@ pub use frame::{Frame, FrameShape, RunBytes};
 pub use planes::{CodePlanes, CodeSlab, Moved};
 pub use range::{Bits, color_encoding, density_encoding};
 pub use run::{run_bytes, run_codes};
-pub use search::{ValueSpan, encoding_within};
+pub use search::{ValueRange, encoding_within};

@@ -1,7 +1,7 @@
 //! Frames to the bytes of a run.
 
 use super::code_word::Code;
-use super::frame::{Frame, FrameShape, RunBytes, Typed, before, lane_weights, terms};
+use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::least_squares;
 use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
@@ -26,7 +26,7 @@ pub struct Encoder<T: Code, const L: usize> {
     live: Vec<Vec<u8>>,
 }
 
-impl<T: Typed, const L: usize> Encoder<T, L> {
+impl<T: Code, const L: usize> Encoder<T, L> {
     /// Takes frames, and gives codes that nobody needs their mean, or `most` where that is lower.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
         let nodes = shape.nodes();

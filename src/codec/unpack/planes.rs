@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::codec::container::Container;
 use crate::codec::quantize::decode_codes;
-use crate::model::baked::{BakedLevel, Codes, Group, LevelMetadata};
+use crate::model::baked::{BakedLevel, Group, LevelMetadata};
 
 /// Refuses levels that a container does not have.
 pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
@@ -34,12 +34,7 @@ pub fn fill_plane(
     let grid = metadata.grid();
     let [_, ny, nz] = grid.nodes.0;
     let (edge, block_nodes) = (grid.edge, grid.block_nodes());
-    let total: usize = match codes {
-        Codes::U8(codes) => codes.len(),
-        Codes::U16(codes) => codes.len(),
-        Codes::U32(codes) => codes.len(),
-    };
-    let Some(channels) = (total / block_nodes).checked_div(level.table.frames()) else {
+    let Some(channels) = (codes.len() / block_nodes).checked_div(level.table.frames()) else {
         return true;
     };
     let [_, by, bz] = grid.counts();

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Encoding, Group};
+use super::{DensityDomain, Encoding, Group};
 use crate::model::field::{Activation, March, nullable};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
 use crate::model::view_mlp::ViewInput;
@@ -74,6 +74,12 @@ impl LevelMetadata {
     /// The cut into blocks.
     pub fn grid(&self) -> BlockGrid {
         BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
+    }
+
+    /// The domain of the level's density; raw where it has none, as every file's level 0 may be.
+    pub fn density_domain(&self) -> DensityDomain {
+        let stated = self.density.as_ref().and_then(|density| density.decode.density());
+        stated.unwrap_or(DensityDomain::Raw)
     }
 
     /// Whether colours are stored in integer codes, as filled blocks need them.

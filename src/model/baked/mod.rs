@@ -6,13 +6,16 @@
 //! nodes that a block shares with nobody are all it holds: aprons are copies that a reader makes.
 
 mod codes;
+mod domain;
 mod encoding;
 mod field;
 mod metadata;
 mod occupancy;
 
 pub use codes::Codes;
-pub use encoding::{Decode, Encoding, Group, NumberType};
+pub(crate) use codes::with_codes;
+pub use domain::{Decode, DensityDomain};
+pub use encoding::{Encoding, Group, NumberType};
 pub use field::{BakedField, BakedLevel};
 pub use metadata::{
     Aside, Blend, ColorSpace, LevelMetadata, LevelOfDetail, Metadata, StepRule, ViewMetadata,

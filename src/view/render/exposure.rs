@@ -124,7 +124,7 @@ fn seen<const C: usize>(
         route.walk(view, field.skip(), |k, _, _| {
             let position = route.path.position(k);
             let Some(cell) = field.locate(0, position) else { return true };
-            let sample = optical_depth(field.density(0, &cell), field.decode(0), view);
+            let sample = optical_depth(field.density(0, &cell), field.density_domain(0), view);
             let opacity = lanes::opacity(sample);
             if opacity > view.march.alpha_threshold {
                 let weight = opacity * lanes::exp(-depth);

@@ -11,7 +11,7 @@ use crate::levels::mips::{
     Cascade, Kernel, Lift, Matter, Regions, SLAB, Settled, Settlers, level_sizes,
 };
 use crate::levels::prune;
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 use crate::model::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
 
@@ -30,11 +30,11 @@ pub struct Levels {
 
 impl Levels {
     /// What densities of a level mean.
-    pub fn decode(&self, level: usize) -> Decode {
+    pub fn density_domain(&self, level: usize) -> DensityDomain {
         match self.matter.filter(|_| level > 0).map(|matter| matter.settled) {
-            None => Decode::RawDensity,
-            Some(Settled::SqrtOpticalDepth) => Decode::SqrtOpticalDepth,
-            Some(Settled::Opacity) => Decode::Opacity,
+            None => DensityDomain::Raw,
+            Some(Settled::SqrtOpticalDepth) => DensityDomain::SqrtOpticalDepth,
+            Some(Settled::Opacity) => DensityDomain::Opacity,
         }
     }
 
@@ -66,8 +66,8 @@ impl<const C: usize> Dense<C> {
             };
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
-            let decode = levels.decode(level);
-            values.push(Values { density, decode, color: vec![[0.0; C]; count], strides });
+            let domain = levels.density_domain(level);
+            values.push(Values { density, domain, color: vec![[0.0; C]; count], strides });
         }
         fill(field, levels, &nodes, &mut values)?;
         let activation = &field.scene.activation;
@@ -78,12 +78,12 @@ impl<const C: usize> Dense<C> {
                 seen.push(seen[0].clone());
                 continue;
             };
-            let decode = values.decode;
-            let mut cells = SeenCells::new(nodes_of_level, nodes[0], decode, activation);
+            let domain = values.domain;
+            let mut cells = SeenCells::new(nodes_of_level, nodes[0], domain, activation);
             let [nx, ny, nz] = nodes_of_level.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
-                *value = interpolated_density(activation, decode, *value);
+                *value = interpolated_density(activation, domain, *value);
                 cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
             }
             seen.push(cells.finish(nodes[0]));
@@ -145,12 +145,12 @@ impl<const C: usize> Sample<C> for Dense<C> {
         self.values.get(level).is_some_and(|values| values.density.is_some())
     }
 
-    fn decode(&self, level: usize) -> Decode {
-        self.values[level].decode
+    fn density_domain(&self, level: usize) -> DensityDomain {
+        self.values[level].domain
     }
 
     fn empty_density(&self, level: usize) -> f32 {
-        if self.values[level].decode == Decode::RawDensity { EMPTY_DENSITY } else { 0.0 }
+        if self.values[level].domain == DensityDomain::Raw { EMPTY_DENSITY } else { 0.0 }
     }
 
     fn empty_color(&self, _level: usize) -> [f32; C] {

@@ -2,7 +2,7 @@
 
 use super::level::Cell;
 use super::skip::SkipGrid;
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 
 /// A field between its nodes.
 pub trait Sample<const C: usize>: Sync {
@@ -22,7 +22,7 @@ pub trait Sample<const C: usize>: Sync {
     fn density_level(&self, level: usize) -> bool;
 
     /// What densities of a level mean.
-    fn decode(&self, level: usize) -> Decode;
+    fn density_domain(&self, level: usize) -> DensityDomain;
 
     /// Density where nothing is stored, of a level that has density.
     fn empty_density(&self, level: usize) -> f32;

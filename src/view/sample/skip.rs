@@ -6,7 +6,7 @@
 
 use crate::base::error::Result;
 use crate::levels::prune;
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 use crate::model::field::{Activation, FreeSpace, Lookup};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
 
@@ -48,10 +48,15 @@ pub struct SeenCells {
 }
 
 impl SeenCells {
-    /// For a level of `nodes` whose densities mean `decode`; the finest level has `finest`.
-    pub fn new(nodes: Nodes, finest: Nodes, decode: Decode, activation: &Activation) -> Self {
+    /// For a level of `nodes` whose densities mean `domain`; the finest level has `finest`.
+    pub fn new(
+        nodes: Nodes,
+        finest: Nodes,
+        domain: DensityDomain,
+        activation: &Activation,
+    ) -> Self {
         let grid = BlockGrid { nodes, edge: macro_edge(finest) };
-        let limit = interpolated_density(activation, decode, decode.unseen(activation));
+        let limit = interpolated_density(activation, domain, domain.unseen(activation));
         Self { grid, limit, blocks: vec![false; grid.total()] }
     }
 

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::parallel;
 use crate::codec::quantize::decode_codes;
-use crate::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use crate::model::baked::{BakedField, BakedLevel, DensityDomain, Group, LevelMetadata};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -104,8 +104,8 @@ impl<const C: usize> Sample<C> for Sparse<C> {
         self.levels.get(level).is_some_and(|level| level.values.density.is_some())
     }
 
-    fn decode(&self, level: usize) -> Decode {
-        self.levels[level].values.decode
+    fn density_domain(&self, level: usize) -> DensityDomain {
+        self.levels[level].values.domain
     }
 
     fn empty_density(&self, level: usize) -> f32 {
@@ -144,9 +144,9 @@ impl<const C: usize> Level<C> {
         for (frame, &[x, y, z]) in places.iter().enumerate() {
             frames[(x * by + y) * bz + z] = frame as u32;
         }
-        let decode = metadata.density.as_ref().map_or(Decode::RawDensity, |e| e.decode);
+        let domain = metadata.density_domain();
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
-        let empty_density = interpolated_density(activation, decode, empty(Group::Density));
+        let empty_density = interpolated_density(activation, domain, empty(Group::Density));
         let mut empty_color = [0.0; C];
         let (diffuse, rest) = empty_color.split_at_mut(3);
         diffuse.fill(empty(Group::Diffuse));
@@ -159,7 +159,7 @@ impl<const C: usize> Level<C> {
                 apron_frame(level, metadata, Group::Density, (0, 1), places[i], &mut density);
                 density
                     .iter_mut()
-                    .for_each(|raw| *raw = interpolated_density(activation, decode, *raw));
+                    .for_each(|raw| *raw = interpolated_density(activation, domain, *raw));
             }
             let mut lane = 0;
             for group in [Group::Diffuse, Group::Features] {
@@ -184,7 +184,7 @@ impl<const C: usize> Level<C> {
         let has_density = metadata.density.is_some();
         let density = has_density.then(|| decoded.iter().flat_map(|(d, _)| d).copied().collect());
         let color = decoded.iter().flat_map(|(_, color)| color).copied().collect();
-        let values = Values { density, decode, color, strides: [side * side, side] };
+        let values = Values { density, domain, color, strides: [side * side, side] };
         let strides = [[by * bz, side * side], [bz, side], [1, 1]];
         let parts = [0, 1, 2].map(|axis| {
             let part = |node: usize| {
@@ -214,7 +214,7 @@ impl<const C: usize> Level<C> {
     ) -> Option<SeenCells> {
         let density = self.values.density.as_ref()?;
         let grid = metadata.grid();
-        let mut cells = SeenCells::new(grid.nodes, finest, self.values.decode, activation);
+        let mut cells = SeenCells::new(grid.nodes, finest, self.values.domain, activation);
         let [plane, row] = self.values.strides;
         for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
             let first = place.map(|block| block * grid.edge);
