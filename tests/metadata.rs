@@ -58,8 +58,8 @@ fn numbers_are_held_to_their_ranges() {
         (
             "march.stepsize",
             |m, v| m.march.stepsize = v,
-            &[f32::MIN_POSITIVE],
-            &[0.0, -1.0, NAN, INFINITE],
+            &[0.001],
+            &[0.0, -1.0, NAN, INFINITE, 1e-7, 1e-30, f32::MIN_POSITIVE],
         ),
         (
             "march.voxel_size",

@@ -63,7 +63,7 @@ pub fn fill_levels(
             let places: Vec<_> = own.table.stored().collect();
             let moves = |frame: usize| Ok(judge.moves(places[frame], frame, &candidates));
             let moves = parallel::map(places.len(), moves)?;
-            let (table, moved) = filled(&own.table, &moves);
+            let (table, moved) = filled(&own.table, &moves)?;
             let level = &mut levels[number];
             level.blocks_filled = table.filled();
             for ((group, filler), moved) in COLORS.into_iter().zip(fillers).zip(moved) {
@@ -146,7 +146,7 @@ impl Judge<'_> {
 }
 
 /// The table with those blocks filled that have a move, and the largest moves.
-fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> (Table, [f64; 2]) {
+fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
     let mut next = moves.iter();
     let mut most = [0.0f64; 2];
     let mut occupancy = table.occupancy().to_vec();
@@ -156,7 +156,7 @@ fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> (Table, [f64; 2]) {
             most = [0, 1].map(|group| most[group].max(moves[group]));
         }
     }
-    (Table::new(table.grid(), occupancy), most)
+    Ok((Table::new(table.grid(), occupancy)?, most))
 }
 
 fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {

@@ -2,7 +2,7 @@
 
 use super::LevelRule;
 use crate::levels::mips::{self, Kernel, Matter, Settled};
-use crate::model::baked::{Aside, Blend, LevelOfDetail, StepRule};
+use crate::model::baked::{Blend, FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::field::{Activation, Scene};
 use crate::model::grid::Nodes;
 use crate::view::render::TrainedLevels;
@@ -114,18 +114,18 @@ impl Filter {
     pub fn trained_levels(self, scene: &Scene) -> TrainedLevels {
         let levels = self.levels(scene);
         let (blend, step_rule) = self.rules();
-        let aside = match blend {
-            Blend::BeforeActivation => Aside::SameIndex,
-            Blend::AfterActivation => Aside::SameDistance,
+        let neighbour = match blend {
+            Blend::BeforeActivation => FootprintNeighbour::SameIndex,
+            Blend::AfterActivation => FootprintNeighbour::SameDistance,
         };
-        let level_of_detail = self.level_of_detail(aside);
+        let level_of_detail = self.level_of_detail(neighbour);
         TrainedLevels { levels, level_of_detail, blend, step_rule }
     }
 
     /// The rule that says which level a sample reads. Training measured footprints to the sample of
     /// the same index; containers measure them at the same distance, which does not depend on where
     /// rays enter the box.
-    pub fn level_of_detail(self, aside: Aside) -> LevelOfDetail {
+    pub fn level_of_detail(self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let published = |rule: LevelRule| {
             let (factor, most) = rule.constants();
             (factor, 0.0, most)
@@ -137,7 +137,7 @@ impl Filter {
             Self::Coverage => (0.5, -0.1, None),
             Self::Fit => (0.5, 0.1, None),
         };
-        LevelOfDetail { factor, bias, aside, most }
+        LevelOfDetail { factor, bias, neighbour, most }
     }
 }
 

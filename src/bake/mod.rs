@@ -2,7 +2,7 @@
 //!
 //! 1. **Prune** ([`crate::levels::prune`]): one pass over all of density, and one over what of it holds matter, find for every
 //!    level the nodes that must be right and the blocks that are kept.
-//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::view::render::exposure`]).
+//!    With `min_weight`, what given cameras do not see is dropped too ([`crate::view::render::camera_coverage`]).
 //! 2. **Encode**: another pass streams density and colour through all levels at once ([`stream`]),
 //!    reading only what needed nodes reach, quantizes each plane as it goes by, and turns slabs of blocks into
 //!    compressed runs as they come ([`encode`]). Where an error is asked for instead of bits, a pass like it goes before and
@@ -71,7 +71,7 @@ use crate::model::baked::{
 };
 use crate::model::field::{Planes, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
-use crate::view::render::{Exposure, Field, exposure};
+use crate::view::render::{CameraCoverage, Field, camera_coverage};
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
 /// `origin` goes into the container's provenance.
@@ -221,13 +221,13 @@ fn expose(
     options: &BakeOptions,
     pruned: &mut Pruned,
     progress: &dyn Progress,
-) -> Result<Option<Exposure>> {
+) -> Result<Option<CameraCoverage>> {
     if !options.sees() {
         return Ok(None);
     }
     let unbaked = Field::trained(field, None, &Limits::default())?;
     let least = options.min_weight.unwrap_or(1.0);
-    let seen = exposure(&unbaked, &options.seen_from, least, progress)?;
+    let seen = camera_coverage(&unbaked, &options.seen_from, least, progress)?;
     if options.min_weight.is_some() {
         pruned.keep_cells(&seen.cells)?;
     }
@@ -238,7 +238,7 @@ fn tables(pruned: &Pruned, edge: usize) -> Result<Vec<Table>> {
     let occupancy = |kept: bool| if kept { Occupancy::Stored } else { Occupancy::Empty };
     let table = |needed: &NodeMask| {
         let blocks = needed.blocks(edge)?.into_iter().map(occupancy).collect();
-        Ok(Table::new(BlockGrid { nodes: needed.nodes(), edge }, blocks))
+        Table::new(BlockGrid { nodes: needed.nodes(), edge }, blocks)
     };
     pruned.levels.iter().map(|level| table(&level.needed)).collect()
 }

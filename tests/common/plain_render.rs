@@ -1,7 +1,7 @@
 //! The renderer's slow twin: one pixel at a time as `formats/mipvog.md`, section 6, says it, in
 //! float64 over dense arrays. It visits every sample of every ray and skips nothing.
 
-use mipvog_bake::unstable::model::baked::{Aside, Blend, DensityDomain, StepRule};
+use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup};
 use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
@@ -210,9 +210,9 @@ impl PlainField {
         let t = |ray: &PlainRay| ray.entry + k * ray.step;
         let here = ray.at(t(ray));
         let rho = aside.each_ref().map(|other| {
-            let there = match rule.aside {
-                Aside::SameIndex => other.at(t(other)),
-                Aside::SameDistance => other.at(t(ray)),
+            let there = match rule.neighbour {
+                FootprintNeighbour::SameIndex => other.at(t(other)),
+                FootprintNeighbour::SameDistance => other.at(t(ray)),
             };
             let voxels = |a: usize| (there[a] - here[a]) / extent[a] * self.view.nodes.0[a] as f64;
             length([0, 1, 2].map(voxels)) / 0.5

@@ -1,4 +1,4 @@
-//! What the fits of all levels share.
+//! Inputs and results of the fits of all levels.
 
 use std::time::Instant;
 
@@ -10,32 +10,32 @@ use crate::model::baked::LevelOfDetail;
 use crate::model::camera::Camera;
 use crate::model::grid::NodeMask;
 
-/// How much to fit, and to what.
+/// The length of a fit, and its cameras.
 #[derive(Debug, Clone, Copy)]
 pub struct FitOptions<'a> {
     /// Steps for each level, at most.
     pub steps: usize,
-    /// Seconds in all, targets included; none is without bound. What comes out then depends on the
-    /// machine.
+    /// Seconds in all, targets included; none is without bound. The result of a bounded fit depends on
+    /// the machine.
     pub seconds: Option<f64>,
-    /// Where pictures are taken from; without any, spheres around the box.
+    /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],
 }
 
-/// What the fit of one level did.
+/// The course of one level's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FittedLevel {
-    /// Which one.
+    /// The level's number; 0 is the finest.
     pub level: usize,
     /// Steps that were taken.
     pub steps: usize,
-    /// PSNR of rays that no step uses, in dB, before.
+    /// PSNR of the validation rays before the fit, in dB.
     pub psnr_before: f64,
-    /// And after.
+    /// The same after the fit.
     pub psnr_after: f64,
 }
 
-/// What all levels' fits share.
+/// Inputs of the fits of all levels.
 pub struct FitContext<'a> {
     pub targets: &'a Targets,
     pub needed: &'a [&'a NodeMask],

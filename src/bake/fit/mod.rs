@@ -1,23 +1,26 @@
-//! Coarser levels, fitted to what they should look like.
+//! Coarser levels, fitted to pictures of level 0.
 //!
-//! A filter does not know that a ray sees the front of things, nor how thick matter looks along it.
-//! So after `rate-tent` has made the levels, their pictures are compared with what they stand for:
-//! [`target`] renders level 0 from cameras on spheres around the box, or from given ones, and
-//! box-downsamples the pictures; [`gradient`] renders single rays of the small pictures, one ray a
-//! pixel, and differentiates their colour by what the level holds (through the view network,
-//! compositing, blending of levels, activation and interpolation); [`adam`] takes steps. [`course`]
-//! fits levels finest to coarsest, each with the finer ones as they are then, watches rays that no
-//! step uses, keeps the best state and ends where nothing is gained any more. Only nodes that can be
-//! seen change. Last, [`rule`] moves the level-of-detail rule to where the fitted levels look best.
+//! A filter knows neither that a ray sees the front of things, nor how thick matter is along the ray.
+//! So a fit starts from the levels of `rate-tent` and changes them until their pictures are right:
 //!
-//! The budget is in steps, rays are drawn by a fixed generator and sums of gradients are in a fixed
-//! order, so that the same bytes come out for any number of threads. A fit that is cut short, by
-//! seconds or because somebody asked for what there is, says how many steps it took.
+//! 1. [`target`] renders level 0, from given cameras or from spheres around the box, and
+//!    box-downsamples the pictures.
+//! 2. [`gradient`] renders single rays of the small pictures, one ray a pixel. It differentiates their
+//!    colour by the level's values: through the view network, compositing, blending of levels,
+//!    activation and interpolation.
+//! 3. [`adam`] takes steps.
+//! 4. [`level_fit`] fits one level, with the finer ones as they are by then. It measures *validation
+//!    rays*, which no step uses, keeps the best state and ends when the fit has stalled.
+//! 5. [`rule`] moves the level-of-detail rule to where the fitted levels look best.
+//!
+//! Only nodes that can be seen change. The budget is in steps, rays are drawn by a fixed generator,
+//! and sums of gradients are in a fixed order. So the same bytes come out for any number of threads.
+//! A fit can be cut short by a time limit or by the caller; the report then has fewer steps.
 
 mod adam;
 mod context;
-mod course;
 mod gradient;
+mod level_fit;
 mod rule;
 mod run;
 mod target;

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::context::{FitContext, FitOptions, FittedLevel};
-use super::course::Course;
+use super::level_fit::LevelFit;
 use super::rule;
 use super::target::Targets;
 use crate::base::error::Result;
@@ -12,33 +12,37 @@ use crate::base::progress::{Progress, Step};
 use crate::model::baked::LevelOfDetail;
 use crate::model::field::RadianceField;
 use crate::model::grid::NodeMask;
-use crate::view::render::{Field, TrainedLevels, View};
+use crate::view::render::{Field, TrainedLevels, View, with_lanes};
 use crate::view::sample::{Dense, Stored};
 
 /// Fitted levels.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// From level 1 on; channels as slabs have them, density first: `[channel][node]`.
-    levels: Vec<Vec<Vec<f32>>>,
-    /// The rule that the levels look best with.
+    /// From level 1 on, `[channel][node]`, density first.
+    values: Vec<Vec<Vec<f32>>>,
+    /// The rule under which the levels look best.
     pub level_of_detail: LevelOfDetail,
-    /// What the fit did, from level 1 on.
+    /// The fit of each level, from level 1 on.
     pub courses: Vec<FittedLevel>,
-    /// Whether seconds or somebody's wish ended it before its steps did.
+    /// True if the fit stopped at its time limit or at the wish of the caller.
     pub cut_short: bool,
 }
 
 impl Fitted {
     /// Puts fitted values in the place of plane `x` of a channel of `level`.
     pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
-        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.levels.get(level)) {
+        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.values.get(level)) {
             plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);
         }
     }
 }
 
-/// Fits the coarser `levels` of `field`; `needed` are the nodes of each level that can be seen, `masked`
-/// says whether renderers will have the free-space mask.
+/// Fits the coarser `levels` of `field`. Only nodes in `needed`, one set for each level, change.
+/// `masked` says whether renderers will have the free-space mask.
+///
+/// # Errors
+/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` where the pictures do not
+/// fit in the memory of `limits`, `Cancelled`.
 pub fn fit(
     field: &RadianceField,
     levels: TrainedLevels,
@@ -54,21 +58,18 @@ pub fn fit(
         rendered.view_mut().free_space = None;
     }
     let coarser = needed.len().saturating_sub(1);
-    let targets = Targets::new(&rendered, coarser, options.cameras, progress)?;
+    let targets = Targets::new(&rendered, coarser, options.cameras, limits, progress)?;
     progress.begin(Step::Fit, (coarser * options.steps) as u64);
     let start = levels.level_of_detail;
-    let work = FitContext { targets: &targets, needed, options, start, clock, progress };
-    match rendered {
-        Field::Lanes4(view, stored) => work.fit(view, stored),
-        Field::Lanes8(view, stored) => work.fit(view, stored),
-        Field::Lanes16(view, stored) => work.fit(view, stored),
-    }
+    let context = FitContext { targets: &targets, needed, options, start, clock, progress };
+    let (view, values) = rendered.into_parts();
+    with_lanes!(values, stored => context.fit(view, stored))
 }
 
 impl FitContext<'_> {
     fn fit<const C: usize>(&self, mut view: View, stored: Stored<C>) -> Result<Fitted> {
         let mut fitted = Fitted {
-            levels: Vec::new(),
+            values: Vec::new(),
             level_of_detail: self.start,
             courses: Vec::new(),
             cut_short: false,
@@ -76,17 +77,16 @@ impl FitContext<'_> {
         // Trained fields are dense.
         let Stored::Dense(mut field) = stored else { return Ok(fitted) };
         for (level, needed) in self.needed.iter().enumerate().skip(1) {
-            let course = Course { work: self, view: &view, level, needed };
-            let (course, cut) = course.run(&mut field, fitted.cut_short)?;
-            fitted.courses.push(course);
+            let fit = LevelFit { context: self, view: &view, level, needed };
+            let (level, cut) = fit.run(&mut field, fitted.cut_short)?;
+            fitted.courses.push(level);
             fitted.cut_short |= cut;
         }
         let coarser = fitted.courses.len();
         if coarser > 0 {
-            fitted.level_of_detail =
-                rule::search(&mut view, self.start, &field, self.targets, coarser)?;
+            fitted.level_of_detail = rule::search(&mut view, self, &field, coarser)?;
         }
-        fitted.levels = (1..=coarser).map(|level| channels(&view, &field, level)).collect();
+        fitted.values = (1..=coarser).map(|level| channels(&view, &field, level)).collect();
         Ok(fitted)
     }
 }

@@ -374,7 +374,7 @@ fn read_table(
             Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (filled)")
         })?);
     }
-    let table = Table::new(grid, occupancy);
+    let table = Table::new(grid, occupancy)?;
     if table.frames() == level.blocks_stored && table.filled() == level.blocks_filled {
         return Ok(table);
     }

@@ -22,7 +22,7 @@ use crate::base::progress::{Progress, Silent, Step};
 use crate::levels::mips::{Kernel, Matter, Occluders, Visibility};
 use crate::model::activate;
 use crate::model::field::{Nonfinite, Planes, RadianceField, Scene};
-use crate::model::grid::{Bounds, NodeMask, Nodes};
+use crate::model::grid::{Bounds, CellMask, NodeMask, Nodes};
 
 /// The free-space mask is left out of containers where what it drops, of everything that can be
 /// seen, has less opacity than this: 120 dB below the picture.
@@ -127,7 +127,7 @@ pub fn prune(
         levels.push(PrunedLevel { needed, opaque_nodes: opaque.count(), masked_nodes });
         finest_cells.get_or_insert(cells);
     }
-    let cells = finest_cells.unwrap_or_else(|| NodeMask::empty(sizes[0]));
+    let cells = finest_cells.unwrap_or_else(|| CellMask::empty(sizes[0]));
     for &nodes in &sizes[levels.len()..] {
         let needed = overlapping_cells(&cells, nodes)?.corners()?;
         levels.push(PrunedLevel { needed, opaque_nodes: 0, masked_nodes: 0 });
@@ -152,7 +152,7 @@ pub fn prune(
 impl Pruned {
     /// Drops what lies outside `cells` of level 0, the only ones that are ever looked at, and the cells
     /// around them: coarser levels' matter spreads into those, and takes a part of its colour from there.
-    pub fn keep_cells(&mut self, cells: &NodeMask) -> Result<()> {
+    pub fn keep_cells(&mut self, cells: &CellMask) -> Result<()> {
         for level in &mut self.levels {
             let cells = overlapping_cells(cells, level.needed.nodes())?;
             level.needed.intersect(&cells.corners()?.cells_with_a_corner()?.corners()?);
@@ -205,7 +205,8 @@ pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Plan
 }
 
 /// The cells of a coarser grid over the same box that overlap a cell in `fine`.
-fn overlapping_cells(fine: &NodeMask, nodes: Nodes) -> Result<NodeMask> {
+fn overlapping_cells(fine: &CellMask, nodes: Nodes) -> Result<CellMask> {
+    let fine = fine.lowest_nodes();
     // Cell i of M nodes spans [i, i + 1] / (M - 1) of the axis; cells that only touch do not overlap.
     let ranges: [Vec<(usize, usize)>; 3] = [0, 1, 2].map(|axis| {
         let (coarse, fine) = (nodes.0[axis] - 1, fine.nodes().0[axis] - 1);

@@ -53,6 +53,16 @@ impl Codes {
         with_codes!(self, codes => codes.len())
     }
 
+    /// Whether these are so many codes in the width of `number`.
+    pub fn fit(&self, number: NumberType, count: usize) -> bool {
+        let width = match self {
+            Self::U8(_) => 1,
+            Self::U16(_) => 2,
+            Self::U32(_) => 4,
+        };
+        width == number.bytes() && self.len() == count
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

@@ -135,10 +135,10 @@ pub enum ColorSpace {
     SrgbDisplay,
 }
 
-/// Which sample of the ray aside a sample's footprint is measured to.
+/// The sample of the neighbouring ray that a sample's footprint is measured to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Aside {
+pub enum FootprintNeighbour {
     /// The one at the same distance: the pixel's size there.
     SameDistance,
     /// The one of the same index, as in the paper and the research code. Where the box is entered
@@ -155,8 +155,9 @@ pub struct LevelOfDetail {
     pub factor: f32,
     /// Added after the factor.
     pub bias: f32,
-    /// Which sample of the ray aside the footprint is measured to.
-    pub aside: Aside,
+    /// The sample of the neighbouring ray that the footprint is measured to.
+    #[serde(rename = "aside")]
+    pub neighbour: FootprintNeighbour,
     /// An upper bound beside the last level, if there is one.
     #[serde(deserialize_with = "nullable")]
     pub most: Option<f32>,

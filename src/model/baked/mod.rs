@@ -18,6 +18,7 @@ pub use domain::{Decode, DensityDomain};
 pub use encoding::{Encoding, Group, NumberType};
 pub use field::{BakedField, BakedLevel};
 pub use metadata::{
-    Aside, Blend, ColorSpace, LevelMetadata, LevelOfDetail, Metadata, StepRule, ViewMetadata,
+    Blend, ColorSpace, FootprintNeighbour, LevelMetadata, LevelOfDetail, Metadata, StepRule,
+    ViewMetadata,
 };
 pub use occupancy::{Occupancy, Table};

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::level::{Cell, Values, split};
-use super::skip::{SeenCells, SkipGrid};
+use super::skip::{OccupiedMacroCells, SkipGrid};
 use super::{Sample, interpolated_density};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -79,12 +79,12 @@ impl<const C: usize> Dense<C> {
                 continue;
             };
             let domain = values.domain;
-            let mut cells = SeenCells::new(nodes_of_level, nodes[0], domain, activation);
+            let mut cells = OccupiedMacroCells::new(nodes_of_level, nodes[0], domain, activation);
             let [nx, ny, nz] = nodes_of_level.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
                 *value = interpolated_density(activation, domain, *value);
-                cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
+                cells.mark([i / nz / ny, i / nz % ny, i % nz], *value, whole);
             }
             seen.push(cells.finish(nodes[0]));
         }

@@ -1,13 +1,13 @@
 //! Reading fields between nodes.
 //!
-//! [`Sample`] is what a renderer sees of a field: values at positions of a level, and where nothing
-//! is to be seen. It has two implementations, [`Dense`] for a field as trained and [`Sparse`] for a
-//! baked one, over the same arrays: a level's density, its colours interleaved node by node, and a
-//! rule that finds the lowest node of a position's cell. Colours have `C` lanes, unused ones zero,
-//! so that interpolating them is a handful of vector instructions.
+//! A renderer reads a field through [`Sample`]: values at positions of a level, and empty space.
+//! There are two implementations, [`Dense`] for a field as trained and [`Sparse`] for a baked one.
+//! Both have the same arrays: a level's density, and its colours interleaved node by node. Each finds
+//! the lowest node of a position's cell in its own way. Colours have `C` lanes, so that interpolating
+//! them is a handful of vector instructions. Lanes without a channel are zero.
 //!
-//! What is interpolated is what the level holds; of raw density what the activation's order says: raw
-//! density, density or opacity.
+//! Stored values are interpolated. Raw density is interpolated in the form that the activation's order
+//! names: raw density, density or opacity.
 
 mod dense;
 mod field;
