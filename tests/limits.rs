@@ -131,8 +131,7 @@ fn limits_are_set_on_the_command_line() {
     for (verb, file) in [("bake", &scene), ("unpack", &container)] {
         let arguments = [verb, file.as_str(), "-o", "x.safetensors"];
         let (code, message) = run(&[&arguments[..], &["--limit", "nodes=314"]].concat());
-        let expected = if verb == "bake" { 6 } else { 3 };
-        assert_eq!(code, Some(expected), "{message}");
+        assert!(code == Some(6) && message.contains("see --limit"), "{message}");
         assert!(!folder.path().join("x.safetensors").exists());
     }
     let (code, message) = run(&["unpack", &container, "-o", "x", "--limit", "memory=100"]);

@@ -15,7 +15,7 @@ use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
 use mipvog_bake::unstable::levels::Visible;
 use mipvog_bake::unstable::levels::visible::masked_planes;
-use mipvog_bake::unstable::model::baked::{Decode, Encoding, Group};
+use mipvog_bake::unstable::model::baked::{Decode, DensityDomain, Encoding, Group};
 use mipvog_bake::unstable::model::field::{Activation, Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
 
@@ -31,11 +31,11 @@ fn errors(seed: usize) -> MaxErrors {
 fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
     let value = f64::from(value);
     match decode {
-        Decode::RawDensity => {
+        Decode::Density(DensityDomain::Raw) => {
             plain::opacity(value, activation.shift.into(), activation.interval.into())
         }
-        Decode::SqrtOpticalDepth => -(-value * value).exp_m1(),
-        Decode::Opacity => value,
+        Decode::Density(DensityDomain::SqrtOpticalDepth) => -(-value * value).exp_m1(),
+        Decode::Density(DensityDomain::Opacity) => value,
         Decode::Logit => plain::sigmoid(value),
     }
 }

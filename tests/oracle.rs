@@ -12,7 +12,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::tensor;
 use mipvog_bake::unstable::levels::{Kernel, LevelFilter};
-use mipvog_bake::unstable::model::baked::Decode;
+use mipvog_bake::unstable::model::baked::DensityDomain;
 use mipvog_bake::unstable::model::baked::Group;
 use mipvog_bake::unstable::model::field::RadianceField;
 
@@ -194,10 +194,10 @@ fn levels_of_alpha_equal_the_plain_twin() {
                     let got = f64::from(got[channel * needed.len() + i]);
                     // Activated colours and opacities: near their ends stored values are steep.
                     let (got, want) = match (channel, domain.stored) {
-                        (0, Decode::SqrtOpticalDepth) => {
+                        (0, DensityDomain::SqrtOpticalDepth) => {
                             (-(-got * got).exp_m1(), -(-want * want).exp_m1())
                         }
-                        (0, Decode::Opacity) => (got, want),
+                        (0, DensityDomain::Opacity) => (got, want),
                         _ => (plain::sigmoid(got), plain::sigmoid(want)),
                     };
                     let error = (got - want).abs();

@@ -13,7 +13,7 @@ use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
-use mipvog_bake::unstable::model::baked::{Aside, BakedField, Blend, LevelOfDetail};
+use mipvog_bake::unstable::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail};
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
 use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
@@ -93,7 +93,8 @@ fn random_rule(random: &mut Random) -> LevelOfDetail {
     LevelOfDetail {
         factor: [0.333, 0.5, 1.0][random.below(3)],
         bias: random.between(-1.0, 1.5),
-        aside: [Aside::SameIndex, Aside::SameDistance][random.below(2)],
+        neighbour: [FootprintNeighbour::SameIndex, FootprintNeighbour::SameDistance]
+            [random.below(2)],
         most: [None, Some(0.7), Some(4.0)][random.below(3)],
     }
 }

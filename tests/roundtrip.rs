@@ -13,7 +13,7 @@ use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::{Aside, Group, LevelOfDetail};
+use mipvog_bake::unstable::model::baked::{FootprintNeighbour, Group, LevelOfDetail};
 use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, Nonfinite};
 use mipvog_bake::unstable::model::grid::Nodes;
 
@@ -98,8 +98,12 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         let changes = Changes { lod_rule: Some(rule), lod_scale: Some(2.0), ..Changes::default() };
         let changed = open_bytes(&repacked(&usual_bytes, &changes)).expect("valid");
         let mut expected = usual.metadata().clone();
-        expected.level_of_detail =
-            LevelOfDetail { factor: 2.0 * factor, bias: 0.0, most, aside: Aside::SameDistance };
+        expected.level_of_detail = LevelOfDetail {
+            factor: 2.0 * factor,
+            bias: 0.0,
+            most,
+            neighbour: FootprintNeighbour::SameDistance,
+        };
         for container in [&asked, &changed] {
             assert_eq!(container.metadata(), &expected);
             let levels = |container: &Container| container.read().expect("valid").levels;

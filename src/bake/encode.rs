@@ -229,7 +229,7 @@ impl<'a> LevelEncoder<'a> {
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             let encoder = &groups[*number].encoder;
-            let most = encoder.unneeded_limit();
+            let most = encoder.dont_care_max();
             let mut run = CompressedRun::new(encoder.shape(), frames, most, level)?;
             self.options.store.map_or(Ok(()), |store| store.keep(&mut run))?;
             Ok(run)

@@ -78,7 +78,7 @@ pub fn inherit_levels(
                 Ok(may.then(|| judge.moves(place, frame, &candidates)).flatten())
             };
             let moves = parallel::map(places.len(), moves)?;
-            let (table, moved) = filled(&own.table, &moves);
+            let (table, moved) = filled(&own.table, &moves)?;
             let level = &mut levels[number];
             level.blocks_filled = table.filled();
             for ((group, filler), moved) in COLORS.into_iter().zip(fillers).zip(moved) {
@@ -146,7 +146,8 @@ impl Judge<'_> {
                 }
                 let importance = self.importance.map_or(1.0, |level| level.of_node(sizes, at));
                 for channel in 0..group.channels {
-                    let code = code(group.codes, (frame * group.channels + channel) * nodes + node);
+                    let code = group.codes.code((frame * group.channels + channel) * nodes + node)
+                        as usize;
                     let to = filled[channel * nodes + node] as usize;
                     let moved = (group.activated[to] - group.activated[code]).abs();
                     if moved * moved * f64::from(importance) > self.most * self.most {
@@ -160,16 +161,8 @@ impl Judge<'_> {
     }
 }
 
-fn code(codes: &Codes, at: usize) -> usize {
-    match codes {
-        Codes::U8(codes) => codes[at].into(),
-        Codes::U16(codes) => codes[at].into(),
-        Codes::U32(codes) => codes[at] as usize,
-    }
-}
-
 /// The table with those blocks filled that have a move, and the largest moves.
-fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> (Table, [f64; 2]) {
+fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
     let mut next = moves.iter();
     let mut most = [0.0f64; 2];
     let mut occupancy = table.occupancy().to_vec();
@@ -179,7 +172,7 @@ fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> (Table, [f64; 2]) {
             most = [0, 1].map(|group| most[group].max(moves[group]));
         }
     }
-    (Table::new(table.grid(), occupancy), most)
+    Ok((Table::new(table.grid(), occupancy)?, most))
 }
 
 fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {
@@ -201,37 +194,18 @@ fn decode(level: &EncodedLevel, metadata: &LevelMetadata, features: usize) -> Re
 
 /// The codes of the blocks that are not filled.
 fn only_stored(codes: &Codes, table: &Table, shape: FrameShape) -> Codes {
-    fn keep<T: Copy>(codes: &[T], size: usize, kept: &[bool]) -> Vec<T> {
-        let frames = codes.chunks_exact(size).zip(kept).filter(|(_, kept)| **kept);
-        frames.flat_map(|(frame, _)| frame).copied().collect()
-    }
     let kept: Vec<bool> = table.stored().map(|place| !table.is_filled(place)).collect();
-    let size = shape.channels * shape.nodes();
-    match codes {
-        Codes::U8(codes) => Codes::U8(keep(codes, size, &kept)),
-        Codes::U16(codes) => Codes::U16(keep(codes, size, &kept)),
-        Codes::U32(codes) => Codes::U32(keep(codes, size, &kept)),
-    }
+    codes.kept_frames(shape.channels * shape.nodes(), &kept)
 }
 
 /// An atlas of these codes.
 fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtlas> {
     let size = shape.channels * shape.nodes();
-    let length = match codes {
-        Codes::U8(codes) => codes.len(),
-        Codes::U16(codes) => codes.len(),
-        Codes::U32(codes) => codes.len(),
-    };
     let frame = |frame: usize| {
-        let range = frame * size..(frame + 1) * size;
-        let codes = match codes {
-            Codes::U8(codes) => Codes::U8(codes[range].to_vec()),
-            Codes::U16(codes) => Codes::U16(codes[range].to_vec()),
-            Codes::U32(codes) => Codes::U32(codes[range].to_vec()),
-        };
+        let codes = codes.slice(frame * size..(frame + 1) * size);
         Frame { codes, needed: vec![true; shape.nodes()].into() }
     };
-    let (count, full) = (length / size, frames_per_run(shape));
+    let (count, full) = (codes.len() / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {
         let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
         // Every code counts: those that nobody needs were chosen when the level was encoded.

@@ -13,7 +13,7 @@ pub fn tables(visible: &Visible, edge: usize) -> Result<Vec<Table>> {
     let occupancy = |kept: bool| if kept { Occupancy::Stored } else { Occupancy::Empty };
     let table = |retained: &NodeMask| {
         let blocks = retained.blocks(edge)?.into_iter().map(occupancy).collect();
-        Ok(Table::new(BlockGrid { nodes: retained.nodes(), edge }, blocks))
+        Table::new(BlockGrid { nodes: retained.nodes(), edge }, blocks)
     };
     visible.levels.iter().map(|level| table(&level.retained)).collect()
 }

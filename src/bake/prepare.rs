@@ -8,7 +8,7 @@ use crate::base::progress::Progress;
 use crate::levels::{Visible, visible};
 use crate::model::field::{Planes, RadianceField};
 use crate::model::grid::Nodes;
-use crate::view::render::{Field, exposure};
+use crate::view::render::{Field, camera_coverage};
 
 /// A field whose visible nodes are known.
 #[derive(Debug)]
@@ -45,12 +45,12 @@ impl<'a> Prepared<'a> {
         if options.sees() {
             let unbaked = Field::trained(field, None, &options.limits)?;
             let least = options.min_weight.unwrap_or(1.0);
-            let seen = exposure(&unbaked, &options.seen_from, least, progress)?;
+            let coverage = camera_coverage(&unbaked, &options.seen_from, least, progress)?;
             if options.min_weight.is_some() {
-                visible.keep_cells(&seen.cells)?;
+                visible.keep_cells(&coverage.cells)?;
             }
             stages.end("expose", 0);
-            importance = LevelImportance::of_levels(seen, &sizes, options);
+            importance = LevelImportance::of_levels(coverage, &sizes, options);
         }
         Ok(Self { planes, sizes, visible, importance })
     }

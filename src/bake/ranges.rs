@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use super::pack::BitSearch;
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::codec::quantize::{ValueSpan, encoding_within};
+use crate::codec::quantize::{ValueRange, encoding_within};
 use crate::levels::{Plane, PlaneSink};
 use crate::model::baked::{Encoding, Group, Metadata};
 use crate::model::grid::{NodeMask, row};
@@ -19,7 +19,7 @@ pub struct RangeSink<'a> {
 struct LevelRanges<'a> {
     retained: &'a NodeMask,
     /// By [`Group`].
-    ranges: [Option<Mutex<ValueSpan>>; 3],
+    ranges: [Option<Mutex<ValueRange>>; 3],
     /// The group of each channel.
     groups: Vec<Group>,
 }
@@ -29,7 +29,7 @@ impl<'a> RangeSink<'a> {
     pub fn new(metadata: &Metadata, retained: &[&'a NodeMask]) -> Self {
         let levels = metadata.levels.iter().zip(retained).map(|(level, &retained)| {
             let range = |encoding: &Encoding| {
-                Mutex::new(ValueSpan::new(encoding.decode, &metadata.activation))
+                Mutex::new(ValueRange::new(encoding.decode, &metadata.activation))
             };
             let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
             let channels =
@@ -46,7 +46,7 @@ impl<'a> RangeSink<'a> {
     /// Replaces the encodings of the metadata's levels by those with the fewest bits.
     pub fn choose_encodings(self, search: BitSearch, metadata: &mut Metadata) -> Result<()> {
         let activation = metadata.activation;
-        let mut tasks: Vec<(&mut Encoding, ValueSpan, Group)> = Vec::new();
+        let mut tasks: Vec<(&mut Encoding, ValueRange, Group)> = Vec::new();
         for (level, ranges) in metadata.levels.iter_mut().zip(self.levels) {
             let present = [&mut level.density, &mut level.diffuse, &mut level.features];
             let present = Group::ALL.into_iter().zip(present).zip(ranges.ranges);

@@ -67,8 +67,9 @@ impl Changes {
         if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
             let color = color_encoding(bits);
             for level in &mut metadata.levels {
+                let domain = level.density_domain();
                 if let Some(density) = &mut level.density {
-                    change(density, &density_encoding(bits, density.decode, &metadata.activation));
+                    change(density, &density_encoding(bits, domain, &metadata.activation));
                 }
                 level.diffuse.iter_mut().for_each(|encoding| change(encoding, &color));
                 level.features.iter_mut().for_each(|encoding| change(encoding, &color));
@@ -138,7 +139,8 @@ pub fn repack(
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
     let levels = &unpacked.levels[..metadata.levels.len()];
     let unpacked_tables: Vec<Table> = levels.iter().map(|level| level.table.clone()).collect();
-    let tables: Vec<Table> = unpacked_tables.iter().map(Table::without_inheritance).collect();
+    let tables = unpacked_tables.iter().map(Table::without_inheritance);
+    let tables = tables.collect::<Result<Vec<Table>>>()?;
     metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
     let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
     let inherits = unpacked_tables.iter().any(|table| table.filled() > 0);

@@ -19,7 +19,7 @@
 use multiversion::multiversion;
 
 use crate::model::activate::{self, lanes};
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 use crate::model::field::Activation;
 
 /// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of this
@@ -41,13 +41,13 @@ pub struct AlphaDomain {
     /// Intervals over which opacity is alpha, above 0.
     pub span: f32,
     /// The values that coarser levels store.
-    pub stored: Decode,
+    pub stored: DensityDomain,
     empty_up_to: f32,
 }
 
 impl AlphaDomain {
     /// Alpha as opacity over `span` intervals, stored as `stored`.
-    pub fn new(activation: Activation, span: f32, stored: Decode) -> Self {
+    pub fn new(activation: Activation, span: f32, stored: DensityDomain) -> Self {
         let Activation { shift, interval, .. } = activation;
         let [shift_wide, interval_wide] = [shift, interval * span].map(f64::from);
         let least = activate::raw_at_opacity(LEAST_ALPHA, shift_wide, interval_wide) as f32;
@@ -80,7 +80,7 @@ impl AlphaDomain {
     /// The stored values of alphas.
     pub(super) fn stored(&self, alphas: &[f32], stored: &mut [f32]) {
         let span = f64::from(self.span);
-        if self.stored == Decode::SqrtOpticalDepth {
+        if self.stored == DensityDomain::SqrtOpticalDepth {
             return sqrt_optical_depths(alphas, span, stored);
         }
         for (stored, &alpha) in stored.iter_mut().zip(alphas) {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::sizes::{default_level_count, level_sizes};
 use super::{AlphaDomain, Kernel, LevelRule};
-use crate::model::baked::{Aside, Blend, Decode, LevelOfDetail, StepRule};
+use crate::model::baked::{Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -30,7 +30,7 @@ pub enum FilterDomain {
         /// Intervals over which opacity is alpha, above 0.
         span: f32,
         /// The density that coarser levels store: optical depth or opacity.
-        stored: Decode,
+        stored: DensityDomain,
     },
 }
 
@@ -123,10 +123,10 @@ impl dyn LevelFilter + '_ {
     }
 
     /// The meaning of densities that a level stores.
-    pub fn density_domain(&self, level: usize) -> Decode {
+    pub fn density_domain(&self, level: usize) -> DensityDomain {
         match self.domain() {
             FilterDomain::Alpha { stored, .. } if level > 0 => stored,
-            _ => Decode::RawDensity,
+            _ => DensityDomain::Raw,
         }
     }
 
@@ -135,12 +135,12 @@ impl dyn LevelFilter + '_ {
         level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
     }
 
-    /// The rule of levels, with footprints measured as `aside` says. Training measured them to the
+    /// The rule of levels, with footprints measured to `neighbour`. Training measured them to the
     /// sample of the same index. Containers measure them at the same distance, which does not depend
     /// on the place where rays enter the box.
-    pub fn rule(&self, aside: Aside) -> LevelOfDetail {
+    pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let (factor, bias, most) = self.level_of_detail();
-        LevelOfDetail { factor, bias, aside, most }
+        LevelOfDetail { factor, bias, neighbour, most }
     }
 }
 
@@ -227,9 +227,9 @@ impl LevelFilter for Filter {
     fn domain(&self) -> FilterDomain {
         match self {
             Self::RateTent | Self::Fit => {
-                FilterDomain::Alpha { span: RATE_SPAN, stored: Decode::SqrtOpticalDepth }
+                FilterDomain::Alpha { span: RATE_SPAN, stored: DensityDomain::SqrtOpticalDepth }
             }
-            Self::Coverage => FilterDomain::Alpha { span: 1.0, stored: Decode::Opacity },
+            Self::Coverage => FilterDomain::Alpha { span: 1.0, stored: DensityDomain::Opacity },
             Self::Code => FilterDomain::Logits { density: false },
             Self::Paper | Self::Kernel(_) => FilterDomain::Logits { density: true },
         }

@@ -9,7 +9,7 @@ use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate;
 use crate::model::field::{FreeSpace, Lookup, Planes};
-use crate::model::grid::{Bounds, NodeMask, Nodes, row};
+use crate::model::grid::{Bounds, CellMask, NodeMask, Nodes, row};
 
 /// Positions that fall within this of a border between mask nodes count for both sides.
 const SLACK: f64 = 1e-4;
@@ -19,7 +19,7 @@ const SLACK: f64 = 1e-4;
 /// # Errors
 ///
 /// None of its own.
-pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<NodeMask> {
+pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Result<CellMask> {
     touched_cells(free_space, &cell_faces(bounds, nodes))
 }
 
@@ -29,7 +29,7 @@ pub fn inside_cells(free_space: &FreeSpace, bounds: &Bounds, nodes: Nodes) -> Re
 /// # Errors
 ///
 /// None of its own.
-pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<NodeMask> {
+pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<CellMask> {
     let nodes = Nodes([0, 1, 2].map(|axis| faces[axis].len()));
     any_in_ranges(&inside_nodes(free_space)?, nodes, &mask_ranges(free_space, faces))
 }
@@ -45,17 +45,18 @@ pub fn touched_cells(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> Result<No
 pub fn masked_share(
     free_space: &FreeSpace,
     planes: &Planes,
-    cells: &NodeMask,
+    cells: &CellMask,
     raw_threshold: f32,
 ) -> Result<f64> {
     let field = planes.field();
     let bounds = &field.scene.bounds;
-    let nodes = cells.nodes();
+    let nodes = cells.lowest_nodes().nodes();
     let outside = inside_nodes(free_space)?.complement();
     let ranges = mask_ranges(free_space, &cell_faces(bounds, nodes));
     let mut partial = any_in_ranges(&outside, nodes, &ranges)?;
     partial.intersect(cells);
     let corners = partial.corners()?;
+    let partial = partial.lowest_nodes();
     let spacing = nodes.spacing(bounds);
     let activation = &field.scene.activation;
     let [nx, ny, nz] = nodes.0;
@@ -96,10 +97,10 @@ pub(super) fn any_in_ranges(
     from: &NodeMask,
     nodes: Nodes,
     ranges: &[Vec<(usize, usize)>; 3],
-) -> Result<NodeMask> {
+) -> Result<CellMask> {
     let words = row::words(nodes);
     let [x_ranges, y_ranges, z_ranges] = ranges;
-    NodeMask::of_planes(nodes, |x, plane| {
+    let lowest = NodeMask::of_planes(nodes, |x, plane| {
         let Some(&(start, end)) = x_ranges.get(x) else { return Ok(()) };
         let mut merged = vec![0; from.nodes().0[1] * from.row_words()];
         for x in start..end {
@@ -119,7 +120,8 @@ pub(super) fn any_in_ranges(
             }
         }
         Ok(())
-    })
+    });
+    lowest.map(CellMask::of_lowest_nodes)
 }
 
 /// The mask's nodes that are inside by themselves.

@@ -20,7 +20,7 @@ use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent, Step};
 use crate::model::activate;
 use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField};
-use crate::model::grid::{NodeMask, Nodes};
+use crate::model::grid::{CellMask, NodeMask, Nodes};
 
 /// The free-space mask is left out of containers where it drops less opacity than this share of all
 /// that can be seen: 120 dB below the picture.
@@ -109,7 +109,7 @@ impl Visible {
             levels.push(VisibleLevel { retained, opaque_nodes: opaque.count(), masked_nodes });
             finest_cells.get_or_insert(cells);
         }
-        let cells = finest_cells.unwrap_or_else(|| NodeMask::empty(sizes[0]));
+        let cells = finest_cells.unwrap_or_else(|| CellMask::empty(sizes[0]));
         for &nodes in &sizes[levels.len()..] {
             let retained = overlapping_cells(&cells, nodes)?.corners()?;
             levels.push(VisibleLevel { retained, opaque_nodes: 0, masked_nodes: 0 });
@@ -142,7 +142,7 @@ impl Visible {
     /// # Errors
     ///
     /// None of its own.
-    pub fn keep_cells(&mut self, cells: &NodeMask) -> Result<()> {
+    pub fn keep_cells(&mut self, cells: &CellMask) -> Result<()> {
         for level in &mut self.levels {
             let cells = overlapping_cells(cells, level.retained.nodes())?;
             level.retained.intersect(&cells.corners()?.cells_with_a_corner()?.corners()?);
@@ -188,7 +188,8 @@ pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Plan
 }
 
 /// The cells of a coarser grid over the same box that overlap a cell in `fine`.
-fn overlapping_cells(fine: &NodeMask, nodes: Nodes) -> Result<NodeMask> {
+fn overlapping_cells(fine: &CellMask, nodes: Nodes) -> Result<CellMask> {
+    let fine = fine.lowest_nodes();
     // Cell i of M nodes spans [i, i + 1] / (M - 1) of the axis; cells that only touch do not overlap.
     let ranges: [Vec<(usize, usize)>; 3] = [0, 1, 2].map(|axis| {
         let (coarse, fine) = (nodes.0[axis] - 1, fine.nodes().0[axis] - 1);

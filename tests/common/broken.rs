@@ -111,6 +111,7 @@ fn containers(sound: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
         ("prefix", chunks::file(&prefix, &parts)),
         ("metadata", with_chunk(&parts, b"META", None, |bytes| bytes.push(b' '))),
         ("metadata-value", metadata(|metadata| metadata.march.stepsize = 0.0)),
+        ("ray-samples", metadata(|metadata| metadata.march.stepsize = 1e-7)),
         ("network", with_chunk(&parts, b"VMLP", None, |bytes| bytes.truncate(bytes.len() - 4))),
         ("free-space", with_chunk(&parts, b"MASK", None, |bytes| bytes[0] = 9)),
         ("provenance", with_chunk(&parts, b"prov", None, |bytes| bytes.push(b' '))),

@@ -2,7 +2,7 @@
 //! `levels::alpha`.
 
 use mipvog_bake::unstable::levels::AlphaDomain;
-use mipvog_bake::unstable::model::baked::Decode;
+use mipvog_bake::unstable::model::baked::DensityDomain;
 use mipvog_bake::unstable::model::field::{Activation, Scene};
 use mipvog_bake::unstable::model::grid::Bounds;
 
@@ -107,7 +107,7 @@ pub fn unpremultiply(
     let density = |&alpha: &f64| {
         let depth = optical_depth(domain, alpha);
         match domain.stored {
-            Decode::SqrtOpticalDepth => depth.sqrt(),
+            DensityDomain::SqrtOpticalDepth => depth.sqrt(),
             _ => -(-depth).exp_m1(),
         }
     };

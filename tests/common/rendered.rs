@@ -1,6 +1,8 @@
 //! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
 
-use mipvog_bake::unstable::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use mipvog_bake::unstable::model::baked::{
+    BakedField, BakedLevel, DensityDomain, Group, LevelMetadata,
+};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
@@ -31,7 +33,7 @@ pub fn trained_levels(
     let finest = PlainLevel {
         nodes,
         density: Some(density.clone()),
-        decode: Decode::RawDensity,
+        domain: DensityDomain::Raw,
         color: color.clone(),
         pruned: None,
     };
@@ -52,20 +54,20 @@ pub fn trained_levels(
     }
     while all.len() < count && halved(nodes) != nodes {
         let next = |values: &[f64]| next_level(nodes, values, weights);
-        let mut decode = Decode::RawDensity;
+        let mut kind = DensityDomain::Raw;
         if let Some(domain) = &domain {
             linear = linear.iter().map(|channel| next(channel)).collect();
             let mut stored = plain_alpha::unpremultiply(halved(nodes), domain, &linear);
             density = stored.remove(0);
             color = stored;
-            decode = domain.stored;
+            kind = domain.stored;
         } else {
             color = color.iter().map(|channel| next(channel)).collect();
             density = if filter.has_density() { next(&density) } else { density };
         }
         nodes = halved(nodes);
         let density = filter.has_density().then(|| density.clone());
-        all.push(PlainLevel { nodes, density, decode, color: color.clone(), pruned: None });
+        all.push(PlainLevel { nodes, density, domain: kind, color: color.clone(), pruned: None });
     }
     all
 }
@@ -106,7 +108,7 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
         PlainLevel {
             nodes,
             density: of_level.density.is_some().then(|| channels(Group::Density).remove(0)),
-            decode: of_level.density.as_ref().map_or(Decode::RawDensity, |of| of.decode),
+            domain: of_level.density_domain(),
             color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),

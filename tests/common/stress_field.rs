@@ -11,7 +11,7 @@ use mipvog_bake::unstable::levels::taps::AxisTaps;
 use mipvog_bake::unstable::levels::{
     AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
 };
-use mipvog_bake::unstable::model::baked::{Codes, Decode, Encoding, NumberType};
+use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, NumberType};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
@@ -256,7 +256,7 @@ pub fn density_of_levels() -> Worst {
         for (&got, &want) in got[0].iter().zip(&want[0]) {
             let opacity = |value: f64| {
                 let depth = match domain.stored {
-                    Decode::SqrtOpticalDepth => value * value,
+                    DensityDomain::SqrtOpticalDepth => value * value,
                     _ => -(-value).ln_1p(),
                 };
                 -(-depth * 2f64.powi(level as i32)).exp_m1()
@@ -289,13 +289,13 @@ type Activate = Box<dyn Fn(f64) -> f64>;
 fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
     let mut all: Vec<(Encoding, Activate)> = vec![(color_encoding(bits), Box::new(sigmoid))];
     for (shift, interval) in SHIFTS.into_iter().flat_map(|s| INTERVALS.map(|i| (s, i))) {
-        let encoding = |decode| density_encoding(bits, decode, &activation(shift, interval));
+        let encoding = |domain| density_encoding(bits, domain, &activation(shift, interval));
         let raw = move |raw: f64| opacity(raw, shift.into(), interval.into());
-        all.push((encoding(Decode::RawDensity), Box::new(raw)));
+        all.push((encoding(DensityDomain::Raw), Box::new(raw)));
         if interval == 0.5 {
             let depth = |root: f64| -(-root.max(0.0).powi(2)).exp_m1();
-            all.push((encoding(Decode::SqrtOpticalDepth), Box::new(depth)));
-            all.push((encoding(Decode::Opacity), Box::new(|alpha| alpha.clamp(0.0, 1.0))));
+            all.push((encoding(DensityDomain::SqrtOpticalDepth), Box::new(depth)));
+            all.push((encoding(DensityDomain::Opacity), Box::new(|alpha| alpha.clamp(0.0, 1.0))));
         }
     }
     all
@@ -316,7 +316,7 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
     let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation);
     let (frame, _) = encoder.frame(source, source.needed_nodes(edge), 0, None);
-    let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
+    let bytes = run_bytes(encoder.shape(), &[frame], encoder.dont_care_max()).bytes;
     let codes = match encoding.number {
         NumberType::U8 => Codes::U8(restored(encoder.shape(), &bytes)),
         NumberType::U16 | NumberType::F16 => Codes::U16(restored(encoder.shape(), &bytes)),
@@ -348,9 +348,10 @@ fn to_store(encoding: &Encoding) -> Vec<f32> {
             values.extend([border.next_down(), border, border.next_up()]);
         }
     }
-    if encoding.decode == Decode::SqrtOpticalDepth || encoding.decode == Decode::Opacity {
+    let domain = encoding.decode.density();
+    if matches!(domain, Some(DensityDomain::SqrtOpticalDepth | DensityDomain::Opacity)) {
         // Neither is below 0, nor opacity above 1.
-        let most = if encoding.decode == Decode::Opacity { 1.0 } else { f32::MAX };
+        let most = if domain == Some(DensityDomain::Opacity) { 1.0 } else { f32::MAX };
         values.iter_mut().for_each(|value| *value = value.abs().min(most));
     }
     values

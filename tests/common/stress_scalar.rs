@@ -3,7 +3,7 @@
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::levels::AlphaDomain;
 use mipvog_bake::unstable::model::activate::{self, lanes};
-use mipvog_bake::unstable::model::baked::Decode;
+use mipvog_bake::unstable::model::baked::DensityDomain;
 use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
 use mipvog_bake::unstable::model::view_mlp::{Layer, RAYS, ViewMlp};
 
@@ -102,7 +102,7 @@ pub fn node_opacity() -> Worst {
     let raw: Vec<f32> = raws().collect();
     for (shift, interval) in activations() {
         let activation = activation(shift, interval);
-        let domain = AlphaDomain::new(activation, 1.0, Decode::Opacity);
+        let domain = AlphaDomain::new(activation, 1.0, DensityDomain::Opacity);
         let mut alphas = vec![0.0; raw.len()];
         domain.density_to_alpha(&raw, &mut alphas);
         for (&raw, alpha) in raw.iter().zip(alphas) {

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use super::json::from_canonical;
 use super::layout::{
-    ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, KNOWN_FEATURES, MASK, META,
-    PROVENANCE, TABLE, VMLP, read_directory,
+    ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META, PROVENANCE, TABLE,
+    VMLP, read_directory,
 };
 use super::runs;
 use super::{mask, network, rules};
@@ -374,20 +374,11 @@ fn read_table(
             Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (filled)")
         })?);
     }
-    let table = Table::new(grid, occupancy);
+    let table = Table::new(grid, occupancy)?;
     if table.frames() == level.blocks_stored && table.filled() == level.blocks_filled {
         return Ok(table);
     }
     let found = format!("{} stored blocks, {} of them filled", table.frames(), table.filled());
     let expected = format!("{}, {} of them filled", level.blocks_stored, level.blocks_filled);
     Err(Error::malformed(place.clone(), found, expected))
-}
-
-/// Refuses features that this build does not know.
-pub(super) fn unknown_features(header: &Header) -> Option<Error> {
-    let unknown = header.features & !KNOWN_FEATURES;
-    (unknown != 0).then(|| {
-        let found = format!("required features {unknown:#x}");
-        Error::unsupported(Place::Offset(16), found, "bit 0 (filled blocks) or none")
-    })
 }

@@ -1,15 +1,17 @@
 //! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
-    META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header,
+    KNOWN_FEATURES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
-use super::read::unknown_features;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
-use crate::base::limits::Limits;
-use crate::model::baked::{Blend, Decode, Encoding, Group, LevelMetadata, Metadata, NumberType};
+use crate::base::limits::{self, Limits};
+use crate::model::baked::{
+    Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
+};
+use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
 /// Nodes along a block's edge, at most.
@@ -22,7 +24,11 @@ pub fn is_known(kind: ChunkKind) -> bool {
 
 /// Features, length and the directory's place.
 pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
-    if let Some(error) = unknown_features(header) {
+    let unknown = header.features & !KNOWN_FEATURES;
+    if unknown != 0 {
+        let found = format!("required features {unknown:#x}");
+        let expected = "bit 0 (filled blocks) or none";
+        let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
     if header.file_length > file_length {
@@ -108,86 +114,164 @@ pub fn metadata(
     place: &Place,
     report: &mut Report,
 ) -> Result<bool> {
-    let mut sound = true;
-    let mut require = |holds: bool, key: &str, expected: &str| {
-        sound &= holds;
-        if holds {
-            return Ok(());
-        }
-        let place = Place::Key(key.to_owned());
-        let error = Error::malformed(place, "a value out of range", expected);
-        report(Finding { code: Code::MetadataValue, error })
-    };
-    let march = &metadata.march;
-    let activation = &metadata.activation;
-    let positive = |value: f32| value > 0.0 && value.is_finite();
-    require(metadata.bounds.check(place).is_ok(), "bounds", "finite corners, min below max")?;
-    require(activation.shift.is_finite(), "activation.shift", "a finite number")?;
-    require(positive(activation.interval), "activation.interval", "a positive number")?;
-    require(positive(march.stepsize), "march.stepsize", "a positive number")?;
-    require(positive(march.voxel_size), "march.voxel_size", "a positive number")?;
-    require(march.near >= 0.0 && march.near.is_finite(), "march.near", "a number from 0")?;
-    let far_fits = march.far.is_none_or(|far| far.is_finite() && far > march.near);
-    require(far_fits, "march.far", "a number above near, or null")?;
-    let share = |value: f32| (0.0..1.0).contains(&value);
-    require(share(march.color_threshold), "march.color_threshold", "0 to below 1")?;
-    require(share(march.alpha_threshold), "march.alpha_threshold", "0 to below 1")?;
-    require(share(metadata.alpha_threshold), "alpha_threshold", "0 to below 1")?;
-    let background = metadata.background.iter().all(|value| value.is_finite());
-    require(background, "background", "finite numbers")?;
-    let lod = &metadata.level_of_detail;
-    let lod_fits = positive(lod.factor)
-        && lod.bias.is_finite()
-        && lod.most.is_none_or(|most| most >= 0.0 && most.is_finite());
-    require(lod_fits, "level_of_detail", "a positive factor, a finite bias and bound")?;
+    let mut rules = Rules { sound: true, report };
+    scene(metadata, place, &mut rules)?;
+    let features = metadata.features as u64;
     let most = limits.channels.saturating_sub(3);
-    require(metadata.features as u64 <= most, "features", "at most as many as limits allow")?;
-    let layers = metadata.view.as_ref().map(|view| &view.widths);
-    let wide = layers.is_none_or(|w| (2..=32).contains(&w.len()) && w.iter().all(|&w| w <= 4096));
-    require(wide, "view.widths", "2 to 32 widths of at most 4096")?;
-    let octaves = metadata.view.as_ref().is_none_or(|view| view.frequencies <= 32);
-    require(octaves, "view.frequencies", "at most 32")?;
+    rules.hold("features", |place| limits::check("features", features, most, place))?;
+    if let Some(view) = &metadata.view {
+        let count = view.widths.len();
+        let found = format!("{count} widths");
+        rules.require((2..=32).contains(&count), "view.widths", found, "2 to 32 widths")?;
+        let widest = view.widths.iter().copied().max().unwrap_or(0);
+        rules.require(widest <= 4096, "view.widths", widest, "widths of at most 4096")?;
+        let octaves = view.frequencies;
+        rules.require(octaves <= 32, "view.frequencies", octaves, "at most 32")?;
+    }
     let count = metadata.levels.len();
-    require((1..=32).contains(&count), "levels", "1 to 32 levels")?;
-    let mut finer: Option<[usize; 3]> = None;
-    for (number, level) in metadata.levels.iter().enumerate() {
-        let key = |name: &str| format!("levels[{number}].{name}");
-        let nodes = Nodes::checked(level.dimensions.map(|size| size as u64), limits, place);
-        let shrinks = finer.is_none_or(|finer| {
-            level.dimensions.iter().zip(finer).all(|(&size, finer)| size <= finer)
-        });
-        let sizes_fit = nodes.is_ok() && shrinks;
-        require(sizes_fit, &key("dimensions"), "2 nodes or more, no more than the finer level")?;
-        let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
-        require(block, &key("block_size"), "1 to 64")?;
-        let stored = block && sizes_fit && level.blocks_stored <= level.grid().total();
-        require(stored, &key("blocks_stored"), "at most all blocks")?;
-        let fills = metadata.levels.get(number + 1).is_some_and(LevelMetadata::has_integer_colors)
-            && level.has_integer_colors()
-            && level.blocks_filled <= level.blocks_stored;
-        require(
-            level.blocks_filled == 0 || fills,
-            &key("blocks_filled"),
-            "at most the stored blocks, of a level with a coarser one, both with colours in integers",
-        )?;
-        require(level.diffuse.is_some(), &key("diffuse"), "an encoding")?;
-        let has_features = level.features.is_some() == (metadata.features > 0);
-        require(has_features, &key("features"), "an encoding where there are features")?;
-        for group in Group::ALL {
-            let sound = level
-                .encoding(group)
-                .is_none_or(|e| encoding_is_sound(e) && decodes(metadata.blend, group, e.decode));
-            require(sound, &key(group.name()), "a type with as many bits, a finite range")?;
-        }
-        finer = Some(level.dimensions);
+    rules.require((1..=32).contains(&count), "levels", count, "1 to 32 levels")?;
+    let mut finer = None;
+    for (number, own) in metadata.levels.iter().enumerate() {
+        level(metadata, number, own, finer, limits, &mut rules)?;
+        finer = Some(own.dimensions);
+    }
+    if let Some(finest) = metadata.levels.first().filter(|_| rules.sound) {
+        rules.report(Code::RaySamples, metadata.march.check(Nodes(finest.dimensions)))?;
     }
     // Optical depths can only be mixed where every level has its own.
     let own = metadata.levels.iter().all(|level| level.density.is_some());
     let mixed = metadata.blend == Blend::BeforeActivation || own;
-    require(mixed, "blend", "before_activation where a level has no density")?;
+    rules.require(
+        mixed,
+        "blend",
+        "after_activation",
+        "before_activation where a level has no density",
+    )?;
     let first = metadata.levels.first().is_none_or(|level| level.density.is_some());
-    require(first, "levels[0].density", "an encoding")?;
-    Ok(sound)
+    rules.require(first, "levels[0].density", "null", "an encoding")?;
+    Ok(rules.sound)
+}
+
+/// Rules of the metadata as they are held.
+struct Rules<'a, 'r> {
+    sound: bool,
+    report: &'a mut Report<'r>,
+}
+
+impl Rules<'_, '_> {
+    /// Reports a value that breaks a rule.
+    fn require(
+        &mut self,
+        holds: bool,
+        key: &str,
+        found: impl std::fmt::Display,
+        expected: &str,
+    ) -> Result<()> {
+        self.hold(key, |place| match holds {
+            true => Ok(()),
+            false => Err(Error::malformed(place.clone(), found.to_string(), expected)),
+        })
+    }
+
+    /// Reports the error of a rule that knows what it found.
+    fn hold(&mut self, key: &str, rule: impl FnOnce(&Place) -> Result<()>) -> Result<()> {
+        let checked = rule(&Place::Key(key.to_owned()));
+        self.report(Code::MetadataValue, checked)
+    }
+
+    fn report(&mut self, code: Code, rule: Result<()>) -> Result<()> {
+        self.sound &= rule.is_ok();
+        checked(rule, code, self.report).map(|_| ())
+    }
+}
+
+/// Rules of everything but levels.
+fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
+    let (march, activation) = (&metadata.march, &metadata.activation);
+    let positive = |value: f32| value > 0.0 && value.is_finite();
+    let boxed = metadata.bounds.check(place);
+    let found = boxed.err().map(|error| error.to_string()).unwrap_or_default();
+    rules.require(found.is_empty(), "bounds", found, "finite corners, min below max")?;
+    let Activation { shift, interval, .. } = *activation;
+    rules.require(shift.is_finite(), "activation.shift", shift, "a finite number")?;
+    rules.require(positive(interval), "activation.interval", interval, "a positive number")?;
+    let lengths = [("march.stepsize", march.stepsize), ("march.voxel_size", march.voxel_size)];
+    for (key, length) in lengths {
+        rules.require(positive(length), key, length, "a positive number")?;
+    }
+    let near = march.near >= 0.0 && march.near.is_finite();
+    rules.require(near, "march.near", march.near, "a number from 0")?;
+    let far = march.far.unwrap_or(f32::INFINITY);
+    let far_fits = march.far.is_none_or(f32::is_finite) && far > march.near;
+    rules.require(far_fits, "march.far", far, "a number above near, or null")?;
+    for (key, share) in [
+        ("march.color_threshold", march.color_threshold),
+        ("march.alpha_threshold", march.alpha_threshold),
+        ("alpha_threshold", metadata.alpha_threshold),
+    ] {
+        rules.require((0.0..1.0).contains(&share), key, share, "0 to below 1")?;
+    }
+    let background = metadata.background;
+    let finite = background.iter().all(|value| value.is_finite());
+    rules.require(finite, "background", format!("{background:?}"), "finite numbers")?;
+    let lod = &metadata.level_of_detail;
+    let most = lod.most.unwrap_or(0.0);
+    let fits = positive(lod.factor) && lod.bias.is_finite() && (0.0..f32::INFINITY).contains(&most);
+    let found = format!("factor {}, bias {}, most {most}", lod.factor, lod.bias);
+    let expected = "a positive factor, a finite bias and bound";
+    rules.require(fits, "level_of_detail", found, expected)
+}
+
+/// Rules of one level; `finer` are the dimensions of the next finer one.
+fn level(
+    metadata: &Metadata,
+    number: usize,
+    level: &LevelMetadata,
+    finer: Option<[usize; 3]>,
+    limits: &Limits,
+    rules: &mut Rules,
+) -> Result<()> {
+    let key = |name: &str| format!("levels[{number}].{name}");
+    let sizes = level.dimensions;
+    let sized = |place: &Place| {
+        Nodes::checked(sizes.map(|size| size as u64), limits, place)?;
+        match finer {
+            Some(finer) if sizes.iter().zip(finer).any(|(&size, finer)| size > finer) => {
+                let expected = format!("at most the finer level's {finer:?}");
+                Err(Error::malformed(place.clone(), format!("{sizes:?}"), expected))
+            }
+            _ => Ok(()),
+        }
+    };
+    let sizes_fit = sized(&Place::File).is_ok();
+    rules.hold(&key("dimensions"), sized)?;
+    let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
+    rules.require(block, &key("block_size"), level.block_size, "1 to 64")?;
+    let (stored, filled) = (level.blocks_stored, level.blocks_filled);
+    let fits = block && sizes_fit && stored <= level.grid().total();
+    rules.require(fits, &key("blocks_stored"), stored, "at most all blocks")?;
+    let coarser = metadata.levels.get(number + 1);
+    let inherits = coarser.is_some_and(LevelMetadata::has_integer_colors)
+        && level.has_integer_colors()
+        && filled <= stored;
+    rules.require(
+        filled == 0 || inherits,
+        &key("blocks_filled"),
+        filled,
+        "at most the stored blocks, of a level with a coarser one, both with colours in integers",
+    )?;
+    rules.require(level.diffuse.is_some(), &key("diffuse"), "null", "an encoding")?;
+    let has_features = level.features.is_some() == (metadata.features > 0);
+    let found = if level.features.is_some() { "an encoding" } else { "null" };
+    rules.require(has_features, &key("features"), found, "an encoding where there are features")?;
+    for group in Group::ALL {
+        let Some(encoding) = level.encoding(group) else { continue };
+        let sound = encoding_is_sound(encoding) && decodes(metadata.blend, group, encoding.decode);
+        let found = format!("{:?} with {} bits", encoding.decode, encoding.bits);
+        let expected = "a meaning of the group, a type with as many bits, a finite range";
+        rules.require(sound, &key(group.name()), found, expected)?;
+    }
+    Ok(())
 }
 
 /// [`metadata`] for strict readers: the first thing that is wrong is the error.
@@ -195,12 +279,12 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-/// Whether values of a group can mean this. Levels that are mixed before they are activated must mean
-/// the same.
+/// Whether values of a group can mean this. Levels that are mixed before activation must mean the
+/// same.
 fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
     match (group, blend) {
-        (Group::Density, Blend::BeforeActivation) => decode == Decode::RawDensity,
-        (Group::Density, Blend::AfterActivation) => decode.is_density(),
+        (Group::Density, Blend::BeforeActivation) => decode == Decode::Density(DensityDomain::Raw),
+        (Group::Density, Blend::AfterActivation) => decode.density().is_some(),
         (Group::Diffuse | Group::Features, _) => decode == Decode::Logit,
     }
 }
@@ -247,8 +331,8 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that; of levels that there are. Critical ones that nobody
-    // knows were reported.
+    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown critical ones
+    // were reported.
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),

@@ -1,13 +1,11 @@
 //! What a trained scene or a container says about rendering, as one set of rules.
 
-use crate::base::error::{Error, Place, Result};
-use crate::base::limits::Limits;
+use crate::base::error::{Place, Result};
 use crate::levels::LevelFilter;
-use crate::model::baked::{Aside, BakedField, Blend, LevelOfDetail, Metadata, StepRule};
+use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::field::{Activation, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::view_mlp::ViewMlp;
-use crate::view::sample::{Dense, Sparse, Stored};
 
 /// Everything but the values between nodes.
 #[derive(Debug, Clone)]
@@ -53,35 +51,20 @@ impl<'a> TrainedLevels<'a> {
     /// As many levels as `filter` makes of a scene, rendered by the rules of training where training
     /// had such levels.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
-        let aside = match filter.blend() {
-            Blend::BeforeActivation => Aside::SameIndex,
-            Blend::AfterActivation => Aside::SameDistance,
+        let neighbour = match filter.blend() {
+            Blend::BeforeActivation => FootprintNeighbour::SameIndex,
+            Blend::AfterActivation => FootprintNeighbour::SameDistance,
         };
-        let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(aside));
+        let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(neighbour));
         Self { filter, count, level_of_detail }
     }
 }
 
-/// A field to be rendered: rules, and values in as many lanes as its channels need.
-pub enum Field {
-    /// Diffuse colour only.
-    Lanes4(View, Stored<4>),
-    /// Up to 5 features.
-    Lanes8(View, Stored<8>),
-    /// Up to 13 features.
-    Lanes16(View, Stored<16>),
-}
-
-impl Field {
-    /// A trained field, with coarser levels if `levels` says so.
-    pub fn trained(
-        field: &RadianceField,
-        levels: Option<TrainedLevels>,
-        limits: &Limits,
-    ) -> Result<Self> {
+impl View {
+    /// The rules of a trained field.
+    pub(super) fn of_trained(field: &RadianceField, levels: Option<TrainedLevels>) -> Self {
         let scene = &field.scene;
-        let features = field.color_channels() - 3;
-        let view = View {
+        Self {
             bounds: scene.bounds,
             nodes: scene.nodes,
             activation: scene.activation,
@@ -93,45 +76,13 @@ impl Field {
             level_of_detail: levels.map(|levels| levels.level_of_detail),
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
-            features,
-        };
-        let levels = levels.map(|levels| (levels.filter, levels.count));
-        Ok(match features {
-            0..=1 => Self::Lanes4(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            2..=5 => Self::Lanes8(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            6..=13 => Self::Lanes16(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            _ => return Err(too_many(features)),
-        })
-    }
-
-    /// A baked field.
-    pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
-        let view = View::of_metadata(&field.metadata, field);
-        Ok(match view.features {
-            0..=1 => Self::Lanes4(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            2..=5 => Self::Lanes8(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            6..=13 => Self::Lanes16(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            features => return Err(too_many(features)),
-        })
-    }
-
-    /// The rules.
-    pub fn view(&self) -> &View {
-        match self {
-            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
+            features: field.color_channels().saturating_sub(3),
         }
     }
 
-    /// The rules, to be overridden.
-    pub fn view_mut(&mut self) -> &mut View {
-        match self {
-            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
-        }
-    }
-}
-
-impl View {
-    fn of_metadata(metadata: &Metadata, field: &BakedField) -> Self {
+    /// The rules of a baked field, which has at least one level.
+    pub(super) fn of_baked(field: &BakedField) -> Self {
+        let metadata = &field.metadata;
         Self {
             bounds: metadata.bounds,
             nodes: metadata.levels[0].grid().nodes,
@@ -148,15 +99,23 @@ impl View {
         }
     }
 
+    /// Refuses rules that no picture can be made by.
+    ///
+    /// # Errors
+    /// `Malformed`, with the rule as its place.
+    pub fn check(&self) -> Result<()> {
+        self.bounds.check(&Place::Key("bounds".to_owned()))?;
+        self.march.check(self.nodes)?;
+        match &self.view_mlp {
+            Some(network) => network.check(self.features, &Place::Key("view network".to_owned())),
+            None => Ok(()),
+        }
+    }
+
     /// Takes another step length, in voxels; the interval goes with it.
     pub fn set_stepsize(&mut self, stepsize: f32) {
         self.activation.interval *= stepsize / self.march.stepsize;
         self.depth_scale *= stepsize / self.march.stepsize;
         self.march.stepsize = stepsize;
     }
-}
-
-fn too_many(features: usize) -> Error {
-    let found = format!("{features} features");
-    Error::unsupported(Place::File, found, "at most 13")
 }

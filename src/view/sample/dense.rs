@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::level::{Cell, Values, split};
-use super::skip::{SeenCells, SkipGrid};
+use super::skip::{OccupiedMacroCells, SkipGrid};
 use super::{Sample, interpolated_density};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -13,7 +13,7 @@ use crate::levels::sizes::level_sizes;
 use crate::levels::{
     Content, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify, visible,
 };
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 use crate::model::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
 
@@ -51,8 +51,8 @@ impl<const C: usize> Dense<C> {
             };
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
-            let decode = filter.map_or(Decode::RawDensity, |filter| filter.density_domain(level));
-            values.push(Values { density, decode, color: vec![[0.0; C]; count], strides });
+            let domain = filter.map_or(DensityDomain::Raw, |filter| filter.density_domain(level));
+            values.push(Values { density, domain, color: vec![[0.0; C]; count], strides });
         }
         fill(field, filter, &nodes, &mut values)?;
         let activation = &field.scene.activation;
@@ -63,13 +63,13 @@ impl<const C: usize> Dense<C> {
                 visible.push(visible[0].clone());
                 continue;
             };
-            let decode = values.decode;
-            let mut cells = SeenCells::new(level_nodes, nodes[0], decode, activation);
+            let domain = values.domain;
+            let mut cells = OccupiedMacroCells::new(level_nodes, nodes[0], domain, activation);
             let [nx, ny, nz] = level_nodes.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
-                *value = interpolated_density(activation, decode, *value);
-                cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
+                *value = interpolated_density(activation, domain, *value);
+                cells.mark([i / nz / ny, i / nz % ny, i % nz], *value, whole);
             }
             visible.push(cells.finish(nodes[0]));
         }
@@ -131,12 +131,12 @@ impl<const C: usize> Sample<C> for Dense<C> {
         self.values.get(level).is_some_and(|values| values.density.is_some())
     }
 
-    fn decode(&self, level: usize) -> Decode {
-        self.values[level].decode
+    fn density_domain(&self, level: usize) -> DensityDomain {
+        self.values[level].domain
     }
 
     fn empty_density(&self, level: usize) -> f32 {
-        if self.values[level].decode == Decode::RawDensity { EMPTY_DENSITY } else { 0.0 }
+        if self.values[level].domain == DensityDomain::Raw { EMPTY_DENSITY } else { 0.0 }
     }
 
     fn empty_color(&self, _level: usize) -> [f32; C] {

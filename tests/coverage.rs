@@ -12,15 +12,17 @@ use mipvog_bake::unstable::codec::unpack::Unpacked;
 use mipvog_bake::unstable::model::baked::Group;
 use mipvog_bake::unstable::model::camera::{Camera, Lens, turntable};
 use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::grid::NodeMask;
-use mipvog_bake::unstable::view::render::{Exposure, Field, FrameOptions, exposure, render};
+use mipvog_bake::unstable::model::grid::CellMask;
+use mipvog_bake::unstable::view::render::{
+    CameraCoverage, Field, FrameOptions, camera_coverage, render,
+};
 
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];
 
-fn seen(field: &RadianceField, cameras: &[Camera], least: f32) -> Exposure {
+fn seen(field: &RadianceField, cameras: &[Camera], least: f32) -> CameraCoverage {
     let field = Field::trained(field, None, &Limits::default()).expect("a field");
-    exposure(&field, cameras, least, &Silent).expect("an exposure")
+    camera_coverage(&field, cameras, least, &Silent).expect("coverage")
 }
 
 /// A wall across the box and the same wall behind it: planes 5 to 8 and 15 to 18 along x.
@@ -41,8 +43,8 @@ fn from_side(side: f64) -> Camera {
 }
 
 /// Whether any cell of plane `x` is in the set.
-fn any(cells: &NodeMask, x: usize) -> bool {
-    cells.plane(x).iter().any(|&word| word != 0)
+fn any(cells: &CellMask, x: usize) -> bool {
+    cells.lowest_nodes().plane(x).iter().any(|&word| word != 0)
 }
 
 #[test]
@@ -60,7 +62,7 @@ fn only_the_first_wall_is_seen() {
     let mut union = front.cells;
     union.unite(&back.cells);
     assert_eq!(both.cells.count(), union.count());
-    assert_eq!(both.cells.count_common(&union), union.count());
+    assert_eq!(both.cells.lowest_nodes().count_common(union.lowest_nodes()), union.count());
 }
 
 #[test]
@@ -82,9 +84,15 @@ fn nothing_depends_on_threads_and_least_weights_nest() {
     let runs =
         [1, 4].map(|threads| parallel::with_threads(threads, || seen(&field, &cameras, 1e-2)));
     assert_eq!(runs[0].importance, runs[1].importance);
-    assert_eq!(runs[0].cells.count_common(&runs[1].cells), runs[0].cells.count());
+    assert_eq!(
+        runs[0].cells.lowest_nodes().count_common(runs[1].cells.lowest_nodes()),
+        runs[0].cells.count()
+    );
     let more = seen(&field, &cameras, 1e-4);
-    assert_eq!(more.cells.count_common(&runs[0].cells), runs[0].cells.count());
+    assert_eq!(
+        more.cells.lowest_nodes().count_common(runs[0].cells.lowest_nodes()),
+        runs[0].cells.count()
+    );
     assert!(more.cells.count() >= runs[0].cells.count());
 }
 

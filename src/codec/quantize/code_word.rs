@@ -4,7 +4,7 @@ use std::fmt::Debug;
 use std::num::Wrapping;
 use std::ops::{Add, Mul, Shr, Sub};
 
-use crate::model::baked::NumberType;
+use crate::model::baked::{Codes, NumberType};
 
 /// A code as it is stored: `u8`, `u16` or `u32`.
 pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
@@ -13,6 +13,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     /// Bytes of a code.
     const BYTES: usize;
 
+    /// The codes, if they are of this type; else none.
+    fn of(codes: &Codes) -> &[Self];
     /// The same number.
     fn wide(self) -> Self::Wide;
     /// The number modulo the width.
@@ -82,11 +84,14 @@ wide!(i32);
 wide!(i64);
 
 macro_rules! code {
-    ($code:ty, $wide:ty, $bias:expr, $third:expr) => {
+    ($code:ty, $variant:ident, $wide:ty, $bias:expr, $third:expr) => {
         impl Code for $code {
             type Wide = Wrapping<$wide>;
             const BYTES: usize = size_of::<$code>();
 
+            fn of(codes: &Codes) -> &[Self] {
+                if let Codes::$variant(codes) = codes { codes } else { &[] }
+            }
             #[inline(always)]
             fn wide(self) -> Self::Wide {
                 Wrapping(self.into())
@@ -130,9 +135,9 @@ macro_rules! code {
 
 // Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all vectors need is 16.
 // The upper half of a product stands for the division: exact up to 765, and vectors have no division.
-code!(u8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
-code!(u16, i32, 0x8080, |sum| sum / 3);
-code!(u32, i64, 0x8080_8080, |sum| sum / 3);
+code!(u8, U8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
+code!(u16, U16, i32, 0x8080, |sum| sum / 3);
+code!(u32, U32, i64, 0x8080_8080, |sum| sum / 3);
 
 #[cfg(test)]
 mod tests {
