@@ -7,16 +7,17 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::common::Common;
 use super::field::SceneArguments;
 use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
 use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
+use super::outcome::{Outcome, readable, say, warn};
 use super::progress::Bar;
 use super::stored::StoredArguments;
 use super::values::Background;
-use super::{Common, Outcome, readable, say, warn};
 use crate::bake::fit::FittedLevel;
 use crate::bake::{
     BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,

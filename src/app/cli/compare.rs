@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
+use super::outcome::Outcome;
 use super::progress::Bar;
 use super::render::CameraArguments;
-use super::{Common, Outcome, values::Background};
+use super::values::Background;
 use crate::bake::Filter;
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Result};

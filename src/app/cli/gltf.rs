@@ -87,7 +87,7 @@ impl GltfReport {
 
     /// For people.
     pub fn text(&self) -> String {
-        let bytes = super::readable(self.output_bytes);
+        let bytes = super::outcome::readable(self.output_bytes);
         let container = if self.embedded { "the container" } else { "a link to the container" };
         format!("{}: {bytes}, {container} and {} triangles\n", self.output, self.triangles)
     }

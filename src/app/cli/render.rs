@@ -7,9 +7,10 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 
+use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
+use super::outcome::Outcome;
 use super::progress::Bar;
-use super::{Common, Outcome};
 use crate::bake::Filter;
 use crate::base::bytes::Output;
 use crate::base::error::{Error, ErrorKind, Place, Result};

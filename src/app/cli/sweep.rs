@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::common::Common;
 use super::compare::checked_scales;
 use super::field::SceneArguments;
+use super::outcome::{Outcome, readable, warn};
 use super::progress::Bar;
 use super::render::CameraArguments;
 use super::values::parse_bits;
-use super::{Common, Outcome, readable, warn};
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::error::{Error, Result};

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Common, Outcome, print, say, warn};
+use super::common::Common;
+use super::outcome::{Outcome, print, say, warn};
 use crate::app::serve::{Kind, Server, Site};
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;

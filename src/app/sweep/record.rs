@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Measured, Setting, SweepOptions};
+use super::options::SweepOptions;
+use super::report::Measured;
+use super::setting::Setting;
 use crate::base::bytes::hex;
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};

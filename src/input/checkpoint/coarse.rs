@@ -6,8 +6,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::march;
 use super::names::Names;
-use super::{Assumption, SourceOptions, march};
+use super::options::SourceOptions;
+use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::input::tensor;

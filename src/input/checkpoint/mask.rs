@@ -13,8 +13,10 @@
 //! ```
 
 use super::coarse::{self, Coarse};
+use super::march;
 use super::names::Names;
-use super::{Assumption, SourceOptions, march};
+use super::options::SourceOptions;
+use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::tensor::Tensor;
