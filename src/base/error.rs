@@ -92,6 +92,15 @@ pub enum ErrorKind {
         /// The contradiction.
         message: String,
     },
+    /// An option has a value that cannot be followed.
+    InvalidOption {
+        /// The option's name in the library, in snake case.
+        option: &'static str,
+        /// Its value, or the other option that it contradicts.
+        found: String,
+        /// The values that can be followed.
+        expected: String,
+    },
     /// The output exists already.
     Exists,
 }
@@ -162,7 +171,17 @@ impl Error {
         Self::new(ErrorKind::Usage { message: message.into() }, Place::File)
     }
 
-    /// Work that somebody asked to end.
+    /// An option, named as in the library, with a value that cannot be followed.
+    pub fn invalid_option(
+        option: &'static str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        let (found, expected) = (found.into(), expected.into());
+        Self::new(ErrorKind::InvalidOption { option, found, expected }, Place::File)
+    }
+
+    /// Work that was ended on request.
     pub fn cancelled() -> Self {
         Self::new(ErrorKind::Cancelled, Place::File)
     }
@@ -234,7 +253,7 @@ impl Error {
             ErrorKind::NonFinite { .. } => {
                 "retrain, or pass --nonfinite empty to treat these values as empty".into()
             }
-            ErrorKind::Usage { .. } => "see --help".into(),
+            ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
             ErrorKind::Exists => "pass --force to overwrite it".into(),
         }
     }
@@ -282,6 +301,9 @@ impl fmt::Display for ErrorKind {
                  ({x}, {y}, {z}); expected finite numbers"
             ),
             Self::Usage { message } => write!(f, "{message}"),
+            Self::InvalidOption { option, found, expected } => {
+                write!(f, "option {option}: found {found}, expected {expected}")
+            }
             Self::Exists => write!(f, "found a file in the output's place, expected none"),
         }
     }

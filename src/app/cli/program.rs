@@ -82,14 +82,24 @@ pub fn main() -> ExitCode {
         let bold = common.color == When::Always
             || (common.color == When::Auto && std::io::IsTerminal::is_terminal(&std::io::stderr()));
         let (red, plain) = if bold { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
-        say(&format!("{red}error:{plain} {error}\n  help: {}", error.remedy()));
+        say(&format!("{red}error:{plain} {}\n  help: {}", message(&error), error.remedy()));
         ExitCode::from(exit_code(error.kind()))
     })
 }
 
+/// The error as users of the command line read it: the library's options have flags here.
+fn message(error: &Error) -> String {
+    let ErrorKind::InvalidOption { option, .. } = error.kind() else { return error.to_string() };
+    error.to_string().replacen(
+        &format!("option {option}: "),
+        &format!("--{}: ", option.replace('_', "-")),
+        1,
+    )
+}
+
 fn exit_code(kind: &ErrorKind) -> u8 {
     match kind {
-        ErrorKind::Usage { .. } => 2,
+        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => 2,
         ErrorKind::Truncated { .. }
         | ErrorKind::Overflow { .. }
         | ErrorKind::Checksum { .. }
