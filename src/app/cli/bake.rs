@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         (None, None) => BakeOptions::default(),
     };
     arguments.stored.apply(&mut options);
-    arguments.fit.apply(&mut options)?;
+    arguments.fit.apply(&mut options, &limits)?;
     if options.memory.is_some() && arguments.gate.measures()? {
         let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
                        the whole field; use compare afterwards";
@@ -132,7 +132,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         if let Some(asset) = &mut asset {
             let clock = Instant::now();
             let container = if report.unchanged { &*arguments.output } else { output.written() };
-            let written = arguments.gltf.write(container, &arguments.output, asset)?;
+            let written = arguments.gltf.write(container, &arguments.output, &limits, asset)?;
             let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
             report.stages.push(StageReport { name: "gltf", seconds, bytes });
             gltf = Some(written);
@@ -191,14 +191,15 @@ impl Arguments {
         }
         let origin = Origin::of_source(&source);
         let cameras = match self.gate.measures()? {
-            true => Some(self.gate.cameras(&source.field)?),
+            true => Some(self.gate.cameras(&source.field, limits)?),
             false => None,
         };
         if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
             check_judges(&options.fit_cameras, cameras)?;
         }
-        let options = &self.seen(options, &source.field)?;
-        let current = self.incremental.current(&self.output, &source.field, options, &origin)?;
+        let options = &self.seen(options, &source.field, limits)?;
+        let current =
+            self.incremental.current(&self.output, &source.field, options, &origin, limits)?;
         let mut report = match current {
             Some(report) => report,
             None => bake(&source.field, options, &origin, output, bar)?,
@@ -207,7 +208,7 @@ impl Arguments {
             Some(cameras) => {
                 let clock = Instant::now();
                 let written = if report.unchanged { &*self.output } else { output.written() };
-                let gate = self.gate.measure(&source.field, &cameras, written, bar)?;
+                let gate = self.gate.measure(&source.field, &cameras, written, limits, bar)?;
                 let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
                 report.stages.push(StageReport { name: "compare", seconds, bytes });
                 Some(gate)
@@ -240,7 +241,7 @@ impl Arguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let options = self.seen(options, &source.field)?;
+        let options = self.seen(options, &source.field, limits)?;
         let bar = Bar::new(common);
         let forecast = forecast(&source.field, &options, &bar)?;
         drop(bar);
@@ -270,10 +271,15 @@ impl Arguments {
     }
 
     /// The options with the cameras that they depend on.
-    fn seen(&self, options: &BakeOptions, field: &RadianceField) -> Result<BakeOptions> {
+    fn seen(
+        &self,
+        options: &BakeOptions,
+        field: &RadianceField,
+        limits: &Limits,
+    ) -> Result<BakeOptions> {
         let mut options = options.clone();
         if options.sees() {
-            options.seen_from = self.gate.cameras(field)?;
+            options.seen_from = self.gate.cameras(field, limits)?;
         }
         Ok(options)
     }

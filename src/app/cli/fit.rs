@@ -32,11 +32,11 @@ impl FitArguments {
     }
 
     /// Explicit options override the preset's.
-    pub fn apply(&self, options: &mut BakeOptions) -> Result<()> {
+    pub fn apply(&self, options: &mut BakeOptions, limits: &Limits) -> Result<()> {
         options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
         options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
         if let Some(path) = &self.fit_cameras {
-            options.fit_cameras = camera::read(path, None, &Limits::default())?.cameras;
+            options.fit_cameras = camera::read(path, None, limits)?.cameras;
         }
         Ok(())
     }

@@ -43,13 +43,14 @@ impl IncrementalArguments {
         field: &RadianceField,
         options: &BakeOptions,
         origin: &Origin,
+        limits: &Limits,
     ) -> Result<Option<BakeReport>> {
         if !self.replaces(output) {
             return Ok(None);
         }
         // What cannot be read is baked anew.
         let file = Arc::new(SourceFile::open(output)?);
-        let Ok(container) = Container::open(Arc::clone(&file), &Limits::default()) else {
+        let Ok(container) = Container::open(Arc::clone(&file), limits) else {
             return Ok(None);
         };
         let current = is_current(&container, field, options, origin)?;

@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     for assumption in &source.assumptions {
         warn(&assumption.message, common);
     }
-    let (cameras, _) = arguments.cameras.cameras(&source.field.scene.bounds)?;
+    let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
     }
@@ -109,6 +109,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: checked_scales(&arguments.scales, &cameras)?,
         repeat: arguments.repeat.into(),
         overwrite: arguments.force,
+        limits,
     };
     let bar = Bar::new(common);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;

@@ -13,7 +13,6 @@ use super::thumbnail::Thumbnail;
 use crate::bake::{Origin, bake};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::input::checkpoint::Source;
@@ -27,7 +26,6 @@ pub(super) struct Bench<'a> {
     pub(super) options: &'a SweepOptions,
     pub(super) folder: &'a Path,
     pub(super) references: References<'a>,
-    pub(super) limits: Limits,
     pub(super) steps: Steps<'a>,
 }
 
@@ -50,8 +48,8 @@ impl Bench<'_> {
             return Err(Error::usage("a sweep needs a repetition"));
         };
         output.finish()?;
-        let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.limits)?;
-        let field = Field::baked(&container.read()?, &self.limits)?;
+        let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
+        let field = Field::baked(&container.read()?, &self.options.limits)?;
         let mut thumbnails = Vec::new();
         let scales = &self.options.scales;
         let ends = [scales.iter().min(), scales.iter().max()];

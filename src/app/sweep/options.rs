@@ -1,6 +1,7 @@
 //! The options of a sweep.
 
 use super::setting::{Grid, Setting};
+use crate::base::limits::Limits;
 
 /// What a sweep does.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,11 +15,19 @@ pub struct SweepOptions {
     pub repeat: usize,
     /// Whether files that no sweep wrote may be replaced. Default: false
     pub overwrite: bool,
+    /// Bounds on what is read back: containers, and results of former sweeps. Default: the usual ones
+    pub limits: Limits,
 }
 
 impl Default for SweepOptions {
     fn default() -> Self {
         let settings = Grid::usual().settings();
-        Self { settings, scales: vec![1, 2, 4, 8], repeat: 3, overwrite: false }
+        Self {
+            settings,
+            scales: vec![1, 2, 4, 8],
+            repeat: 3,
+            overwrite: false,
+            limits: Limits::default(),
+        }
     }
 }

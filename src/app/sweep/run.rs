@@ -10,7 +10,6 @@ use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
 use super::{csv, page};
 use crate::bake::Origin;
 use crate::base::error::{Error, ErrorKind, Result};
-use crate::base::limits::Limits;
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::input::checkpoint::Source;
@@ -34,7 +33,7 @@ pub fn sweep(
     }
     let basis = Basis::new(source, cameras, options)?;
     if !options.overwrite {
-        record::refuse_foreign(folder, &options.settings)?;
+        record::refuse_foreign(folder, &options.settings, &options.limits)?;
     }
     let results = results(source, cameras, options, folder, &basis, progress)?;
     let settings = options.settings.iter().zip(results);
@@ -73,7 +72,7 @@ fn results(
 ) -> Result<Vec<(bool, Outcome)>> {
     let settings = options.settings.iter().map(|setting| (setting, basis.digest(setting)));
     let settings = settings.map(|(setting, digest)| {
-        let found = record::finished(folder, setting, &digest);
+        let found = record::finished(folder, setting, &digest, &options.limits);
         (setting, digest, found)
     });
     let settings: Vec<_> = settings.collect();
@@ -82,17 +81,16 @@ fn results(
         let found = settings.into_iter().filter_map(|(_, _, found)| found);
         return Ok(found.map(|result| (true, Ok(result))).collect());
     }
-    let limits = Limits::default();
-    let reference = Field::trained(&source.field, None, &limits)
+    let reference = Field::trained(&source.field, None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
-    let references = References::new(&reference, cameras, &options.scales, 1).keep(&limits);
+    let references = References::new(&reference, cameras, &options.scales, 1).keep(&options.limits);
     let origin = Origin::of_source(source);
     let share = (options.repeat + cameras.len() * options.scales.len()) as u64;
     progress.begin(Step::Sweep, missing * share + cameras.len() as u64);
     let steps = Steps { outer: progress, done: AtomicU64::new(0) };
-    let mut bench = Bench { source, origin, options, folder, references, limits, steps };
+    let mut bench = Bench { source, origin, options, folder, references, steps };
     let mut results = Vec::with_capacity(settings.len());
     let mut tried = 0;
     for (setting, digest, found) in settings {

@@ -4,7 +4,7 @@ use super::matter::Matter;
 use super::triangles::{Draft, Mesh};
 use super::{simplify, surface};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::codec::container::Container;
 
@@ -35,7 +35,7 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
         // Each thread holds a plane of density and three of colour.
         let [_, ny, nz] = metadata.levels[level].dimensions.map(|size| size as u64);
         let planes = 16 * parallel::threads() as u64 * ny * nz;
-        Budget::new(&Limits::default()).spend(planes, "bytes of planes", &Place::File)?;
+        Budget::new(container.limits()).spend(planes, "bytes of planes", &Place::File)?;
         let codes = container.read_level(level)?;
         let matter = Matter::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
         (best, cell) = (surface::surface(&matter), matter.cell);
