@@ -564,3 +564,41 @@ fn every_reader_of_a_verb_keeps_to_the_limits() {
     let compare = ["compare", "pictures", "tiny.mipvog"];
     refused(here, &[&compare[..], &memory].concat(), 6, &["1000000"]);
 }
+
+#[test]
+fn no_option_of_a_bake_is_ignored() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("baked/tiny.rate.filled.mipvog").display().to_string();
+    report(here, &["unpack", &tiny, "-o", "a.safetensors"]);
+    let bake = ["bake", "a.safetensors", "-o", "x.mipvog"];
+    let refuse = |options: &[&str]| {
+        refused(here, &[&bake[..], options].concat(), 2, &[options[0]]);
+    };
+    refuse(&["--fill-error", "0.1"]);
+    refuse(&["--nonfinite", "empty"]);
+    refuse(&["--fit-steps", "3"]);
+    refuse(&["--fit-seconds", "3"]);
+    refuse(&["--if-changed"]);
+    refuse(&["--stepsize", "0.25"]);
+    refuse(&["--mlp", "none"]);
+    refuse(&["--coarse", "a.safetensors"]);
+    refuse(&["--memory", "1G"]);
+    refuse(&["--turntable", "1"]);
+    refuse(&["--size", "8x8"]);
+    refuse(&["--frames", "1"]);
+    refuse(&["--min-weight", "0.1"]);
+    refuse(&["--coarseness", "1"]);
+    refuse(&["--dry-run"]);
+    // The finest level is baked anew, and the option counts.
+    let anew = ["--filter", "mean3", "--nonfinite", "empty", "--fill-error", "0.1"];
+    report(here, &[&bake[..], &anew].concat());
+    let trained = ["bake", &scene(), "-o", "y.mipvog"];
+    refused(here, &[&trained[..], &["--fit-steps", "3"]].concat(), 2, &["--fit-steps"]);
+    refused(here, &[&trained[..], &["--size", "8x8"]].concat(), 2, &["--size"]);
+    // Level 0 alone can be filtered again.
+    report(here, &["unpack", &tiny, "-o", "b.safetensors", "--levels", "1"]);
+    let coarse = ["bake", "b.safetensors", "-o", "z.mipvog", "--filter", "mean3"];
+    let output = run(here, &coarse);
+    assert!(!output.status.success());
+}

@@ -23,7 +23,7 @@ use crate::bake::{
     BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
 };
 use crate::base::bytes::Output;
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
 use crate::input::checkpoint::{self, MlpChoice};
@@ -94,6 +94,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if options.memory.is_some() && arguments.gate.measures()? {
         let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
                        the whole field; use compare afterwards";
+        return Err(Error::usage(message));
+    }
+    if arguments.fit.given() && options.filter != Filter::Fit {
+        let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
         return Err(Error::usage(message));
     }
     options.check()?;
@@ -293,16 +297,6 @@ impl Arguments {
         bar: &Bar,
     ) -> Result<Baked> {
         let stored = &self.stored;
-        if self.scene.stepsize.is_some()
-            || self.scene.coarse.is_some()
-            || self.scene.mlp != MlpChoice::Auto
-            || self.gate.measures()?
-            || stored.memory.is_some()
-        {
-            let message = "--stepsize, --coarse, --mlp, --cameras and --memory belong to a trained \
-                           input, not to an unpacked container";
-            return Err(Error::usage(message));
-        }
         let metadata = &unpacked.metadata;
         let asked = |given: bool| given || self.preset.is_some();
         let changes = Changes {
@@ -325,7 +319,11 @@ impl Arguments {
                 && options.alpha_threshold != metadata.alpha_threshold)
             || (asked(stored.block_size.is_some())
                 && metadata.levels.iter().any(|level| level.block_size != options.block_size));
-        if let Some(mut field) = unpacked.field().filter(|_| anew) {
+        self.refuse_ignored(anew)?;
+        if anew {
+            let mut field = unpacked.field().ok_or_else(|| {
+                Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
+            })?;
             changes.apply_to_scene(&mut field.scene);
             let origin = Origin {
                 kind: "unpacked container".to_owned(),
@@ -341,6 +339,28 @@ impl Arguments {
         let report = rebake(unpacked, &changes, output, bar)?;
         let inputs = vec![self.input.clone()];
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
+    }
+
+    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would ignore.
+    fn refuse_ignored(&self, anew: bool) -> Result<()> {
+        let (scene, stored) = (&self.scene, &self.stored);
+        let ignored = [
+            ("--stepsize", scene.stepsize.is_some()),
+            ("--coarse", scene.coarse.is_some()),
+            ("--mlp", scene.mlp != MlpChoice::Auto),
+            ("--cameras or --turntable", self.gate.measures()?),
+            ("--memory", stored.memory.is_some()),
+            ("--if-changed", self.incremental.is_asked()),
+            ("--fill-error", stored.fill_error.is_some() && !anew),
+            ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
+            ("--fit-steps, --fit-seconds or --fit-cameras", self.fit.given() && !anew),
+        ];
+        match ignored.iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((option, _)) => Err(Error::usage(format!(
+                "{option} has no effect on an unpacked container: it belongs to a trained input"
+            ))),
+        }
     }
 
     fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {

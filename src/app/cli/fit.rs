@@ -31,6 +31,11 @@ impl FitArguments {
         self.fit_cameras.clone()
     }
 
+    /// Whether any of these options is given.
+    pub fn given(&self) -> bool {
+        self.fit_steps.is_some() || self.fit_seconds.is_some() || self.fit_cameras.is_some()
+    }
+
     /// Explicit options override the preset's.
     pub fn apply(&self, options: &mut BakeOptions, limits: &Limits) -> Result<()> {
         options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);

@@ -55,6 +55,9 @@ impl GateArguments {
             Some(least) if !least.is_finite() => {
                 Err(Error::usage("--require-psnr must be a finite number of dB"))
             }
+            _ if !given && self.cameras.selects() => {
+                Err(Error::usage("--size and --frames need --cameras or --turntable"))
+            }
             _ => Ok(given),
         }
     }

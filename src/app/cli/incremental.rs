@@ -25,6 +25,11 @@ pub struct IncrementalArguments {
 }
 
 impl IncrementalArguments {
+    /// Whether a current output is to be left as it is.
+    pub fn is_asked(&self) -> bool {
+        self.if_changed
+    }
+
     /// Whether an existing output may be replaced: a container may, where only changes are baked.
     pub fn replaces(&self, output: &Path) -> bool {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))

@@ -87,6 +87,11 @@ impl CameraArguments {
         self.cameras.is_some() || self.turntable.is_some()
     }
 
+    /// Whether a size or frames are given.
+    pub fn selects(&self) -> bool {
+        self.size.is_some() || !self.frames.is_empty()
+    }
+
     /// The camera file, if there is one.
     pub fn file(&self) -> Option<PathBuf> {
         self.cameras.clone()
