@@ -1,5 +1,7 @@
 //! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
 
+use std::fmt;
+
 use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
     META, PROVENANCE, TABLE, VMLP,
@@ -8,7 +10,7 @@ use super::read::unknown_features;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
-use crate::base::limits::Limits;
+use crate::base::limits::{self, Limits};
 use crate::model::baked::{Blend, Decode, Encoding, Group, LevelMetadata, Metadata, NumberType};
 use crate::model::grid::Nodes;
 
@@ -101,6 +103,55 @@ pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Re
     report(Finding { code: Code::Header, error })
 }
 
+/// Holds values of the metadata to their rules.
+struct Judge<'a, 'b> {
+    /// Whether all were kept so far.
+    sound: bool,
+    report: &'a mut Report<'b>,
+}
+
+impl Judge<'_, '_> {
+    fn refuse(&mut self, key: &str, kind: ErrorKind) -> Result<()> {
+        self.sound = false;
+        let error = Error::new(kind, Place::Key(key.to_owned()));
+        (self.report)(Finding { code: Code::MetadataValue, error })
+    }
+
+    fn require(
+        &mut self,
+        key: &str,
+        holds: bool,
+        found: &dyn fmt::Debug,
+        expected: &str,
+    ) -> Result<()> {
+        if holds {
+            return Ok(());
+        }
+        let (found, expected) = (format!("{found:?}"), expected.to_owned());
+        self.refuse(key, ErrorKind::Malformed { found, expected })
+    }
+
+    fn positive(&mut self, key: &str, value: f32) -> Result<()> {
+        self.require(key, is_positive(value), &value, "a positive number")
+    }
+
+    fn share(&mut self, key: &str, value: f32) -> Result<()> {
+        self.require(key, (0.0..1.0).contains(&value), &value, "0 to below 1")
+    }
+
+    /// A count that the caller's limits bound: one above is over that limit, and not malformed.
+    fn limited<T>(&mut self, key: &str, checked: Result<T>) -> Result<Option<T>> {
+        match checked {
+            Ok(value) => Ok(Some(value)),
+            Err(error) => self.refuse(key, error.into_kind()).map(|()| None),
+        }
+    }
+}
+
+fn is_positive(value: f32) -> bool {
+    value > 0.0 && value.is_finite()
+}
+
 /// Values of the metadata are in range and agree. `false` where levels could not be read by them.
 pub fn metadata(
     metadata: &Metadata,
@@ -108,47 +159,49 @@ pub fn metadata(
     place: &Place,
     report: &mut Report,
 ) -> Result<bool> {
-    let mut sound = true;
-    let mut require = |holds: bool, key: &str, expected: &str| {
-        sound &= holds;
-        if holds {
-            return Ok(());
-        }
-        let place = Place::Key(key.to_owned());
-        let error = Error::malformed(place, "a value out of range", expected);
-        report(Finding { code: Code::MetadataValue, error })
-    };
+    let mut judge = Judge { sound: true, report };
     let march = &metadata.march;
-    let activation = &metadata.activation;
-    let positive = |value: f32| value > 0.0 && value.is_finite();
-    require(metadata.bounds.check(place).is_ok(), "bounds", "finite corners, min below max")?;
-    require(activation.shift.is_finite(), "activation.shift", "a finite number")?;
-    require(positive(activation.interval), "activation.interval", "a positive number")?;
-    require(positive(march.stepsize), "march.stepsize", "a positive number")?;
-    require(positive(march.voxel_size), "march.voxel_size", "a positive number")?;
-    require(march.near >= 0.0 && march.near.is_finite(), "march.near", "a number from 0")?;
+    let (bounds, activation) = (&metadata.bounds, &metadata.activation);
+    let (shift, interval) = (activation.shift, activation.interval);
+    judge.require(
+        "bounds",
+        bounds.check(place).is_ok(),
+        bounds,
+        "finite corners, min below max",
+    )?;
+    judge.require("activation.shift", shift.is_finite(), &shift, "a finite number")?;
+    judge.positive("activation.interval", interval)?;
+    judge.positive("march.stepsize", march.stepsize)?;
+    judge.positive("march.voxel_size", march.voxel_size)?;
+    let near_fits = march.near >= 0.0 && march.near.is_finite();
+    judge.require("march.near", near_fits, &march.near, "a number from 0")?;
     let far_fits = march.far.is_none_or(|far| far.is_finite() && far > march.near);
-    require(far_fits, "march.far", "a number above near, or null")?;
-    let share = |value: f32| (0.0..1.0).contains(&value);
-    require(share(march.color_threshold), "march.color_threshold", "0 to below 1")?;
-    require(share(march.alpha_threshold), "march.alpha_threshold", "0 to below 1")?;
-    require(share(metadata.alpha_threshold), "alpha_threshold", "0 to below 1")?;
-    let background = metadata.background.iter().all(|value| value.is_finite());
-    require(background, "background", "finite numbers")?;
+    judge.require("march.far", far_fits, &march.far, "a number above near, or null")?;
+    judge.share("march.color_threshold", march.color_threshold)?;
+    judge.share("march.alpha_threshold", march.alpha_threshold)?;
+    judge.share("alpha_threshold", metadata.alpha_threshold)?;
+    let finite = metadata.background.iter().all(|value| value.is_finite());
+    judge.require("background", finite, &metadata.background, "finite numbers")?;
     let lod = &metadata.level_of_detail;
-    let lod_fits = positive(lod.factor)
+    let lod_fits = is_positive(lod.factor)
         && lod.bias.is_finite()
         && lod.most.is_none_or(|most| most >= 0.0 && most.is_finite());
-    require(lod_fits, "level_of_detail", "a positive factor, a finite bias and bound")?;
-    let most = limits.channels.saturating_sub(3);
-    require(metadata.features as u64 <= most, "features", "at most as many as limits allow")?;
+    judge.require(
+        "level_of_detail",
+        lod_fits,
+        lod,
+        "a positive factor, a finite bias and bound",
+    )?;
+    let channels = (metadata.features as u64).saturating_add(3);
+    let fits = limits::check("channels", channels, limits.channels, place);
+    judge.limited("features", fits)?;
     let layers = metadata.view.as_ref().map(|view| &view.widths);
     let wide = layers.is_none_or(|w| (2..=32).contains(&w.len()) && w.iter().all(|&w| w <= 4096));
-    require(wide, "view.widths", "2 to 32 widths of at most 4096")?;
-    let octaves = metadata.view.as_ref().is_none_or(|view| view.frequencies <= 32);
-    require(octaves, "view.frequencies", "at most 32")?;
+    judge.require("view.widths", wide, &layers, "2 to 32 widths of at most 4096")?;
+    let octaves = metadata.view.as_ref().map(|view| view.frequencies);
+    judge.require("view.frequencies", octaves.is_none_or(|o| o <= 32), &octaves, "at most 32")?;
     let count = metadata.levels.len();
-    require((1..=32).contains(&count), "levels", "1 to 32 levels")?;
+    judge.require("levels", (1..=32).contains(&count), &count, "1 to 32 levels")?;
     let mut finer: Option<[usize; 3]> = None;
     for (number, level) in metadata.levels.iter().enumerate() {
         let key = |name: &str| format!("levels[{number}].{name}");
@@ -156,38 +209,54 @@ pub fn metadata(
         let shrinks = finer.is_none_or(|finer| {
             level.dimensions.iter().zip(finer).all(|(&size, finer)| size <= finer)
         });
-        let sizes_fit = nodes.is_ok() && shrinks;
-        require(sizes_fit, &key("dimensions"), "2 nodes or more, no more than the finer level")?;
+        let sizes_fit = judge.limited(&key("dimensions"), nodes)?.is_some() && shrinks;
+        let sizes = &level.dimensions;
+        judge.require(&key("dimensions"), shrinks, sizes, "no more than the finer level")?;
         let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
-        require(block, &key("block_size"), "1 to 64")?;
+        judge.require(&key("block_size"), block, &level.block_size, "1 to 64")?;
         let stored = block && sizes_fit && level.blocks_stored <= level.grid().total();
-        require(stored, &key("blocks_stored"), "at most all blocks")?;
+        judge.require(&key("blocks_stored"), stored, &level.blocks_stored, "at most all blocks")?;
         let fills = metadata.levels.get(number + 1).is_some_and(LevelMetadata::has_integer_colors)
             && level.has_integer_colors()
             && level.blocks_filled <= level.blocks_stored;
-        require(
-            level.blocks_filled == 0 || fills,
+        judge.require(
             &key("blocks_filled"),
+            level.blocks_filled == 0 || fills,
+            &level.blocks_filled,
             "at most the stored blocks, of a level with a coarser one, both with colours in integers",
         )?;
-        require(level.diffuse.is_some(), &key("diffuse"), "an encoding")?;
+        judge.require(&key("diffuse"), level.diffuse.is_some(), &level.diffuse, "an encoding")?;
         let has_features = level.features.is_some() == (metadata.features > 0);
-        require(has_features, &key("features"), "an encoding where there are features")?;
+        judge.require(
+            &key("features"),
+            has_features,
+            &level.features,
+            "an encoding just where there are features",
+        )?;
         for group in Group::ALL {
-            let sound = level
-                .encoding(group)
-                .is_none_or(|e| encoding_is_sound(e) && decodes(metadata.blend, group, e.decode));
-            require(sound, &key(group.name()), "a type with as many bits, a finite range")?;
+            let Some(encoding) = level.encoding(group) else { continue };
+            judge.require(
+                &key(group.name()),
+                encoding_is_sound(encoding) && decodes(metadata.blend, group, encoding.decode),
+                encoding,
+                "a type with as many bits, a finite range",
+            )?;
         }
         finer = Some(level.dimensions);
     }
     // Optical depths can only be mixed where every level has its own.
     let own = metadata.levels.iter().all(|level| level.density.is_some());
     let mixed = metadata.blend == Blend::BeforeActivation || own;
-    require(mixed, "blend", "before_activation where a level has no density")?;
-    let first = metadata.levels.first().is_none_or(|level| level.density.is_some());
-    require(first, "levels[0].density", "an encoding")?;
-    Ok(sound)
+    judge.require(
+        "blend",
+        mixed,
+        &metadata.blend,
+        "before_activation where a level has no density",
+    )?;
+    let first = metadata.levels.first().map(|level| &level.density);
+    let present = first.is_none_or(Option::is_some);
+    judge.require("levels[0].density", present, &first, "an encoding")?;
+    Ok(judge.sound)
 }
 
 /// [`metadata`] for strict readers: the first thing that is wrong is the error.
