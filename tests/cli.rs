@@ -515,3 +515,90 @@ fn cameras_that_cannot_be_are_refused() {
     let other = [&["compare", "pictures", &field, "--size", "5x5"], &missing[..]].concat();
     refused(here, &other, 3, &["multiple"]);
 }
+
+#[test]
+fn every_reader_of_a_verb_keeps_to_the_limits() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("baked/dvgo.mask.mipvog").display().to_string();
+    std::fs::copy(&tiny, here.join("tiny.mipvog")).expect("copied");
+    let cameras = format!(
+        r#"{{"camera_angle_x": 0.7, "frames": [{{"file_path": "a",
+        "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}}]}}{}"#,
+        " ".repeat(1 << 20)
+    );
+    std::fs::write(here.join("cameras.json"), cameras).expect("writable");
+    let scene = scene();
+    let from = ["--cameras", "cameras.json", "--size", "8x8"];
+    let bake = ["bake", &scene, "-o", "x.mipvog"];
+    let text = ["--limit", "header-bytes=1000000"];
+    for verb in [
+        &["render", "tiny.mipvog", "-o", "out"][..],
+        &["compare", "tiny.mipvog", "tiny.mipvog"],
+        &["sweep", &scene, "-o", "out"],
+        &bake,
+    ] {
+        refused(here, &[verb, &from, &text].concat(), 6, &["cameras.json", "1000000"]);
+    }
+    let fit = ["--filter", "fit", "--fit-cameras", "cameras.json"];
+    refused(here, &[&bake[..], &fit, &text].concat(), 6, &["cameras.json"]);
+    // More chunks than the container has that the gate and the mesh read back.
+    let chunks = ["--limit", "chunks=3"];
+    let turntable = ["--turntable", "1", "--size", "8x8"];
+    refused(here, &[&bake[..], &turntable, &chunks].concat(), 6, &["chunks", "3"]);
+    refused(here, &[&bake[..], &["--gltf", "x.glb"], &chunks].concat(), 6, &["chunks", "3"]);
+    let swept = run(here, &[&["sweep", &scene, "-o", "out"], &turntable[..], &chunks].concat());
+    assert_eq!(swept.status.code(), Some(1), "{}", stderr(&swept));
+    report(here, &bake);
+    let again = [&bake[..], &["--if-changed"]].concat();
+    assert_eq!(report(here, &again)["unchanged"], true);
+    assert_ne!(report(here, &[&again[..], &chunks].concat())["unchanged"], true);
+    // A picture of 3 MB beside a container of a few kilobytes.
+    let picture = ["render", "tiny.mipvog", "-o", "pictures", "--turntable", "1"];
+    report(here, &picture);
+    let memory = ["--turntable", "1", "--scales", "1", "--limit", "memory=1000000"];
+    let name = &entries(&here.join("pictures"))[0];
+    let plain = name.to_string_lossy().replace(".s1.png", ".png");
+    std::fs::rename(here.join("pictures").join(name), here.join("pictures").join(plain))
+        .expect("renamed");
+    let compare = ["compare", "pictures", "tiny.mipvog"];
+    refused(here, &[&compare[..], &memory].concat(), 6, &["1000000"]);
+}
+
+#[test]
+fn no_option_of_a_bake_is_ignored() {
+    let folder = folder();
+    let here = folder.path();
+    let tiny = fixture("baked/tiny.rate.filled.mipvog").display().to_string();
+    report(here, &["unpack", &tiny, "-o", "a.safetensors"]);
+    let bake = ["bake", "a.safetensors", "-o", "x.mipvog"];
+    let refuse = |options: &[&str]| {
+        refused(here, &[&bake[..], options].concat(), 2, &[options[0]]);
+    };
+    refuse(&["--fill-error", "0.1"]);
+    refuse(&["--nonfinite", "empty"]);
+    refuse(&["--fit-steps", "3"]);
+    refuse(&["--fit-seconds", "3"]);
+    refuse(&["--if-changed"]);
+    refuse(&["--stepsize", "0.25"]);
+    refuse(&["--mlp", "none"]);
+    refuse(&["--coarse", "a.safetensors"]);
+    refuse(&["--memory", "1G"]);
+    refuse(&["--turntable", "1"]);
+    refuse(&["--size", "8x8"]);
+    refuse(&["--frames", "1"]);
+    refuse(&["--min-weight", "0.1"]);
+    refuse(&["--coarseness", "1"]);
+    refuse(&["--dry-run"]);
+    // The finest level is baked anew, and the option counts.
+    let anew = ["--filter", "mean3", "--nonfinite", "empty", "--fill-error", "0.1"];
+    report(here, &[&bake[..], &anew].concat());
+    let trained = ["bake", &scene(), "-o", "y.mipvog"];
+    refused(here, &[&trained[..], &["--fit-steps", "3"]].concat(), 2, &["--fit-steps"]);
+    refused(here, &[&trained[..], &["--size", "8x8"]].concat(), 2, &["--size"]);
+    // Level 0 alone can be filtered again.
+    report(here, &["unpack", &tiny, "-o", "b.safetensors", "--levels", "1"]);
+    let coarse = ["bake", "b.safetensors", "-o", "z.mipvog", "--filter", "mean3"];
+    let output = run(here, &coarse);
+    assert!(!output.status.success());
+}

@@ -4,6 +4,8 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
+use common::checkpoint::Checkpoint;
+
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input::checkpoint::{self, Family, MlpChoice, Source, SourceOptions};
@@ -237,4 +239,62 @@ fn a_checkpoint_lists_everything() {
         checkpoint::inspect(&refused, &options, &Limits::default()).expect("still listed");
     assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));
     assert!(refused.values.len() > 30);
+}
+
+/// A checkpoint with the coarse stage's density as its mask, over a part of the box.
+fn masked(settings: &[(&'static str, &'static str)]) -> Checkpoint {
+    let mut checkpoint = Checkpoint::sound();
+    let density = checkpoint.values("density.grid").clone();
+    let shape = common::checkpoint::NODES.to_vec();
+    checkpoint.arrays.push(("mask_cache.density", shape, density));
+    checkpoint.arrays.push(("mask_cache.xyz_min", vec![3], vec![-0.9, -0.9, -0.9]));
+    checkpoint.arrays.push(("mask_cache.xyz_max", vec![3], vec![0.0, 0.0, 0.0]));
+    checkpoint.settings.extend(settings);
+    checkpoint
+}
+
+#[test]
+fn a_path_out_of_a_checkpoint_is_not_opened() {
+    let folder = common::folder();
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).expect("writable");
+    let coarse = elsewhere.join("of_training.safetensors");
+    let mut stated = Checkpoint::sound();
+    stated.settings.push(("alpha_init", "0.01"));
+    std::fs::write(&coarse, stated.to_bytes()).expect("writable");
+    let text: &'static str = Box::leak(coarse.display().to_string().into_boxed_str());
+    let checkpoint = masked(&[("mask_cache_path", text), ("mask_cache_thres", "0.001")]);
+    let path = folder.path().join("fine.safetensors");
+    std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
+    let open =
+        || checkpoint::open(&path, &SourceOptions::default(), &Limits::default()).expect("a scene");
+    let source = open();
+    assert!(source.companions.is_empty(), "{:?}", source.companions);
+    assert!(keys(&source).contains(&"coarse"), "{:?}", source.assumptions);
+    // The same name beside the checkpoint is taken, as if the path were of another machine.
+    let beside = folder.path().join("of_training.safetensors");
+    std::fs::copy(&coarse, &beside).expect("copied");
+    let source = open();
+    assert_eq!(source.companions.len(), 1, "{:?}", source.assumptions);
+    assert_eq!(source.companions[0].path, beside);
+}
+
+#[test]
+fn a_mask_without_a_threshold_can_be_stored() {
+    let folder = common::folder();
+    let path = folder.path().join("fine.safetensors");
+    let open = |checkpoint: Checkpoint| {
+        std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
+        checkpoint::open(&path, &SourceOptions::default(), &Limits::default())
+    };
+    let source = open(masked(&[("mask_cache_thres", "0")])).expect("a scene");
+    match source.field.free_space.expect("a mask").lookup {
+        Lookup::Trilinear { threshold, .. } => assert_eq!(threshold, f32::MIN),
+        other => panic!("{other:?}"),
+    }
+    // Numbers that no container holds are refused before the work.
+    let mut checkpoint = masked(&[("mask_cache_thres", "0")]);
+    checkpoint.values("mask_cache.density")[5] = f32::NAN;
+    let error = open(checkpoint).expect_err("not finite");
+    assert!(error.to_string().contains("mask_cache.density"), "{error}");
 }

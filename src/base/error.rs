@@ -212,6 +212,11 @@ impl Error {
         &self.0.kind
     }
 
+    /// What went wrong, without its place.
+    pub fn into_kind(self) -> ErrorKind {
+        self.0.kind
+    }
+
     /// Where in the file.
     pub fn place(&self) -> &Place {
         &self.0.place

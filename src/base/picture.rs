@@ -5,9 +5,10 @@ use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits;
 
 /// A PNG of 8-bit grey (`values` one a pixel) or RGB (three a pixel), rows from the top.
 pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
@@ -99,7 +100,11 @@ pub fn decode(from: impl BufRead + Seek, path: &Path, most_bytes: u64) -> Result
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(most_bytes);
     reader.limits(limits);
-    let picture = reader.decode().map_err(|error| unreadable(error, path))?.into_rgba8();
+    let decoder = reader.into_decoder().map_err(|error| unreadable(error, path))?;
+    limits::check("bytes of a picture", decoder.total_bytes(), most_bytes, &Place::File)
+        .map_err(|error| error.in_file(path))?;
+    let picture = image::DynamicImage::from_decoder(decoder);
+    let picture = picture.map_err(|error| unreadable(error, path))?.into_rgba8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     Ok(Rgba { width, height, bytes: picture.into_raw() })
 }

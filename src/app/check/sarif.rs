@@ -9,7 +9,7 @@ use std::path::Path;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
 
-use super::{Report, ReportedFinding};
+use super::report::{Report, ReportedFinding};
 use crate::base::finding::{Code, Severity};
 
 /// All that RFC 3986 does not leave as it is in a path.

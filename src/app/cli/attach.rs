@@ -6,7 +6,9 @@ use std::sync::Arc;
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Outcome, gltf, readable, warn};
+use super::common::Common;
+use super::gltf;
+use super::outcome::{Outcome, readable, warn};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::codec::container::Container;

@@ -7,22 +7,23 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::common::Common;
 use super::field::SceneArguments;
 use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
 use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
+use super::outcome::{Outcome, readable, say, warn};
 use super::progress::Bar;
 use super::stored::StoredArguments;
 use super::values::Background;
-use super::{Common, Outcome, readable, say, warn};
 use crate::bake::fit::FittedLevel;
 use crate::bake::{
     BakeOptions, BakeReport, Changes, Origin, Preset, StageReport, bake, forecast, repack,
 };
 use crate::base::bytes::Output;
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
 use crate::input::checkpoint::{self, MlpChoice};
@@ -89,10 +90,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         (None, None) => BakeOptions::default(),
     };
     arguments.stored.apply(&mut options);
-    arguments.fit.apply(&mut options)?;
+    arguments.fit.apply(&mut options, &limits)?;
+    options.limits = limits.clone();
     if options.memory.is_some() && arguments.gate.measures()? {
         let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
                        the whole field; use compare afterwards";
+        return Err(Error::usage(message));
+    }
+    if arguments.fit.given() && !options.filter.is_fitted() {
+        let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
         return Err(Error::usage(message));
     }
     options.check()?;
@@ -131,7 +137,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         if let Some(asset) = &mut asset {
             let clock = Instant::now();
             let container = if report.unchanged { &*arguments.output } else { output.written() };
-            let written = arguments.gltf.write(container, &arguments.output, asset)?;
+            let written = arguments.gltf.write(container, &arguments.output, &limits, asset)?;
             let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
             report.stages.push(StageReport { name: "gltf", seconds, bytes });
             gltf = Some(written);
@@ -190,14 +196,15 @@ impl Arguments {
         }
         let origin = Origin::of_source(&source);
         let cameras = match self.gate.measures()? {
-            true => Some(self.gate.cameras(&source.field)?),
+            true => Some(self.gate.cameras(&source.field, limits)?),
             false => None,
         };
         if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
             check_judges(&options.fit_cameras, cameras)?;
         }
-        let options = &self.seen(options, &source.field)?;
-        let current = self.incremental.current(&self.output, &source.field, options, &origin)?;
+        let options = &self.seen(options, &source.field, limits)?;
+        let current =
+            self.incremental.current(&self.output, &source.field, options, &origin, limits)?;
         let mut report = match current {
             Some(report) => report,
             None => bake(&source.field, options, &origin, output, bar)?,
@@ -206,7 +213,7 @@ impl Arguments {
             Some(cameras) => {
                 let clock = Instant::now();
                 let written = if report.unchanged { &*self.output } else { output.written() };
-                let gate = self.gate.measure(&source.field, &cameras, written, bar)?;
+                let gate = self.gate.measure(&source.field, &cameras, written, limits, bar)?;
                 let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
                 report.stages.push(StageReport { name: "compare", seconds, bytes });
                 Some(gate)
@@ -239,7 +246,7 @@ impl Arguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let options = self.seen(options, &source.field)?;
+        let options = self.seen(options, &source.field, limits)?;
         let bar = Bar::new(common);
         let forecast = forecast(&source.field, &options, &bar)?;
         drop(bar);
@@ -269,10 +276,15 @@ impl Arguments {
     }
 
     /// The options with the cameras that they depend on.
-    fn seen(&self, options: &BakeOptions, field: &RadianceField) -> Result<BakeOptions> {
+    fn seen(
+        &self,
+        options: &BakeOptions,
+        field: &RadianceField,
+        limits: &Limits,
+    ) -> Result<BakeOptions> {
         let mut options = options.clone();
         if options.sees() {
-            options.seen_from = self.gate.cameras(field)?;
+            options.seen_from = self.gate.cameras(field, limits)?;
         }
         Ok(options)
     }
@@ -286,16 +298,6 @@ impl Arguments {
         bar: &Bar,
     ) -> Result<Baked> {
         let stored = &self.stored;
-        if self.scene.stepsize.is_some()
-            || self.scene.coarse.is_some()
-            || self.scene.mlp != MlpChoice::Auto
-            || self.gate.measures()?
-            || stored.memory.is_some()
-        {
-            let message = "--stepsize, --coarse, --mlp, --cameras and --memory belong to a trained \
-                           input, not to an unpacked container";
-            return Err(Error::usage(message));
-        }
         let metadata = &unpacked.metadata;
         let asked = |given: bool| given || self.preset.is_some();
         let changes = Changes {
@@ -318,7 +320,11 @@ impl Arguments {
                 && options.alpha_threshold != metadata.alpha_threshold)
             || (asked(stored.block_size.is_some())
                 && metadata.levels.iter().any(|level| level.block_size != options.block_size));
-        if let Some(mut field) = unpacked.field().filter(|_| anew) {
+        self.refuse_ignored(anew)?;
+        if anew {
+            let mut field = unpacked.field().ok_or_else(|| {
+                Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
+            })?;
             changes.apply_to_scene(&mut field.scene);
             let origin = Origin {
                 kind: "unpacked container".to_owned(),
@@ -334,6 +340,28 @@ impl Arguments {
         let report = repack(unpacked, &changes, &options.limits, output, bar)?;
         let inputs = vec![self.input.clone()];
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
+    }
+
+    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would ignore.
+    fn refuse_ignored(&self, anew: bool) -> Result<()> {
+        let (scene, stored) = (&self.scene, &self.stored);
+        let ignored = [
+            ("--stepsize", scene.stepsize.is_some()),
+            ("--coarse", scene.coarse.is_some()),
+            ("--mlp", scene.mlp != MlpChoice::Auto),
+            ("--cameras or --turntable", self.gate.measures()?),
+            ("--memory", stored.memory.is_some()),
+            ("--if-changed", self.incremental.is_asked()),
+            ("--fill-error", stored.fill_error.is_some() && !anew),
+            ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
+            ("--fit-steps, --fit-seconds or --fit-cameras", self.fit.given() && !anew),
+        ];
+        match ignored.iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((option, _)) => Err(Error::usage(format!(
+                "{option} has no effect on an unpacked container: it belongs to a trained input"
+            ))),
+        }
     }
 
     fn text(&self, report: &BakeReport, seconds: f64, bytes_read: u64, common: &Common) -> String {

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
+use super::outcome::Outcome;
 use super::progress::Bar;
 use super::render::CameraArguments;
-use super::{Common, Outcome, values::Background};
+use super::values::Background;
 use crate::bake::Filter;
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Result};
@@ -68,7 +70,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let reference = if arguments.reference.is_dir() {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
-        Reference::Pictures { folder, background }
+        Reference::Pictures { folder, background, limits: common.limits() }
     } else {
         Reference::Field(Box::new(scene.open(
             &arguments.reference,
@@ -77,7 +79,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             common,
         )?))
     };
-    let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
+    let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
     let scales = checked_scales(&arguments.scales, &cameras)?;
     if let Some(folder) = &arguments.output {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;

@@ -7,7 +7,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::attach::{check_kind, warn_of_companions};
-use super::{Common, Outcome, readable};
+use super::common::Common;
+use super::outcome::{Outcome, readable};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;

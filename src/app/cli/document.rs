@@ -3,7 +3,7 @@
 use clap::Args;
 use clap_complete::Shell;
 
-use super::{command, write_stdout};
+use super::outcome::write_stdout;
 use crate::base::error::{Error, Result};
 
 /// Print a completion script for a shell
@@ -15,19 +15,18 @@ pub struct CompletionArguments {
 }
 
 /// Prints a completion script.
-pub fn completions(arguments: &CompletionArguments) -> Result<()> {
+pub fn completions(arguments: &CompletionArguments, mut program: clap::Command) -> Result<()> {
     let mut bytes = Vec::new();
-    clap_complete::generate(arguments.shell, &mut command(), "mipvog-bake", &mut bytes);
+    clap_complete::generate(arguments.shell, &mut program, "mipvog-bake", &mut bytes);
     write_stdout(&bytes)
 }
 
 /// Prints the manual page, of the program and then of each verb.
-pub fn man() -> Result<()> {
+pub fn man(program: &clap::Command) -> Result<()> {
     let mut bytes = Vec::new();
     let io = |error| Error::io(error, std::path::Path::new("stdout"));
-    let command = command();
-    clap_mangen::Man::new(command.clone()).render(&mut bytes).map_err(io)?;
-    for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+    clap_mangen::Man::new(program.clone()).render(&mut bytes).map_err(io)?;
+    for verb in program.get_subcommands().filter(|verb| verb.get_name() != "help") {
         clap_mangen::Man::new(verb.clone()).render(&mut bytes).map_err(io)?;
     }
     write_stdout(&bytes)

@@ -6,8 +6,9 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::common::Common;
+use super::outcome::warn;
 use super::values::{Background, parse_background, parse_mlp};
-use super::{Common, warn};
 use crate::bake::Filter;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};

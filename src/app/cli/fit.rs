@@ -31,12 +31,17 @@ impl FitArguments {
         self.fit_cameras.clone()
     }
 
+    /// Whether any of these options is given.
+    pub fn given(&self) -> bool {
+        self.fit_steps.is_some() || self.fit_seconds.is_some() || self.fit_cameras.is_some()
+    }
+
     /// Explicit options override the preset's.
-    pub fn apply(&self, options: &mut BakeOptions) -> Result<()> {
+    pub fn apply(&self, options: &mut BakeOptions, limits: &Limits) -> Result<()> {
         options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
         options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
         if let Some(path) = &self.fit_cameras {
-            options.fit_cameras = camera::read(path, None, &Limits::default())?.cameras;
+            options.fit_cameras = camera::read(path, None, limits)?.cameras;
         }
         Ok(())
     }

@@ -55,6 +55,9 @@ impl GateArguments {
             Some(least) if !least.is_finite() => {
                 Err(Error::usage("--require-psnr must be a finite number of dB"))
             }
+            _ if !given && self.cameras.selects() => {
+                Err(Error::usage("--size and --frames need --cameras or --turntable"))
+            }
             _ => Ok(given),
         }
     }
@@ -65,8 +68,8 @@ impl GateArguments {
     }
 
     /// The cameras, read before a long bake could be wasted on a bad camera file.
-    pub fn cameras(&self, field: &RadianceField) -> Result<Vec<Camera>> {
-        Ok(self.cameras.cameras(&field.scene.bounds)?.0)
+    pub fn cameras(&self, field: &RadianceField, limits: &Limits) -> Result<Vec<Camera>> {
+        self.cameras.cameras(&field.scene.bounds, limits)
     }
 
     /// Compares the container in the file `written` with the field it was baked from.
@@ -75,12 +78,12 @@ impl GateArguments {
         field: &RadianceField,
         cameras: &[Camera],
         written: &Path,
+        limits: &Limits,
         bar: &Bar,
     ) -> Result<GateReport> {
-        let limits = Limits::default();
-        let container = Container::open(Arc::new(SourceFile::open(written)?), &limits)?;
-        let baked = Field::baked(&container.read()?, &limits)?;
-        let reference = Reference::Field(Box::new(Field::trained(field, None, &limits)?));
+        let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
+        let baked = Field::baked(&container.read()?, limits)?;
+        let reference = Reference::Field(Box::new(Field::trained(field, None, limits)?));
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();

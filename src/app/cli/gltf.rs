@@ -62,10 +62,16 @@ impl GltfArguments {
     }
 
     /// Writes the asset of the container in the file `written`, whose name will be `path`.
-    pub fn write(&self, written: &Path, path: &Path, output: &mut Output) -> Result<GltfReport> {
+    pub fn write(
+        &self,
+        written: &Path,
+        path: &Path,
+        limits: &Limits,
+        output: &mut Output,
+    ) -> Result<GltfReport> {
         let asset = self.gltf.as_deref().unwrap_or(Path::new(""));
         let file = Arc::new(SourceFile::open(written)?);
-        let container = Container::open(file, &Limits::default())?;
+        let container = Container::open(file, limits)?;
         let mesh = mesh(&container, self.fallback_triangles)?;
         let glb = is_glb(asset)?;
         let attached = write_fallback(&mesh, &container, path, asset, glb, self.external, output)?;
@@ -87,7 +93,7 @@ impl GltfReport {
 
     /// For people.
     pub fn text(&self) -> String {
-        let bytes = super::readable(self.output_bytes);
+        let bytes = super::outcome::readable(self.output_bytes);
         let container = if self.embedded { "the container" } else { "a link to the container" };
         format!("{}: {bytes}, {container} and {} triangles\n", self.output, self.triangles)
     }

@@ -25,6 +25,11 @@ pub struct IncrementalArguments {
 }
 
 impl IncrementalArguments {
+    /// Whether a current output is to be left as it is.
+    pub fn is_asked(&self) -> bool {
+        self.if_changed
+    }
+
     /// Whether an existing output may be replaced: a container may, where only changes are baked.
     pub fn replaces(&self, output: &Path) -> bool {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
@@ -43,13 +48,14 @@ impl IncrementalArguments {
         field: &RadianceField,
         options: &BakeOptions,
         origin: &Origin,
+        limits: &Limits,
     ) -> Result<Option<BakeReport>> {
         if !self.replaces(output) {
             return Ok(None);
         }
         // What cannot be read is baked anew.
         let file = Arc::new(SourceFile::open(output)?);
-        let Ok(container) = Container::open(Arc::clone(&file), &Limits::default()) else {
+        let Ok(container) = Container::open(Arc::clone(&file), limits) else {
             return Ok(None);
         };
         let current = is_current(&container, field, options, origin)?;

@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Outcome, readable};
+use super::outcome::{Outcome, readable};
 use crate::bake::{GroupReport, LevelReport, level_reports};
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;

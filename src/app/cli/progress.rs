@@ -5,8 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::common::{Common, When};
 use super::interrupt::Interrupts;
-use super::{Common, When, say};
+use super::outcome::say;
 use crate::base::progress::{Progress, Step};
 
 /// Draws one bar, for the current step.

@@ -7,9 +7,10 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 
+use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
+use super::outcome::Outcome;
 use super::progress::Bar;
-use super::{Common, Outcome};
 use crate::bake::Filter;
 use crate::base::bytes::Output;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -17,6 +18,7 @@ use crate::base::limits::Limits;
 use crate::base::picture;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::{self, Camera};
+use crate::model::grid::Bounds;
 use crate::view::render::{Frame, FrameOptions, LevelChoice, Statistics, render};
 
 /// Render a container or a trained scene with the reference renderer
@@ -85,29 +87,30 @@ impl CameraArguments {
         self.cameras.is_some() || self.turntable.is_some()
     }
 
+    /// Whether a size or frames are given.
+    pub fn selects(&self) -> bool {
+        self.size.is_some() || !self.frames.is_empty()
+    }
+
     /// The camera file, if there is one.
     pub fn file(&self) -> Option<PathBuf> {
         self.cameras.clone()
     }
 
-    /// Reads or makes the cameras; the folder that their pictures are relative to. Refuses to without
-    /// either.
-    pub fn cameras(&self, bounds: &crate::model::grid::Bounds) -> Result<(Vec<Camera>, PathBuf)> {
+    /// Reads or makes the cameras; refuses to without a file or a turntable.
+    pub fn cameras(&self, bounds: &Bounds, limits: &Limits) -> Result<Vec<Camera>> {
         let size = self.size.map(|Size(size)| size);
-        let (cameras, folder) = match (&self.cameras, self.turntable) {
-            (Some(path), _) => {
-                let file = camera::read(path, size, &Limits::default())?;
-                (file.cameras, file.folder)
-            }
+        let cameras = match (&self.cameras, self.turntable) {
+            (Some(path), _) => camera::read(path, size, limits)?.cameras,
             (None, Some(count)) => {
                 let size = size.unwrap_or([800; 2]);
-                (camera::turntable(bounds, count.into(), size), PathBuf::new())
+                camera::turntable(bounds, count.into(), size)
             }
             (None, None) => {
                 return Err(Error::usage("--cameras FILE or --turntable N must say from where"));
             }
         };
-        Ok((camera::pick(cameras, &self.frames)?, folder))
+        camera::pick(cameras, &self.frames)
     }
 }
 
@@ -140,7 +143,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let field =
         arguments.scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
-    let (cameras, _) = arguments.cameras.cameras(&field.view().bounds)?;
+    let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let mut planned = Vec::new();

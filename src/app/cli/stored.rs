@@ -70,6 +70,11 @@ enum NonfiniteChoice {
 }
 
 impl StoredArguments {
+    /// Whether values that are not finite become empty.
+    pub fn replaces_nonfinite(&self) -> bool {
+        self.nonfinite == NonfiniteChoice::Empty
+    }
+
     /// Explicit options override the preset's.
     pub fn apply(&self, options: &mut BakeOptions) {
         if let Some(filter) = self.filter {

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::common::Common;
 use super::compare::checked_scales;
 use super::field::SceneArguments;
+use super::outcome::{Outcome, readable, warn};
 use super::progress::Bar;
 use super::render::CameraArguments;
 use super::values::parse_bits;
-use super::{Common, Outcome, readable, warn};
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::error::{Error, Result};
@@ -99,7 +100,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     for assumption in &source.assumptions {
         warn(&assumption.message, common);
     }
-    let (cameras, _) = arguments.cameras.cameras(&source.field.scene.bounds)?;
+    let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
     }
@@ -108,6 +109,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: checked_scales(&arguments.scales, &cameras)?,
         repeat: arguments.repeat.into(),
         overwrite: arguments.force,
+        limits,
     };
     let bar = Bar::new(common);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::common::Common;
 use super::field::FieldArguments;
+use super::outcome::{Outcome, readable};
 use super::progress::Bar;
-use super::{Common, Outcome, readable};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Outcome;
 use super::field::SceneArguments;
+use super::outcome::Outcome;
 use crate::app::check::{self, CheckOptions, sarif};
 use crate::base::error::Result;
 use crate::base::limits::Limits;

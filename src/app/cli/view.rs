@@ -6,11 +6,11 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Common, Outcome, print, say, warn};
+use super::common::Common;
+use super::outcome::{Outcome, print, say, warn};
 use crate::app::serve::{Kind, Server, Site};
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
-use crate::base::limits::Limits;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::companions;
 
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 /// Says which files the asset needs that the viewer will not get. What is wrong with it is the viewer's to tell.
 fn warn_of_companions(file: &Path, common: &Common) {
     let asset = SourceFile::open(file).map(Arc::new);
-    let asset = asset.and_then(|file| Asset::open(file, &Limits::default()));
+    let asset = asset.and_then(|file| Asset::open(file, &common.limits()));
     let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
     if !names.is_empty() {
         let (file, names) = (file.display(), names.join(", "));

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{SettingReport, SweepReport};
+use super::report::{SettingReport, SweepReport};
 
 /// What each scale's columns hold.
 const FIGURES: [&str; 8] = [

@@ -4,8 +4,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use super::escape::escaped;
 use super::plot::{PlotPoint, STYLES, mark, plot};
-use super::{Fronts, SettingReport, SweepReport, Thumbnail};
+use super::report::{Fronts, SettingReport, SweepReport};
+use super::thumbnail::Thumbnail;
 
 const STYLE: &str = include_str!("page.css");
 
@@ -24,22 +26,6 @@ pub fn page(report: &SweepReport) -> String {
     html += &table(report);
     html += &pictures(report);
     html + "</body>\n</html>\n"
-}
-
-/// Text as HTML shows it, in elements and attributes.
-pub fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => safe += "&amp;",
-            '<' => safe += "&lt;",
-            '>' => safe += "&gt;",
-            '"' => safe += "&quot;",
-            '\'' => safe += "&#39;",
-            other => safe.push(other),
-        }
-    }
-    safe
 }
 
 fn introduction(report: &SweepReport) -> String {

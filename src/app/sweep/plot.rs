@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::page::escaped;
+use super::escape::escaped;
 
 /// The picture's size in its own units. Small, so that text stays readable where the page is narrow.
 const SIZE: [f64; 2] = [340.0, 270.0];

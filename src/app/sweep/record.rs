@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Measured, Setting, SweepOptions};
+use super::options::SweepOptions;
+use super::report::Measured;
+use super::setting::Setting;
 use crate::base::bytes::hex;
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -68,8 +70,14 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// The result that a former sweep left of a setting, if it follows from the same things and its
 /// container is still there. Whatever cannot be read is no result: it is made again.
-pub fn finished(folder: &Path, setting: &Setting, digest: &str) -> Option<Measured> {
-    let record: Record = serde_json::from_slice(&read(&record_path(folder, setting))?).ok()?;
+pub fn finished(
+    folder: &Path,
+    setting: &Setting,
+    digest: &str,
+    limits: &Limits,
+) -> Option<Measured> {
+    let record = read(&record_path(folder, setting), limits)?;
+    let record: Record = serde_json::from_slice(&record).ok()?;
     if record.schema != RECORD_SCHEMA || record.digest != digest {
         return None;
     }
@@ -78,14 +86,14 @@ pub fn finished(folder: &Path, setting: &Setting, digest: &str) -> Option<Measur
 }
 
 /// Refuses to begin where a file that no sweep wrote is in the way of one that this would write.
-pub fn refuse_foreign(folder: &Path, settings: &[Setting]) -> Result<()> {
+pub fn refuse_foreign(folder: &Path, settings: &[Setting], limits: &Limits) -> Result<()> {
     let of_setting = |setting| {
         let record = record_path(folder, setting);
-        (is_ours(&record, RECORD_SCHEMA), vec![record, container_path(folder, setting)])
+        (is_ours(&record, RECORD_SCHEMA, limits), vec![record, container_path(folder, setting)])
     };
     let page = folder.join("sweep.json");
     let beside = ["sweep.csv", "sweep.html"].map(|name| folder.join(name));
-    let report = (is_ours(&page, super::SCHEMA), [vec![page], beside.to_vec()].concat());
+    let report = (is_ours(&page, super::SCHEMA, limits), [vec![page], beside.to_vec()].concat());
     let groups = settings.iter().map(of_setting).chain([report]);
     let foreign = groups.filter(|(ours, _)| !ours).flat_map(|(_, files)| files);
     let mut taken = foreign.filter(|file| file.symlink_metadata().is_ok());
@@ -95,14 +103,14 @@ pub fn refuse_foreign(folder: &Path, settings: &[Setting]) -> Result<()> {
     }
 }
 
-fn is_ours(path: &Path, schema: &str) -> bool {
-    let document = read(path).and_then(|text| serde_json::from_slice(&text).ok());
+fn is_ours(path: &Path, schema: &str, limits: &Limits) -> bool {
+    let document = read(path, limits).and_then(|text| serde_json::from_slice(&text).ok());
     document.is_some_and(|document: serde_json::Value| document["schema"] == schema)
 }
 
-fn read(path: &Path) -> Option<Vec<u8>> {
+fn read(path: &Path, limits: &Limits) -> Option<Vec<u8>> {
     let file = SourceFile::open(path).ok()?;
-    file.read(0, file.length(), Limits::default().header_bytes).ok()
+    file.read(0, file.length(), limits.header_bytes).ok()
 }
 
 /// What all results of a sweep follow from, beside their own options: this program, the input with

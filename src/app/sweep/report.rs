@@ -2,12 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Outcome;
 use super::pareto::{Point, front};
 use super::setting::Setting;
 use super::thumbnail::Thumbnail;
 use crate::bake::Preset;
 use crate::view::compare::ScaleErrors;
+
+/// The figures of a setting, or the reason why there are none.
+pub(super) type Outcome = std::result::Result<Measured, String>;
 
 /// Schema of the report.
 pub const SCHEMA: &str = "mipvog-sweep/1";

@@ -50,6 +50,11 @@ pub fn starts_container(file: &SourceFile) -> bool {
 }
 
 impl Container {
+    /// Bounds on what the file may ask for.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// Opens a whole container and checks its structure and metadata, not yet its levels.
     ///
     /// # Errors

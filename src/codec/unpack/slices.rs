@@ -1,4 +1,4 @@
-//! Pictures of every x plane of every level: y runs down, z to the right.
+//! Pictures of the x planes of a container's levels: y runs down, z to the right.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::codec::container::Container;
 use crate::model::activate;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 
-/// What slices hold.
+/// The content of a slice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SliceFormat {
     /// Float32 EXR of the stored values: `density`, `R`, `G`, `B` and `feature0` and so on.
@@ -21,7 +21,10 @@ pub enum SliceFormat {
 }
 
 /// Writes `level{k}.x{i}.exr`, or `level{k}.opacity.x{i}.png` and `level{k}.diffuse.x{i}.png`,
-/// into `folder`. Existing files are refused unless `overwrite`.
+/// into `folder`. No `levels` stand for all; 0 is the finest.
+///
+/// # Errors
+/// Levels that the container lacks; damaged containers; existing files, unless `overwrite`.
 pub fn write_slices(
     container: &Container,
     levels: &[usize],
@@ -32,7 +35,7 @@ pub fn write_slices(
     check_levels(container, levels)?;
     let metadata = container.metadata();
     let wanted = |number: usize| levels.is_empty() || levels.contains(&number);
-    // Everything that can be wrong is found before the first file is written.
+    // A damaged container is refused before the first file is written.
     container.read_head()?;
     container.for_each_level(|_, _| Ok(()))?;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
@@ -46,12 +49,12 @@ pub fn write_slices(
         }
     }
     container.for_each_level(|number, level| {
-        let Some(of_level) = metadata.levels.get(number).filter(|_| wanted(number)) else {
+        let Some(level_metadata) = metadata.levels.get(number).filter(|_| wanted(number)) else {
             return Ok(());
         };
-        parallel::map(of_level.dimensions[0], |x| {
-            let files = slice(level, of_level, metadata, format, x)?;
-            for (name, bytes) in names(of_level, format, x).iter().zip(files) {
+        parallel::map(level_metadata.dimensions[0], |x| {
+            let files = slice(level, level_metadata, metadata, format, x)?;
+            for (name, bytes) in names(level_metadata, format, x).iter().zip(files) {
                 let mut output = Output::create(&path(number, name), overwrite)?;
                 output.append(&bytes)?;
                 output.finish()?;
@@ -62,7 +65,7 @@ pub fn write_slices(
     })
 }
 
-/// The rest of the names of a plane's files.
+/// The names of a plane's files, after the level's number.
 fn names(level: &LevelMetadata, format: SliceFormat, x: usize) -> Vec<String> {
     match format {
         SliceFormat::Exr => vec![format!("x{x:04}.exr")],
@@ -76,15 +79,15 @@ fn names(level: &LevelMetadata, format: SliceFormat, x: usize) -> Vec<String> {
 /// The files of one plane, in the order of their [`names`].
 fn slice(
     level: &BakedLevel,
-    of_level: &LevelMetadata,
+    level_metadata: &LevelMetadata,
     metadata: &Metadata,
     format: SliceFormat,
     x: usize,
 ) -> Result<Vec<Vec<u8>>> {
-    let [_, ny, nz] = of_level.dimensions;
+    let [_, ny, nz] = level_metadata.dimensions;
     let plane = |group, channel| {
         let mut plane = vec![0.0; ny * nz];
-        fill_plane(level, of_level, group, channel, x, &mut plane).then_some(plane)
+        fill_plane(level, level_metadata, group, channel, x, &mut plane).then_some(plane)
     };
     if format == SliceFormat::Exr {
         let mut channels = Vec::new();
@@ -100,11 +103,10 @@ fn slice(
     }
     let mut files = Vec::new();
     let byte = |share: f64| (share * 255.0 + 0.5) as u8;
-    if let Some(density) = plane(Group::Density, 0) {
-        let (shift, interval) = (metadata.activation.shift, metadata.activation.interval);
+    if let (Some(encoding), Some(density)) = (&level_metadata.density, plane(Group::Density, 0)) {
         let opacity =
-            |&raw: &f32| byte(activate::opacity(raw.into(), shift.into(), interval.into()));
-        let grey: Vec<u8> = density.iter().map(opacity).collect();
+            |&stored: &f32| encoding.decode.activated(stored.into(), &metadata.activation);
+        let grey: Vec<u8> = density.iter().map(|stored| byte(opacity(stored))).collect();
         files.push(picture::png(nz, ny, &grey)?);
     }
     let mut rgb = vec![0; 3 * ny * nz];

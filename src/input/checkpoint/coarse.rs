@@ -6,8 +6,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::march;
 use super::names::Names;
-use super::{Assumption, SourceOptions, march};
+use super::options::SourceOptions;
+use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::input::tensor;
@@ -41,7 +43,7 @@ pub(super) fn find(
     }
     let mut failure = None;
     for path in candidates(names, checkpoint) {
-        // Only regular files: the path comes out of a checkpoint.
+        // A name out of a checkpoint may be that of a device or a pipe.
         if !path.is_file() {
             continue;
         }
@@ -65,19 +67,18 @@ pub(super) fn find(
     Ok(Coarse { shift: march::shift(ALPHA_INIT, &Place::File)?, ratio: 1.0, file: None })
 }
 
-/// Where it may be, the likeliest first.
+/// The files that it may be, the likeliest first. A checkpoint states the path on the machine that
+/// trained it. Only the file name of that path counts, beside the checkpoint: a file from elsewhere
+/// must not choose which paths of this machine are opened.
 fn candidates(names: &Names<'_>, checkpoint: &Path) -> Vec<PathBuf> {
     let folder = checkpoint.parent().unwrap_or(Path::new(""));
-    let mut paths = Vec::new();
-    if let Some(tensor::Value::Text(stated)) = names.setting("mask_cache_path") {
-        paths.push(PathBuf::from(stated));
+    let stated = match names.setting("mask_cache_path") {
         // The training machine may have had other separators.
-        if let Some(name) = stated.rsplit(['/', '\\']).next().filter(|name| !name.is_empty()) {
-            paths.push(folder.join(name));
-        }
-    }
-    paths.push(folder.join(FILE_NAME));
-    paths
+        Some(tensor::Value::Text(stated)) => stated.rsplit(['/', '\\', ':']).next(),
+        _ => None,
+    };
+    let stated = stated.filter(|name| !["", ".", ".."].contains(name));
+    stated.into_iter().chain([FILE_NAME]).map(|name| folder.join(name)).collect()
 }
 
 fn read(path: &Path, limits: &Limits) -> Result<Coarse> {

@@ -1,7 +1,7 @@
 //! The two grids, the box they span, and the models that this is not.
 
 use super::names::Names;
-use super::{Assumption, Family};
+use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::field::Volume;

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Assumption, Family, SourceOptions};
+use super::open::assemble;
+use super::options::SourceOptions;
+use super::source::{Assumption, Family};
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::input::tensor::{self, FileKind, TensorFile, Value};
@@ -116,7 +118,7 @@ pub fn inspect_tensors(
         assumptions: Vec::new(),
         values: list.values,
     };
-    match super::assemble(file, options, limits) {
+    match assemble(file, options, limits) {
         Ok((source, mask)) => {
             let field = source.field;
             inspection.model = Some(Model {

@@ -7,7 +7,8 @@
 //! ```
 
 use super::names::Names;
-use super::{Assumption, Family, SourceOptions};
+use super::options::SourceOptions;
+use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::model::field::{Activation, ActivationOrder, March};
 use crate::model::grid::{Bounds, Nodes};

@@ -1,4 +1,4 @@
-//! Where training kept samples.
+//! The free-space mask: the region in which training kept samples.
 //!
 //! Three generations: the coarse stage's raw density, already max-pooled, to be interpolated and
 //! held against a threshold (`mask_cache.density`); a boolean mask with an affine index map
@@ -13,8 +13,10 @@
 //! ```
 
 use super::coarse::{self, Coarse};
+use super::march;
 use super::names::Names;
-use super::{Assumption, SourceOptions, march};
+use super::options::SourceOptions;
+use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::tensor::Tensor;
@@ -100,7 +102,12 @@ impl<'a> Mask<'a> {
         let lookup = match self.threshold {
             None => Lookup::Nearest(self.tensor.read_bool(&mut budget)?),
             Some(threshold) => {
-                Lookup::Trilinear { values: self.tensor.read_f32(&mut budget)?, threshold }
+                let values = self.tensor.read_f32(&mut budget)?;
+                if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+                    let found = format!("the value {value}");
+                    return Err(Error::malformed(self.tensor.place(), found, "finite numbers"));
+                }
+                Lookup::Trilinear { values, threshold }
             }
         };
         Ok(FreeSpace { nodes: self.nodes, scale: self.scale, shift: self.shift, lookup })
@@ -114,7 +121,8 @@ fn raw_threshold(opacity: f64, shift: f64, ratio: f64) -> Result<f32> {
         return Err(Error::malformed(place, opacity.to_string(), "an opacity from 0 to 1"));
     }
     if opacity == 0.0 {
-        return Ok(f32::NEG_INFINITY);
+        // Every finite density reaches it, and a container can hold it.
+        return Ok(f32::MIN);
     }
     let depth = -libm::log1p(-opacity) / ratio;
     // Where expm1 would overflow, its logarithm is its argument.
@@ -167,7 +175,7 @@ mod tests {
             let found = -(-sigma * ratio).exp_m1();
             assert!((found / opacity - 1.0).abs() < 1e-5, "{found} for {opacity}");
         }
-        assert_eq!(raw_threshold(0.0, 0.0, 1.0).expect("everything"), f32::NEG_INFINITY);
+        assert_eq!(raw_threshold(0.0, 0.0, 1.0).expect("everything"), f32::MIN);
         assert!(raw_threshold(1.0, 0.0, 1.0).is_err());
         assert!(raw_threshold(f64::NAN, 0.0, 1.0).is_err());
     }

@@ -5,7 +5,7 @@
 //! indices, number by number.
 
 use super::names::Names;
-use super::{Assumption, Family};
+use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::tensor::{Tensor, Value};

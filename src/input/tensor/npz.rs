@@ -9,8 +9,10 @@ use std::sync::Arc;
 
 use super::array::Tensor;
 use super::digest::Digest;
+use super::file::{FileKind, TensorFile};
+use super::value::Value;
 use super::zip::{Archive, Data, Entry};
-use super::{FileKind, TensorFile, Value};
+
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};

@@ -16,7 +16,9 @@ use serde::de::{MapAccess, Visitor};
 
 use super::array::Tensor;
 use super::digest::Digest;
-use super::{Data, FileKind, TensorFile, Value};
+use super::file::{FileKind, TensorFile};
+use super::value::Value;
+use super::zip::Data;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Limits};

@@ -9,9 +9,9 @@
 use std::sync::Arc;
 
 use super::digest::Digest;
+use super::file::{FileKind, TensorFile};
 use super::pickle::{self, Storages};
-use super::zip::Archive;
-use super::{Data, FileKind, TensorFile};
+use super::zip::{Archive, Data};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;

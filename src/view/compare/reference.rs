@@ -20,6 +20,8 @@ pub enum Reference {
         folder: PathBuf,
         /// Colour behind transparent pixels.
         background: [f32; 3],
+        /// Bounds on what a picture may ask for.
+        limits: Limits,
     },
 }
 
@@ -40,17 +42,24 @@ impl Reference {
                 let full = Picture::of_frame(&frame, field.view().background);
                 Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
             }
-            Self::Pictures { folder, background } => photograph(folder, camera, *background),
+            Self::Pictures { folder, background, limits } => {
+                photograph(folder, camera, *background, limits)
+            }
         }
     }
 }
 
-fn photograph(folder: &Path, camera: &Camera, background: [f32; 3]) -> Result<Picture> {
+fn photograph(
+    folder: &Path,
+    camera: &Camera,
+    background: [f32; 3],
+    limits: &Limits,
+) -> Result<Picture> {
     let path = find(folder, camera).ok_or_else(|| {
         let missing = std::io::ErrorKind::NotFound.into();
         Error::io(missing, &folder.join(format!("{}.png", camera.name)))
     })?;
-    let file = picture::read(&path, Limits::default().memory)?;
+    let file = picture::read(&path, limits.memory)?;
     let (width, height) = (camera.lens.width, camera.lens.height);
     let factor = file.width / width.max(1);
     if factor == 0 || file.width != factor * width || file.height != factor * height {

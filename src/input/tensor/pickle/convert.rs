@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{Data, Tensor, Value};
 use super::node::{Allowance, Arena, Array, Id, Node, node};
 use super::numpy;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::input::tensor::{Data, Tensor, Value};
 use crate::model::grid::Element;
 
 /// Values inside values, at most. State dictionaries need about six.

@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use super::Storages;
 use super::global::Global;
 use super::node::{Arena, Id, Node};
+use super::storages::Storages;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;

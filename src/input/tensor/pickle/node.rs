@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::super::Data;
 use super::global::Global;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
 /// The number of an object in its [`Arena`].

@@ -2,11 +2,11 @@
 
 use std::borrow::Cow;
 
-use super::super::Data;
 use super::global::Global;
 use super::machine::Machine;
 use super::node::{Array, Id, Node};
 use crate::base::error::{Error, Result};
+use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
 impl<'a> Machine<'a, '_> {

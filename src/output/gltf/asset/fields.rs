@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
+use super::document::{Asset, EXTENSION};
 use super::json::{List, Node};
 use super::properties::RadianceField;
-use super::{Asset, EXTENSION, rules, uri};
+use super::uri;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::finding::strict;
-use crate::codec::container::Container;
 
 /// What the extension says in a document.
 #[derive(Debug)]
@@ -157,36 +156,4 @@ pub fn buffer_is_chunk(asset: &Asset, number: usize, buffer: &Node) -> Result<bo
 
 fn missing(place: Place, number: usize, count: usize) -> Error {
     Error::malformed(place, format!("number {number}"), format!("one of {count} from 0"))
-}
-
-impl Asset {
-    /// Opens the container of a field.
-    ///
-    /// # Errors
-    /// The first thing that is wrong with the field, its container, or how the two agree; the digest
-    /// is left to the validator.
-    pub fn open_field(&self, number: usize) -> Result<Container> {
-        let opened = self.try_open_field(number).map_err(|error| error.in_file(self.path()))?;
-        // A strict walk ends with an error or a container.
-        opened.ok_or_else(|| Error::malformed(Place::File, "no container", "one"))
-    }
-
-    fn try_open_field(&self, number: usize) -> Result<Option<Container>> {
-        let root = self.document()?.members()?;
-        let fields = Fields::read(self, &root)?;
-        match fields.objects.get(number) {
-            Some(object) => {
-                let opened = rules::field(self, &root, object, &mut strict)?;
-                Ok(opened.map(|(container, _)| container))
-            }
-            None if fields.objects.is_empty() => {
-                let place = Place::Pointer(format!("/extensions/{EXTENSION}"));
-                Err(Error::malformed(place, "an asset without radiance fields", "one or more"))
-            }
-            None => Err(Error::usage(format!(
-                "--field asks for field {number}, but there are {} fields from 0",
-                fields.objects.len()
-            ))),
-        }
-    }
 }

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::Chunks;
 use crate::base::bytes::{ByteReader, Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -14,6 +13,15 @@ const HEADER_BYTES: u64 = 12;
 const CHUNK_HEADER_BYTES: u64 = 8;
 const JSON: [u8; 4] = *b"JSON";
 const BIN: [u8; 4] = *b"BIN\0";
+
+/// Where the chunks of a GLB lie beside its document, as offsets in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Chunks {
+    /// Bytes of the chunk BIN, with its padding, if there is one.
+    pub bin: Option<Range<u64>>,
+    /// All chunks after it, headers and padding included.
+    pub others: Range<u64>,
+}
 
 /// Some of the bytes of a chunk.
 #[derive(Debug)]

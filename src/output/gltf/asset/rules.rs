@@ -2,13 +2,13 @@
 
 use serde_json::Value;
 
+use super::document::{Asset, EXTENSION};
 use super::fields::{Fields, payload};
 use super::json::{List, Node};
 use super::properties::{MIME_TYPE, RadianceField};
-use super::{Asset, EXTENSION};
 use crate::base::bytes::{hex, sha256};
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::finding::{Code, Finding, Report, checked};
+use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::codec::container::Container;
 
 /// The extension is listed as used and never as required; nodes and fields fit each other.
@@ -170,4 +170,36 @@ pub fn digest(object: &Node, container: &Container, report: &mut Report) -> Resu
     let place = Place::Pointer(format!("{}/sha256", object.pointer()));
     let error = Error::malformed(place, stated, format!("{found}, that of the container's bytes"));
     report(Finding { code: Code::FieldHash, error })
+}
+
+impl Asset {
+    /// Opens the container of a field.
+    ///
+    /// # Errors
+    /// The first thing that is wrong with the field, its container, or how the two agree; the digest
+    /// is left to the validator.
+    pub fn open_field(&self, number: usize) -> Result<Container> {
+        let opened = self.try_open_field(number).map_err(|error| error.in_file(self.path()))?;
+        // A strict walk ends with an error or a container.
+        opened.ok_or_else(|| Error::malformed(Place::File, "no container", "one"))
+    }
+
+    fn try_open_field(&self, number: usize) -> Result<Option<Container>> {
+        let root = self.document()?.members()?;
+        let fields = Fields::read(self, &root)?;
+        match fields.objects.get(number) {
+            Some(object) => {
+                let opened = field(self, &root, object, &mut strict)?;
+                Ok(opened.map(|(container, _)| container))
+            }
+            None if fields.objects.is_empty() => {
+                let place = Place::Pointer(format!("/extensions/{EXTENSION}"));
+                Err(Error::malformed(place, "an asset without radiance fields", "one or more"))
+            }
+            None => Err(Error::usage(format!(
+                "--field asks for field {number}, but there are {} fields from 0",
+                fields.objects.len()
+            ))),
+        }
+    }
 }

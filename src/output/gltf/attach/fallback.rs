@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 use super::insert::{AttachOptions, Attached, NodeChoice, Z_UP_TO_Y_UP, attach};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::Limits;
 use crate::codec::container::Container;
 use crate::output::gltf::asset::{Asset, padded};
 use crate::output::gltf::mesh::Mesh;
@@ -61,7 +60,7 @@ pub fn write_fallback(
     });
     bytes.resize(padded(bytes.len() as u64) as usize, 0);
     let bin = glb.then_some(bytes);
-    let asset = Asset::in_memory(document.to_string(), bin, output_path, &Limits::default());
+    let asset = Asset::in_memory(document.to_string(), bin, output_path, container.limits());
     let options = AttachOptions { node: Some(NodeChoice::Index(0)), external };
     attach(&asset, container, container_path, output_path, &options, output)
 }

@@ -11,7 +11,8 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::{Draft, cross, dot, length, minus};
+use super::triangles::Draft;
+use super::vector::{cross, dot, length, minus};
 
 /// Weight of the distance to the vertex itself, of that to its planes.
 const OWN_SHARE: f64 = 1e-3;

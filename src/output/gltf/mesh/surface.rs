@@ -1,7 +1,8 @@
 //! Surface nets (Gibson 1998): one vertex a cell.
 
 use super::matter::{INSIDE, Matter};
-use super::{Draft, length, minus};
+use super::triangles::Draft;
+use super::vector::{length, minus};
 
 /// Marks cells that the surface does not go through.
 const NO_VERTEX: u32 = u32::MAX;

@@ -1,0 +1,86 @@
+//! The findings of a file, as programs and people read them.
+
+use serde::Serialize;
+
+use super::health::Health;
+use crate::base::error::Place;
+use crate::base::finding::{Code, Finding, Severity};
+
+/// Characters of one message, at most: what was found may be as long as a file.
+const MESSAGE_CHARACTERS: usize = 500;
+
+/// What validation says about a file.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Whether the file may be used: no finding is an error.
+    pub valid: bool,
+    /// In the order of the file.
+    pub findings: Vec<ReportedFinding>,
+    /// Findings that are not listed because there are too many; above 0 the list is truncated.
+    pub unlisted: usize,
+    /// What was measured of an input of a bake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub health: Option<Health>,
+    #[serde(skip)]
+    most_findings: usize,
+}
+
+/// A finding as reports print it.
+#[derive(Debug, Serialize)]
+pub struct ReportedFinding {
+    /// Its stable code.
+    #[serde(serialize_with = "name")]
+    pub code: Code,
+    /// How bad it is.
+    pub severity: Severity,
+    /// Where in the file.
+    pub place: String,
+    /// The place as a byte of the file, where it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<u64>,
+    /// What was found and what was expected.
+    pub message: String,
+    /// What can be done about it.
+    pub remedy: &'static str,
+}
+
+impl Report {
+    pub(super) fn new(most_findings: usize) -> Self {
+        Self { valid: true, findings: Vec::new(), unlisted: 0, health: None, most_findings }
+    }
+
+    pub(super) fn add(&mut self, finding: &Finding) {
+        let severity = finding.code.severity();
+        self.valid &= severity != Severity::Error;
+        if self.findings.len() >= self.most_findings {
+            self.unlisted += 1;
+            return;
+        }
+        let place = finding.error.place();
+        self.findings.push(ReportedFinding {
+            code: finding.code,
+            severity,
+            place: clipped(place.to_string()),
+            offset: match place {
+                Place::Offset(offset) => Some(*offset),
+                _ => None,
+            },
+            message: clipped(finding.error.kind().to_string()),
+            remedy: finding.code.remedy(),
+        });
+    }
+}
+
+/// A text of at most [`MESSAGE_CHARACTERS`].
+fn clipped(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(MESSAGE_CHARACTERS) {
+        text.truncate(end);
+        text.push_str(" ...");
+        text.shrink_to_fit();
+    }
+    text
+}
+
+fn name<S: serde::Serializer>(code: &Code, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.serialize_str(code.name())
+}

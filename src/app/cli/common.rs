@@ -1,0 +1,65 @@
+//! The options that all verbs share.
+
+use clap::{Args, ValueEnum};
+
+use super::values;
+use crate::base::limits::Limits;
+
+/// What all verbs share.
+#[derive(Debug, Args)]
+pub(super) struct Common {
+    /// How to print reports
+    #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
+    pub(super) format: Format,
+    /// Threads to use; 0 is one for each processor
+    #[arg(long, global = true, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u16).range(0..=256))]
+    pub(super) threads: u16,
+    /// Raise or lower a limit on what files may ask for, such as memory=1000000000; can be given again. An unknown
+    /// name lists all
+    #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
+    pub(super) limits: Vec<(String, u64)>,
+    /// Print no report, no progress and no warnings
+    #[arg(long, short, global = true)]
+    pub(super) quiet: bool,
+    /// Print more: every stage, every block statistic
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    pub(super) verbose: bool,
+    /// Colour in error messages
+    #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
+    pub(super) color: When,
+    /// Progress bars on stderr; auto is on a terminal only
+    #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
+    pub(super) progress: When,
+}
+
+impl Common {
+    /// Limits on what files may ask for.
+    pub(super) fn limits(&self) -> Limits {
+        let mut limits = Limits::default();
+        for (name, count) in &self.limits {
+            let mut named = limits.named();
+            if let Some((_, _, limit)) = named.iter_mut().find(|(own, ..)| own == name) {
+                **limit = *count;
+            }
+        }
+        limits
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    /// For people.
+    Text,
+    /// One JSON document.
+    Json,
+    /// A SARIF 2.1.0 log, of `validate` alone.
+    Sarif,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum When {
+    Auto,
+    Always,
+    Never,
+}

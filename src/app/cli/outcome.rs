@@ -1,0 +1,85 @@
+//! The report of a verb, and the ways to print it.
+
+use std::io::{ErrorKind as IoErrorKind, Write};
+
+use serde::Serialize;
+
+use super::common::{Common, Format};
+use crate::base::error::{Error, Result};
+
+/// What a verb has to say.
+pub(super) struct Outcome {
+    /// For people.
+    pub(super) text: String,
+    /// For programs.
+    pub(super) json: serde_json::Value,
+    /// For programs that gather findings of many tools.
+    pub(super) sarif: Option<serde_json::Value>,
+    /// Whether the file or the gate failed, though the verb did its work.
+    pub(super) failed: bool,
+}
+
+impl Outcome {
+    /// A report under the schema of its verb.
+    pub(super) fn new(verb: &str, report: &impl Serialize, text: String) -> Result<Self> {
+        let mut json = serde_json::Map::new();
+        json.insert("schema".to_owned(), format!("mipvog-{verb}/1").into());
+        let report = serde_json::to_value(report)
+            .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+        if let serde_json::Value::Object(report) = report {
+            json.extend(report);
+        }
+        Ok(Self { text, json: json.into(), sarif: None, failed: false })
+    }
+}
+
+pub(super) fn print(outcome: &Outcome, common: &Common) -> Result<()> {
+    let text = match common.format {
+        Format::Text if common.quiet => return Ok(()),
+        Format::Text => outcome.text.clone(),
+        Format::Json | Format::Sarif => {
+            let json = match (&outcome.sarif, common.format) {
+                (Some(sarif), Format::Sarif) => sarif,
+                _ => &outcome.json,
+            };
+            let text = serde_json::to_string_pretty(json)
+                .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+            text + "\n"
+        }
+    };
+    write_stdout(text.as_bytes())
+}
+
+/// Writes to stdout; whoever closed the pipe has read enough.
+pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == IoErrorKind::BrokenPipe => Ok(()),
+        Err(error) => Err(Error::io(error, std::path::Path::new("stdout"))),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// A warning on stderr.
+pub(super) fn warn(message: &str, common: &Common) {
+    if !common.quiet {
+        say(&format!("warning: {message}"));
+    }
+}
+
+/// A line on stderr. Where nobody can read it there is nobody to tell.
+pub(super) fn say(line: &str) {
+    writeln!(std::io::stderr(), "{line}").ok();
+}
+
+/// Bytes in the unit that people read.
+pub(super) fn readable(bytes: u64) -> String {
+    let units = ["B", "kB", "MB", "GB", "TB"];
+    let mut value = bytes as f64;
+    let mut unit = 0;
+    while value >= 1000.0 && unit + 1 < units.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} B") } else { format!("{value:.2} {}", units[unit]) }
+}

@@ -1,0 +1,171 @@
+//! Accepts connections and answers them, a thread each.
+
+use std::io::Write;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use super::range::{self, Asked};
+use super::request::{self, Refusal, Request};
+use super::site::{self, Body, Resource, Site};
+use crate::base::error::{Error, Result};
+
+/// Connections at a time, at most; a browser opens six.
+const MOST_CONNECTIONS: usize = 64;
+
+/// A connection that is silent for so long is closed.
+const SILENCE: Duration = Duration::from_secs(60);
+
+/// After a connection that could not be accepted.
+const PAUSE: Duration = Duration::from_millis(20);
+
+/// Bytes of a file that are read at once.
+const PIECE: u64 = 256 << 10;
+
+/// A bound server.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    site: Arc<Site>,
+}
+
+impl Server {
+    /// Binds `port` of the loopback address; 0 takes a free one.
+    ///
+    /// # Errors
+    /// The port is taken or not allowed.
+    pub fn bind(port: u16, site: Site) -> Result<Self> {
+        let place = || std::path::PathBuf::from(format!("127.0.0.1:{port}"));
+        let io = |error| Error::io(error, &place());
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(io)?;
+        let address = listener.local_addr().map_err(io)?;
+        Ok(Self { listener, address, site: Arc::new(site) })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The page's address with the file to open.
+    pub fn url(&self) -> String {
+        format!("http://{}/?file={}", self.address, self.site.kind().name())
+    }
+
+    /// Answers for ever. A connection that breaks is its own affair.
+    pub fn run(&self) {
+        let open = Arc::new(AtomicUsize::new(0));
+        for connection in self.listener.incoming() {
+            let Ok(connection) = connection else {
+                // Where the system has no file left for one more, asking again at once would only burn time.
+                std::thread::sleep(PAUSE);
+                continue;
+            };
+            // Dropped where there are too many: the browser asks again.
+            if open.fetch_add(1, Ordering::AcqRel) >= MOST_CONNECTIONS {
+                open.fetch_sub(1, Ordering::AcqRel);
+                continue;
+            }
+            let guard = Guard(Arc::clone(&open));
+            let (site, address) = (Arc::clone(&self.site), self.address);
+            let work = move || {
+                let _guard = guard;
+                answer_all(&connection, &site, address).ok();
+            };
+            // Without a thread the connection is dropped, and its count with it.
+            std::thread::Builder::new().spawn(work).ok();
+        }
+    }
+}
+
+/// A connection that is counted until it ends.
+struct Guard(Arc<AtomicUsize>);
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// Answers requests of a connection until it ends.
+fn answer_all(stream: &TcpStream, site: &Site, address: SocketAddr) -> std::io::Result<()> {
+    stream.set_read_timeout(Some(SILENCE))?;
+    stream.set_write_timeout(Some(SILENCE))?;
+    stream.set_nodelay(true)?;
+    let mut reader = request::Reader::new(stream);
+    loop {
+        match reader.next(address)? {
+            None => return Ok(()),
+            Some(Ok(request)) => {
+                answer(stream, site, &request)?;
+                if !request.keeps_alive {
+                    return Ok(());
+                }
+            }
+            // What follows a request that was not understood is not understood either.
+            Some(Err(refusal)) => return refuse(stream, refusal),
+        }
+    }
+}
+
+fn answer(stream: &TcpStream, site: &Site, request: &Request) -> std::io::Result<()> {
+    let connection = if request.keeps_alive { "" } else { "Connection: close\r\n" };
+    let Some(resource) = site.get(&request.path) else {
+        let head = format!("HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n{connection}\r\n");
+        return send(stream, head.as_bytes());
+    };
+    let length = resource.length();
+    let (status, bytes, extra) = match range::asked(request.range.as_deref(), length) {
+        Asked::Whole => ("200 OK", 0..length, String::new()),
+        Asked::Part(part) => {
+            let extra =
+                format!("Content-Range: bytes {}-{}/{length}\r\n", part.start, part.end - 1);
+            ("206 Partial Content", part, extra)
+        }
+        Asked::Nothing => {
+            let extra = format!("Content-Range: bytes */{length}\r\n");
+            ("416 Range Not Satisfiable", 0..0, extra)
+        }
+    };
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {}\r\nContent-Length: {}\r\nAccept-Ranges: bytes\r\n\
+         {extra}{connection}{}\r\n",
+        resource.media_type,
+        bytes.end - bytes.start,
+        site::SAFETY_HEADERS,
+    );
+    send(stream, head.as_bytes())?;
+    if request.is_head { Ok(()) } else { send_body(stream, &resource, bytes) }
+}
+
+fn send_body(stream: &TcpStream, resource: &Resource, bytes: Range<u64>) -> std::io::Result<()> {
+    let file = match &resource.body {
+        Body::Inside(body) => {
+            return send(stream, &body[bytes.start as usize..bytes.end as usize]);
+        }
+        Body::File(file) => file,
+    };
+    let mut piece = vec![0; PIECE.min(bytes.end - bytes.start) as usize];
+    let mut at = bytes.start;
+    while at < bytes.end {
+        let count = PIECE.min(bytes.end - at) as usize;
+        // A file that shrank cannot be finished: the connection ends short of the stated length.
+        file.read_into(at, &mut piece[..count]).map_err(std::io::Error::other)?;
+        send(stream, &piece[..count])?;
+        at += count as u64;
+    }
+    Ok(())
+}
+
+fn refuse(stream: &TcpStream, refusal: Refusal) -> std::io::Result<()> {
+    let head =
+        format!("HTTP/1.1 {}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n", refusal.status());
+    send(stream, head.as_bytes())
+}
+
+fn send(mut stream: &TcpStream, bytes: &[u8]) -> std::io::Result<()> {
+    stream.write_all(bytes)
+}

@@ -1,0 +1,102 @@
+//! Bakes one setting, times it, and compares it with the unbaked input.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use super::options::SweepOptions;
+use super::record;
+use super::report::Measured;
+use super::setting::Setting;
+use super::thumbnail::Thumbnail;
+use crate::bake::{Origin, bake};
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::{Error, Result};
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::Container;
+use crate::input::checkpoint::Source;
+use crate::view::compare::References;
+use crate::view::render::Field;
+
+/// What all settings are measured on.
+pub(super) struct Bench<'a> {
+    pub(super) source: &'a Source,
+    pub(super) origin: Origin,
+    pub(super) options: &'a SweepOptions,
+    pub(super) folder: &'a Path,
+    pub(super) references: References<'a>,
+    pub(super) steps: Steps<'a>,
+}
+
+impl Bench<'_> {
+    pub(super) fn measure(&mut self, setting: &Setting) -> Result<Measured> {
+        let path = record::container_path(self.folder, setting);
+        let mut seconds = Vec::with_capacity(self.options.repeat);
+        let mut last = None;
+        for _ in 0..self.options.repeat {
+            let mut output = Output::create(&path, true)?;
+            let clock = Instant::now();
+            let field = &self.source.field;
+            let report = bake(field, &setting.options, &self.origin, &mut output, &self.steps)
+                .map_err(|error| error.in_file(self.source.file.path()))?;
+            seconds.push(clock.elapsed().as_secs_f64());
+            last = Some((output, report));
+            self.steps.advance(Step::Sweep, 1);
+        }
+        let Some((output, report)) = last else {
+            return Err(Error::usage("a sweep needs a repetition"));
+        };
+        output.finish()?;
+        let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
+        let field = Field::baked(&container.read()?, &self.options.limits)?;
+        let mut thumbnails = Vec::new();
+        let scales = &self.options.scales;
+        let ends = [scales.iter().min(), scales.iter().max()];
+        let errors = self.references.compare(&field, &self.steps, |frame| {
+            let is_new = thumbnails.iter().all(|t: &Thumbnail| t.scale != frame.scale);
+            if is_new && ends.contains(&Some(&frame.scale)) {
+                thumbnails.push(Thumbnail::of(frame)?);
+            }
+            Ok(())
+        })?;
+        thumbnails.sort_by_key(|thumbnail| thumbnail.scale);
+        let levels = report.levels.len();
+        let output_bytes = report.output_bytes;
+        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors, thumbnails })
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let (low, high) = (values.len().saturating_sub(1) / 2, values.len() / 2);
+    let at = |i: usize| values.get(i).copied().unwrap_or_default();
+    0.5 * (at(low) + at(high))
+}
+
+/// Shows the bakes and renders of a setting as steps of the sweep.
+pub(super) struct Steps<'a> {
+    pub(super) outer: &'a dyn Progress,
+    pub(super) done: AtomicU64,
+}
+
+impl Steps<'_> {
+    /// Makes up for steps that were left out.
+    pub(super) fn reach(&self, target: u64) {
+        let left = target.saturating_sub(self.done.load(Ordering::Relaxed));
+        self.advance(Step::Sweep, left);
+    }
+}
+
+impl Progress for Steps<'_> {
+    fn advance(&self, step: Step, by: u64) {
+        if matches!(step, Step::Render | Step::Sweep) {
+            self.done.fetch_add(by, Ordering::Relaxed);
+            self.outer.advance(Step::Sweep, by);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.outer.cancelled()
+    }
+}

@@ -1,0 +1,123 @@
+//! Runs a sweep and writes its reports.
+
+use std::path::Path;
+use std::sync::atomic::AtomicU64;
+
+use super::measure::{Bench, Steps};
+use super::options::SweepOptions;
+use super::record::{self, Basis, Record};
+use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
+use super::{csv, page};
+use crate::bake::Origin;
+use crate::base::error::{Error, ErrorKind, Result};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::input::checkpoint::Source;
+use crate::model::camera::Camera;
+use crate::view::compare::{Reference, References};
+use crate::view::render::Field;
+
+/// Bakes `source` with every setting into `folder` and writes the reports there.
+pub fn sweep(
+    source: &Source,
+    cameras: &[Camera],
+    options: &SweepOptions,
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<SweepReport> {
+    let Some(first) = cameras.first() else {
+        return Err(Error::usage("a sweep needs at least one camera"));
+    };
+    if options.repeat == 0 || options.scales.is_empty() || options.settings.is_empty() {
+        return Err(Error::usage("a sweep needs a setting, a scale and a repetition"));
+    }
+    let basis = Basis::new(source, cameras, options)?;
+    if !options.overwrite {
+        record::refuse_foreign(folder, &options.settings, &options.limits)?;
+    }
+    let results = results(source, cameras, options, folder, &basis, progress)?;
+    let settings = options.settings.iter().zip(results);
+    let mut settings: Vec<SettingReport> = settings
+        .map(|(setting, (resumed, result))| SettingReport::new(setting, resumed, result))
+        .collect();
+    mark_fronts(&mut settings, &options.scales);
+    let name = source.file.path().file_name().unwrap_or_default();
+    let report = SweepReport {
+        schema: SCHEMA,
+        input: name.to_string_lossy().into_owned(),
+        frames: cameras.iter().map(|camera| camera.name.clone()).collect(),
+        size: [first.lens.width, first.lens.height],
+        scales: options.scales.clone(),
+        repeat: options.repeat,
+        threads: parallel::threads(),
+        settings,
+    };
+    let text = serde_json::to_string_pretty(&report)
+        .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+    // First the one by which a later sweep knows all three.
+    record::write_file(&folder.join("sweep.json"), format!("{text}\n").as_bytes())?;
+    record::write_file(&folder.join("sweep.csv"), csv::csv(&report).as_bytes())?;
+    record::write_file(&folder.join("sweep.html"), page::page(&report).as_bytes())?;
+    Ok(report)
+}
+
+/// Each setting's outcome, and whether it comes from a former sweep.
+fn results(
+    source: &Source,
+    cameras: &[Camera],
+    options: &SweepOptions,
+    folder: &Path,
+    basis: &Basis,
+    progress: &dyn Progress,
+) -> Result<Vec<(bool, Outcome)>> {
+    let settings = options.settings.iter().map(|setting| (setting, basis.digest(setting)));
+    let settings = settings.map(|(setting, digest)| {
+        let found = record::finished(folder, setting, &digest, &options.limits);
+        (setting, digest, found)
+    });
+    let settings: Vec<_> = settings.collect();
+    let missing = settings.iter().filter(|(_, _, found)| found.is_none()).count() as u64;
+    if missing == 0 {
+        let found = settings.into_iter().filter_map(|(_, _, found)| found);
+        return Ok(found.map(|result| (true, Ok(result))).collect());
+    }
+    let reference = Field::trained(&source.field, None, &options.limits)
+        .map_err(|error| error.in_file(source.file.path()))?;
+    let reference = Reference::Field(Box::new(reference));
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+    let references = References::new(&reference, cameras, &options.scales, 1).keep(&options.limits);
+    let origin = Origin::of_source(source);
+    let share = (options.repeat + cameras.len() * options.scales.len()) as u64;
+    progress.begin(Step::Sweep, missing * share + cameras.len() as u64);
+    let steps = Steps { outer: progress, done: AtomicU64::new(0) };
+    let mut bench = Bench { source, origin, options, folder, references, steps };
+    let mut results = Vec::with_capacity(settings.len());
+    let mut tried = 0;
+    for (setting, digest, found) in settings {
+        if let Some(result) = found {
+            results.push((true, Ok(result)));
+            continue;
+        }
+        if progress.cancelled() {
+            return Err(Error::cancelled());
+        }
+        Record::new(setting, &digest, None).write(folder, setting)?;
+        let result = match bench.measure(setting) {
+            Ok(result) => {
+                Record::new(setting, &digest, Some(result.clone())).write(folder, setting)?;
+                Ok(result)
+            }
+            Err(error) if ends_sweep(&error) => return Err(error),
+            Err(error) => Err(error.to_string()),
+        };
+        results.push((false, result));
+        tried += 1;
+        bench.steps.reach(tried * share);
+    }
+    Ok(results)
+}
+
+/// Whether an error is not the setting's own.
+fn ends_sweep(error: &Error) -> bool {
+    matches!(error.kind(), ErrorKind::Io(_) | ErrorKind::Cancelled | ErrorKind::Exists)
+}

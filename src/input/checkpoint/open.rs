@@ -1,0 +1,108 @@
+//! Opens a checkpoint: finds grids, settings, the network and the mask.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::mask::Mask;
+use super::names::Names;
+use super::options::{MlpChoice, SourceOptions};
+use super::source::{Assumption, Companion, Family, Source};
+use super::{grids, march, mlp};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::input::tensor::{self, TensorFile};
+use crate::model::field::{RadianceField, Scene};
+
+/// Opens a checkpoint of any kind.
+///
+/// # Errors
+/// As [`tensor::open`]; `Unsupported` for models that are not dense grids in a box or whose
+/// network runs for each sample, `Malformed` where parts are missing or do not fit, `Usage` for
+/// options out of range.
+pub fn open(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    open_tensors(&tensor::open(path, limits)?, options, limits)
+}
+
+/// The same for a file that is open already.
+pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    let path = file.file.path();
+    let in_file = |error: Error| error.in_file(path);
+    let (mut source, mask) = assemble(file, options, limits).map_err(in_file)?;
+    if let Some(mask) = mask {
+        source.field.free_space = Some(mask.load(limits).map_err(in_file)?);
+    }
+    Ok(source)
+}
+
+/// Everything but the mask's values.
+pub(super) fn assemble<'a>(
+    file: &'a TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+) -> Result<(Source, Option<Mask<'a>>)> {
+    options.check()?;
+    let path = file.file.path();
+    let names = Names::new(file);
+    let (mut assumptions, mut companions) = (Vec::new(), Vec::new());
+    grids::refuse_others(&names)?;
+    let (density, mut color) = grids::find(&names, limits)?;
+    let nodes = density.nodes;
+    let bounds = grids::bounds(&names)?;
+    let family = grids::family(&names, color.channels);
+    let (activation, march) =
+        march::find(&names, family, &bounds, nodes, options, &mut assumptions)?;
+    let features = color.channels - 3;
+    let view_mlp = match &options.mlp {
+        MlpChoice::None => None,
+        MlpChoice::Auto => mlp::find(&names, family, features, limits, &mut assumptions)?,
+        MlpChoice::File(path) => {
+            let other = tensor::open(path, limits)?;
+            let names = Names::new(&other);
+            // A network that was named is meant to run once a ray.
+            let found = mlp::find(&names, Family::MipVog, features, limits, &mut assumptions)
+                .map_err(|error| error.in_file(path))?;
+            let digest = other.digest;
+            companions.push(Companion { role: "mlp", path: path.clone(), digest });
+            Some(found.ok_or_else(|| {
+                Error::usage(format!("--mlp {}: no network rgbnet in this file", path.display()))
+            })?)
+        }
+    };
+    if view_mlp.is_none() {
+        let asked = options.mlp == MlpChoice::None;
+        grids::drop_features(&mut color, asked, &mut assumptions);
+    }
+    let mask = Mask::find(&names, &bounds, nodes, path, options, limits, &mut assumptions)?;
+    let coarse = mask.as_ref().and_then(|mask| mask.coarse.as_ref()?.file.clone());
+    companions.extend(coarse.map(|(path, digest)| Companion { role: "coarse", path, digest }));
+    if let Some(path) = options
+        .coarse
+        .as_ref()
+        .filter(|_| companions.iter().all(|companion: &Companion| companion.role != "coarse"))
+    {
+        // A file that was named must be there, even where this scene does without it.
+        SourceFile::open(path)?;
+        assumptions.push(Assumption {
+            key: "coarse",
+            value: "unused".to_owned(),
+            message: format!(
+                "--coarse {} is not used: this scene's mask needs none",
+                path.display()
+            ),
+        });
+    }
+    let background = options.background.unwrap_or([1.0; 3]);
+    let scene = Scene { bounds, nodes, activation, march, background };
+    let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
+    let source = Source {
+        field,
+        family,
+        kind: file.kind,
+        assumptions,
+        digest: file.digest,
+        file: Arc::clone(&file.file),
+        companions,
+    };
+    Ok((source, mask))
+}

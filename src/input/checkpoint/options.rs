@@ -1,0 +1,67 @@
+//! The choices that a user has about a checkpoint.
+
+use std::path::PathBuf;
+
+use crate::base::error::{Error, Result};
+
+/// What the user says about a checkpoint.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SourceOptions {
+    /// Step length in voxels. Default: 0.5, with an assumption
+    pub stepsize: Option<f32>,
+    /// The coarse checkpoint that the mask comes from. Default: where the checkpoint says, else
+    /// beside it
+    pub coarse: Option<PathBuf>,
+    /// The network to bake. Default: the checkpoint's
+    pub mlp: MlpChoice,
+    /// Where rays start, in units of the unnormalised direction. Default: 0
+    pub near: Option<f32>,
+    /// Where rays enter the box at the latest, likewise. Default: without bound
+    pub far: Option<f32>,
+    /// Colour behind the field. Default: white
+    pub background: Option<[f32; 3]>,
+    /// Samples of at most this weight add no colour. Default: the checkpoint's
+    /// `fast_color_thres`, else 1e-4
+    pub color_threshold: Option<f32>,
+}
+
+/// Which network to bake.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum MlpChoice {
+    /// The checkpoint's, if it has one.
+    #[default]
+    Auto,
+    /// None: only the first three channels of colour, as they are.
+    None,
+    /// The `rgbnet` of another file.
+    File(PathBuf),
+}
+
+impl SourceOptions {
+    /// Refuses values that no scene has.
+    pub fn check(&self) -> Result<()> {
+        let usage = |message: String| Err(Error::usage(message));
+        if let Some(step) = self.stepsize.filter(|step| !(*step > 0.0 && *step <= 64.0)) {
+            return usage(format!(
+                "--stepsize {step}: expected a number of voxels above 0, up to 64"
+            ));
+        }
+        if let Some(near) = self.near.filter(|near| !(*near >= 0.0 && near.is_finite())) {
+            return usage(format!("--near {near}: expected a distance of 0 or more"));
+        }
+        let near = self.near.unwrap_or(0.0);
+        if let Some(far) = self.far.filter(|far| !(*far > near && far.is_finite())) {
+            return usage(format!("--far {far}: expected a distance beyond --near {near}"));
+        }
+        if let Some(color) = self.background.filter(|c| !c.iter().all(|v| (0.0..=1.0).contains(v)))
+        {
+            return usage(format!("--background {color:?}: expected three numbers from 0 to 1"));
+        }
+        if let Some(least) = self.color_threshold.filter(|t| !(0.0..1.0).contains(t)) {
+            return usage(format!(
+                "--color-threshold {least}: expected a weight from 0 to below 1"
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,69 @@
+//! A checkpoint whose names are understood.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::base::bytes::SourceFile;
+use crate::input::tensor::FileKind;
+use crate::model::field::RadianceField;
+
+/// A checkpoint, understood.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The trained scene; its grids are still in the file.
+    pub field: RadianceField,
+    /// Who wrote it.
+    pub family: Family,
+    /// How it is written.
+    pub kind: FileKind,
+    /// What it does not say and was assumed, to be shown to the user.
+    pub assumptions: Vec<Assumption>,
+    /// SHA-256 of what stands for its content; see [`TensorFile::digest`].
+    pub digest: [u8; 32],
+    /// The open file.
+    pub file: Arc<SourceFile>,
+    /// Other files that were used: the coarse checkpoint, the network's.
+    pub companions: Vec<Companion>,
+}
+
+/// Another file that a scene was read from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Companion {
+    /// `coarse` or `mlp`.
+    pub role: &'static str,
+    /// Where it lies.
+    pub path: PathBuf,
+    /// SHA-256 of what stands for its content.
+    pub digest: [u8; 32],
+}
+
+/// The code that wrote a checkpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Family {
+    /// Mip-VoG's research code.
+    MipVog,
+    /// DirectVoxGO, either generation of names.
+    Dvgo,
+}
+
+impl Family {
+    /// Its name, as people know it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::MipVog => "Mip-VoG",
+            Self::Dvgo => "DirectVoxGO",
+        }
+    }
+}
+
+/// Something that a checkpoint does not say.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Assumption {
+    /// What is missing, in a word.
+    pub key: &'static str,
+    /// What was assumed.
+    pub value: String,
+    /// The warning: what is missing, what was assumed, and which option sets it.
+    pub message: String,
+}

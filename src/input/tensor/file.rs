@@ -1,0 +1,43 @@
+//! An open file of tensors, and the ways to write one.
+
+use std::sync::Arc;
+
+use super::value::Value;
+use crate::base::bytes::SourceFile;
+
+/// A file of named tensors, opened: its structure is known, no tensor was read.
+#[derive(Debug, Clone)]
+pub struct TensorFile {
+    /// How the file is written.
+    pub kind: FileKind,
+    /// What it holds.
+    pub root: Value,
+    /// SHA-256 of what stands for its content: for archives the directory (names, sizes,
+    /// checksums) with the pickle or array headers, for safetensors the header.
+    pub digest: [u8; 32],
+    /// The open file.
+    pub file: Arc<SourceFile>,
+}
+
+/// How a file of tensors is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FileKind {
+    /// A zip file of a pickle and storages, as `torch.save` writes since 1.6.
+    Torch,
+    /// A JSON header, then tensors.
+    Safetensors,
+    /// A zip file of NumPy arrays, stored or deflated.
+    Npz,
+}
+
+impl FileKind {
+    /// Its name, as people know it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Torch => "PyTorch checkpoint",
+            Self::Safetensors => "safetensors",
+            Self::Npz => "NumPy archive",
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Tells the kind of a file by its first bytes.
+
+use crate::base::bytes::SourceFile;
+use crate::base::error::Result;
+
+/// Whether a file starts like one of tensors.
+///
+/// # Errors
+/// Where its start cannot be read.
+pub fn is_tensors(file: &SourceFile) -> Result<bool> {
+    let start = start(file)?;
+    Ok(is_zip(&start) || is_safetensors(&start))
+}
+
+/// What a file is that is not of tensors, as far as its start tells.
+///
+/// # Errors
+/// Where its start cannot be read.
+pub fn describe(file: &SourceFile) -> Result<&'static str> {
+    let start = start(file)?;
+    Ok(other_format(&start).unwrap_or(match start.as_slice() {
+        [] => "an empty file",
+        start if is_text(start) => "a text file",
+        _ => "a file of unknown kind",
+    }))
+}
+
+/// As many bytes as tell a file's kind.
+pub(super) fn start(file: &SourceFile) -> Result<Vec<u8>> {
+    let count = file.length().min(264);
+    file.read(0, count, count)
+}
+
+pub(super) fn is_zip(start: &[u8]) -> bool {
+    start.starts_with(b"PK\x03\x04") || start.starts_with(b"PK\x05\x06")
+}
+
+/// Eight bytes of header length, then the header, a JSON object.
+pub(super) fn is_safetensors(start: &[u8]) -> bool {
+    start.get(8) == Some(&b'{') && !start.get(..8).is_some_and(is_text)
+}
+
+/// Whether bytes are text, if the last character of it may be cut.
+fn is_text(bytes: &[u8]) -> bool {
+    std::str::from_utf8(bytes).map_or_else(|error| error.error_len().is_none(), |_| true)
+        && !bytes.iter().any(|&byte| byte < b' ' && !b"\t\n\r\x0c".contains(&byte))
+}
+
+/// The format of a file that starts so, if it is one that others use for such things.
+pub(super) fn other_format(start: &[u8]) -> Option<&'static str> {
+    // The number that torch.save pickled first before version 1.6.
+    const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
+    Some(match start {
+        _ if start.starts_with(LEGACY) => {
+            "a checkpoint in the format of PyTorch before 1.6 (load and save it again with \
+             torch.save of any newer version)"
+        }
+        _ if start.get(257..262) == Some(b"ustar") => {
+            "a tar file (the first checkpoints of PyTorch were; load and save it again with \
+             torch.save of a version since 1.6)"
+        }
+        [0x80, 2..=5, ..] => "a bare pickle without tensors",
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => "a single NumPy array (save it as .npz)",
+        [0x89, b'H', b'D', b'F', ..] => "an HDF5 file",
+        [0x1f, 0x8b, ..] => "a gzip file (unpack it first)",
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => "a zstd file (unpack it first)",
+        [b'g', b'l', b'T', b'F', ..] => "a glTF binary",
+        [0x89, b'P', b'N', b'G', ..] => "a PNG picture",
+        _ => return None,
+    })
+}

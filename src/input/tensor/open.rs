@@ -1,0 +1,51 @@
+//! Opens a file of tensors of any kind.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::file::TensorFile;
+use super::kind::{describe, is_safetensors, is_zip, other_format, start};
+use super::zip::Archive;
+use super::{npz, safetensors, torch};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+
+/// Opens a file of tensors, whatever its name.
+///
+/// # Errors
+/// `Io` where it cannot be read or is a folder, `Unsupported` for files of another kind and for
+/// what only a newer reader would know, `Malformed`, `Truncated`, `Checksum` for damaged ones,
+/// `OverLimit` for those that ask for too much.
+pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
+    let file = Arc::new(SourceFile::open(path)?);
+    open_file(&file, limits)
+}
+
+/// The same for a file of which only the bytes are known.
+///
+/// # Errors
+/// Those of [`open()`].
+pub fn open_file(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    open_kind(file, limits).map_err(|error| error.in_file(file.path()))
+}
+
+fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    let start = start(file)?;
+    if is_zip(&start) {
+        let archive = Arc::new(Archive::open(file, limits)?);
+        return match torch::find_pickle(&archive)? {
+            Some(root) => torch::open(file, &archive, &root, limits),
+            None => npz::open(file, &archive, limits),
+        };
+    }
+    if is_safetensors(&start) {
+        return safetensors::open(file, limits);
+    }
+    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file";
+    let found = describe(file)?;
+    Err(match other_format(&start) {
+        Some(_) => Error::unsupported(Place::File, found, expected),
+        None => Error::malformed(Place::File, found, expected),
+    })
+}

@@ -1,0 +1,125 @@
+//! An open asset: its document, and the places of its chunks.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::glb::{self, Chunks};
+use super::json::{self, Node};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{self, Limits};
+
+/// The extension's name.
+pub const EXTENSION: &str = "MIPVOG_radiance_field";
+
+/// An open asset: its document as text, and where everything else of the file lies.
+#[derive(Debug)]
+pub struct Asset {
+    file: Arc<SourceFile>,
+    text: String,
+    chunks: Option<Chunks>,
+    limits: Limits,
+}
+
+/// Whether a file starts like an asset: with GLB's magic, or as a JSON object.
+pub fn is_asset(file: &SourceFile) -> bool {
+    let mut start = vec![0; file.length().min(64) as usize];
+    let read = file.read_into(0, &mut start).is_ok();
+    let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
+    read && (start.starts_with(&glb::MAGIC) || first == Some(&b'{'))
+}
+
+impl Asset {
+    /// Opens an asset and checks its chunks, the syntax of its JSON and the version of glTF.
+    pub fn open(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
+        let path = file.path().to_owned();
+        Self::read(file, limits).map_err(|error| error.in_file(&path))
+    }
+
+    /// A document that is not in a file yet; of a GLB where there are bytes for a chunk BIN, whose number
+    /// is a multiple of 4.
+    pub fn in_memory(text: String, bin: Option<Vec<u8>>, path: &Path, limits: &Limits) -> Self {
+        let length = bin.as_ref().map(|bin| bin.len() as u64);
+        let file = Arc::new(SourceFile::decoded(bin.unwrap_or_default(), path));
+        let chunks = length.map(|end| Chunks { bin: Some(0..end), others: end..end });
+        Self { file, text, chunks, limits: limits.clone() }
+    }
+
+    fn read(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
+        let mut magic = [0; 4];
+        let is_glb = file.read_into(0, &mut magic).is_ok() && magic == glb::MAGIC;
+        let (json, chunks) = match is_glb {
+            true => {
+                let (json, chunks) = glb::read(&file)?;
+                (json, Some(chunks))
+            }
+            false => (0..file.length(), None),
+        };
+        let bytes = file.read(json.start, json.end - json.start, limits.header_bytes)?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let at = json.start + error.utf8_error().valid_up_to() as u64;
+            Error::malformed(Place::Offset(at), "a byte that is no UTF-8", "JSON in UTF-8")
+        })?;
+        let asset = Self { file, text, chunks, limits: limits.clone() };
+        asset.check_version()?;
+        Ok(asset)
+    }
+
+    fn check_version(&self) -> Result<()> {
+        let place = Place::Pointer("/asset/version".to_owned());
+        let asset = self.document()?.get("asset")?;
+        let version = asset.map(|asset| asset.get("version")).transpose()?.flatten();
+        let Some(version) = version else {
+            return Err(Error::malformed(place, "no version of glTF", "\"2.0\""));
+        };
+        let version: String = version.parse("\"2.0\"")?;
+        match version.split_once('.') {
+            Some(("2", _)) => Ok(()),
+            _ => Err(Error::unsupported(place, format!("glTF {version}"), "glTF 2")),
+        }
+    }
+
+    /// The file.
+    pub fn file(&self) -> &SourceFile {
+        &self.file
+    }
+
+    /// Its name.
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Limits on what it may ask for.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The document's text, with the white space around it.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Chunks beside the document; `None` where the file is no GLB.
+    pub fn chunks(&self) -> Option<&Chunks> {
+        self.chunks.as_ref()
+    }
+
+    /// The document's root.
+    pub fn document(&self) -> Result<Node<'_>> {
+        Node::document(&self.text)
+    }
+
+    /// The elements of a list of the root, none where it is not there. At most as many as the limits
+    /// allow.
+    pub fn list<'a>(&self, root: &json::List<'a>, name: &str) -> Result<Vec<Node<'a>>> {
+        let Some(list) = root.get(name) else { return Ok(Vec::new()) };
+        let elements = list.elements()?;
+        limits::check(
+            "elements of a list",
+            elements.len() as u64,
+            self.limits.entries,
+            &list.place(),
+        )?;
+        Ok(elements.values().to_vec())
+    }
+}

@@ -1,0 +1,49 @@
+//! The mesh of a container.
+
+use super::matter::Matter;
+use super::triangles::{Draft, Mesh};
+use super::{simplify, surface};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Budget;
+use crate::base::parallel;
+use crate::codec::container::Container;
+
+/// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
+const MOST_NODES: usize = 128;
+
+/// A level is fine enough whose surface has this many times the triangles that are asked for.
+const SPARE: usize = 2;
+
+/// The fewest triangles of a closed surface.
+pub const FEWEST_TRIANGLES: usize = 4;
+
+/// The mesh of a field, of at most `triangles` triangles (but 12 for an empty field).
+///
+/// # Errors
+/// Fewer than [`FEWEST_TRIANGLES`]; a container that cannot be read.
+pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
+    if triangles < FEWEST_TRIANGLES {
+        let message = format!("a mesh needs at least {FEWEST_TRIANGLES} triangles");
+        return Err(Error::usage(message));
+    }
+    let metadata = container.metadata();
+    let (_, free_space) = container.read_head()?;
+    let own = |level: &usize| metadata.levels.get(*level).is_some_and(|l| l.density.is_some());
+    let mut best = Draft::default();
+    let mut cell = 0.0;
+    for level in (0..metadata.levels.len()).rev().filter(own) {
+        // Each thread holds a plane of density and three of colour.
+        let [_, ny, nz] = metadata.levels[level].dimensions.map(|size| size as u64);
+        let planes = 16 * parallel::threads() as u64 * ny * nz;
+        Budget::new(container.limits()).spend(planes, "bytes of planes", &Place::File)?;
+        let codes = container.read_level(level)?;
+        let matter = Matter::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
+        (best, cell) = (surface::surface(&matter), matter.cell);
+        if best.triangles.len() >= SPARE * triangles || matter.averaged {
+            break;
+        }
+    }
+    let draft = simplify::simplify(best, triangles, cell);
+    let mesh = Mesh::of_draft(&draft);
+    if mesh.triangles.is_empty() { Ok(Mesh::of_box(&metadata.bounds)) } else { Ok(mesh) }
+}

@@ -1,0 +1,103 @@
+//! Triangles with coloured vertices: while they are worked on, and as they are written.
+
+use super::vector::{cross, length, minus};
+use crate::model::grid::Bounds;
+
+/// Triangles in training axes, counter-clockwise as seen from outside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    /// World units.
+    pub positions: Vec<[f32; 3]>,
+    /// Linear RGB, 0 to 1, one for each position.
+    pub colors: Vec<[f64; 3]>,
+    /// Numbers of positions; no triangle is degenerate.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether it shows anything: the mesh of an empty field is its box, not to be drawn.
+    pub visible: bool,
+}
+
+/// Vertices and triangles while they are worked on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Draft {
+    pub(super) positions: Vec<[f64; 3]>,
+    /// As the field has them: display-referred sRGB.
+    pub(super) colors: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    pub(super) fn of_draft(draft: &Draft) -> Self {
+        let rounded: Vec<[f32; 3]> = draft.positions.iter().map(|p| p.map(|v| v as f32)).collect();
+        // Rounding can flatten a sliver.
+        let area = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| rounded[corner as usize].map(f64::from));
+            length(cross(minus(b, a), minus(c, a))) > 0.0
+        };
+        let mut mesh = Self {
+            positions: Vec::new(),
+            colors: Vec::new(),
+            triangles: Vec::new(),
+            visible: true,
+        };
+        let mut numbers = vec![u32::MAX; rounded.len()];
+        for corners in draft.triangles.iter().filter(|corners| area(corners)) {
+            mesh.triangles.push(corners.map(|corner| {
+                let number = &mut numbers[corner as usize];
+                if *number == u32::MAX {
+                    *number = mesh.positions.len() as u32;
+                    mesh.positions.push(rounded[corner as usize]);
+                    mesh.colors.push(draft.colors[corner as usize].map(linear));
+                }
+                *number
+            }));
+        }
+        mesh
+    }
+
+    /// The box of a field in which nothing is to be seen, so that viewers know where it lies.
+    pub(super) fn of_box(bounds: &Bounds) -> Self {
+        let corner = |i: u32| {
+            let side = |axis: usize| {
+                if i >> axis & 1 == 1 { bounds.max[axis] } else { bounds.min[axis] }
+            };
+            [side(0), side(1), side(2)]
+        };
+        // Two triangles a face; bit 0 of a corner's number is its side along x, bit 2 along z.
+        let triangles = vec![
+            [0, 2, 3],
+            [0, 3, 1],
+            [4, 5, 7],
+            [4, 7, 6],
+            [0, 1, 5],
+            [0, 5, 4],
+            [2, 6, 7],
+            [2, 7, 3],
+            [0, 4, 6],
+            [0, 6, 2],
+            [1, 3, 7],
+            [1, 7, 5],
+        ];
+        Self {
+            positions: (0..8).map(corner).collect(),
+            colors: vec![[0.0; 3]; 8],
+            triangles,
+            visible: false,
+        }
+    }
+
+    /// The smallest coordinates along each axis, and the largest.
+    pub fn extent(&self) -> [[f32; 3]; 2] {
+        let fold = |start: f32, pick: fn(f32, f32) -> f32| {
+            self.positions.iter().fold([start; 3], |bound, position| {
+                std::array::from_fn(|axis| pick(bound[axis], position[axis]))
+            })
+        };
+        [fold(f32::INFINITY, f32::min), fold(f32::NEG_INFINITY, f32::max)]
+    }
+}
+
+/// Display-referred sRGB to linear (IEC 61966-2-1).
+fn linear(value: f64) -> f64 {
+    let value = value.clamp(0.0, 1.0);
+    if value <= 0.040_45 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) }
+}
