@@ -143,7 +143,7 @@ fn weights_out_of_range_are_refused() {
         let mut options = BakeOptions::default();
         options.min_weight = Some(weight);
         let error = options.check().expect_err("no weight").to_string();
-        assert!(error.contains("--min-weight"), "{error}");
+        assert!(error.contains("option min_weight"), "{error}");
     }
 }
 

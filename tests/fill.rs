@@ -227,7 +227,7 @@ fn floats_empty_fields_and_single_levels_have_no_filled_blocks() {
 fn errors_out_of_range_are_refused() {
     for error in [0.0, -0.1, 1.1, f32::NAN] {
         let refused = options(8, Some(error)).check().expect_err("no error").to_string();
-        assert!(refused.contains("--fill-error"), "{refused}");
+        assert!(refused.contains("option fill_error"), "{refused}");
     }
 }
 

@@ -257,7 +257,7 @@ fn only_errors_that_mean_something_can_be_asked_for() {
         let changes = Changes { max_error: Some(max_error.into()), ..Changes::default() };
         for error in [baked_bytes(&field, &options), packed(&input, &changes)] {
             let error = error.expect_err("refused");
-            assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+            assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
             assert!(error.to_string().contains("1e-6 to 0.25"), "{error}");
         }
     }

@@ -168,14 +168,3 @@ impl Needs<'_> {
         (PENDING_BYTES as u64 + slab).min(rows * slab)
     }
 }
-
-/// Refuses a bound where something is asked for that holds a whole field at once.
-pub fn check(options: &BakeOptions) -> Result<()> {
-    let holds_all = options.filter.is_fitted() || options.sees() || options.fill_error.is_some();
-    if options.memory.is_some() && holds_all {
-        let message = "--memory excludes --filter fit, --min-weight, --coarseness and --fill-error: \
-                       they hold a whole level at once";
-        return Err(Error::usage(message));
-    }
-    Ok(())
-}

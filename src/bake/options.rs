@@ -3,7 +3,6 @@
 use serde_json::json;
 
 use super::MaxErrors;
-use super::memory;
 use crate::base::bytes::hex;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -130,43 +129,45 @@ impl BakeOptions {
         LevelOfDetail { factor: rule.factor * self.lod_scale, ..rule }
     }
 
-    /// Refuses values that no bake can follow.
+    /// Checks that every option is in its range and contradicts no other.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {
             Bits::Integer(bits) => (4..=16).contains(&bits),
             Bits::F16 | Bits::F32 => true,
         };
-        let rules = [
-            (bits_fit, "--bits must be 4 to 16, f16 or f32"),
-            (self.levels.is_none_or(|levels| levels >= 1), "--levels must be at least 1"),
-            (
-                self.alpha_threshold >= 1e-9 && self.alpha_threshold < 1.0,
-                "--alpha-threshold must be from 1e-9 to below 1",
-            ),
-            ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
-            ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
-            (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
-            (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
-            (
-                self.min_weight.is_none_or(|weight| weight > 0.0 && weight <= 1.0),
-                "--min-weight must be above 0 and at most 1",
-            ),
-            ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
-            (
-                self.fill_error.is_none_or(|error| error > 0.0 && error <= 1.0),
-                "--fill-error must be above 0 and at most 1",
-            ),
-            (
-                self.lod_rule.is_none() || !self.filter.is_fitted(),
-                "--lod-rule and --filter fit exclude each other: a fit finds its own rule",
-            ),
-            (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
-        ];
-        rules
-            .iter()
-            .find(|(holds, _)| !holds)
-            .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
-        memory::check(self)?;
+        rule(bits_fit, "bits", self.bits, "4 to 16, f16 or f32")?;
+        let levels = self.levels.unwrap_or(1);
+        rule(levels >= 1, "levels", levels, "at least 1")?;
+        let alpha = self.alpha_threshold;
+        rule((1e-9..1.0).contains(&alpha), "alpha_threshold", alpha, "1e-9 to below 1")?;
+        let block = self.block_size;
+        rule((1..=LARGEST_BLOCK).contains(&block), "block_size", block, "1 to 64")?;
+        rule((1..=22).contains(&self.zstd_level), "zstd_level", self.zstd_level, "1 to 22")?;
+        let steps = self.fit_steps;
+        rule(steps <= MOST_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
+        let seconds = self.fit_seconds.unwrap_or(1.0);
+        rule(seconds > 0.0, "fit_seconds", seconds, "a number above 0")?;
+        let is_share = |value: f32| value > 0.0 && value <= 1.0;
+        let weight = self.min_weight.unwrap_or(1.0);
+        rule(is_share(weight), "min_weight", weight, "above 0 and at most 1")?;
+        rule((0.0..=64.0).contains(&self.coarseness), "coarseness", self.coarseness, "0 to 64")?;
+        let fill = self.fill_error.unwrap_or(1.0);
+        rule(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
+        let fits_rule = self.lod_rule.is_some() && self.filter.is_fitted();
+        rule(!fits_rule, "lod_rule", "a rule", "none, because the fit finds its own rule")?;
+        let scale = self.lod_scale;
+        rule(scale > 0.0 && scale.is_finite(), "lod_scale", scale, "a number above 0")?;
+        let holds_all = self.filter.is_fitted() || self.sees() || self.fill_error.is_some();
+        rule(
+            self.memory.is_none() || !holds_all,
+            "memory",
+            "a bound beside the filter fit, min_weight, coarseness or fill_error",
+            "no bound: they hold a whole level at once",
+        )?;
         self.max_error.map_or(Ok(()), |max_error| max_error.check())
     }
 
@@ -209,6 +210,19 @@ impl BakeOptions {
             options["seen_from"] = cameras_json(&self.seen_from);
         }
         options
+    }
+}
+
+/// Refuses an option's value unless the rule holds.
+pub(super) fn rule(
+    holds: bool,
+    option: &'static str,
+    found: impl std::fmt::Display,
+    expected: &str,
+) -> Result<()> {
+    match holds {
+        true => Ok(()),
+        false => Err(Error::invalid_option(option, found.to_string(), expected)),
     }
 }
 
