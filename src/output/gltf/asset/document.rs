@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::glb::{self, Chunks};
-use super::json::{self, Node};
+use super::json::{Members, Node};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
@@ -111,15 +111,11 @@ impl Asset {
 
     /// The elements of a list of the root, none where it is not there. At most as many as the limits
     /// allow.
-    pub fn list<'a>(&self, root: &json::List<'a>, name: &str) -> Result<Vec<Node<'a>>> {
+    pub fn list<'a>(&self, root: &Members<'a>, name: &str) -> Result<Vec<Node<'a>>> {
         let Some(list) = root.get(name) else { return Ok(Vec::new()) };
         let elements = list.elements()?;
-        limits::check(
-            "elements of a list",
-            elements.len() as u64,
-            self.limits.entries,
-            &list.place(),
-        )?;
-        Ok(elements.values().to_vec())
+        let count = elements.len() as u64;
+        limits::check("elements of a list", count, self.limits.entries, &list.place())?;
+        Ok(elements)
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::document::{Asset, EXTENSION};
-use super::json::{List, Node};
+use super::json::{Members, Node};
 use super::properties::RadianceField;
 use super::uri;
 use crate::base::bytes::SourceFile;
@@ -33,7 +33,7 @@ pub struct User<'a> {
 
 impl<'a> Fields<'a> {
     /// Reads them from a document's root.
-    pub fn read(asset: &Asset, root: &List<'a>) -> Result<Self> {
+    pub fn read(asset: &Asset, root: &Members<'a>) -> Result<Self> {
         let own = extension(root)?;
         let objects = match own {
             None => Vec::new(),
@@ -55,8 +55,9 @@ impl<'a> Fields<'a> {
 }
 
 /// The extension's object in the `extensions` of another one.
-pub fn extension<'a>(of: &List<'a>) -> Result<Option<Node<'a>>> {
-    of.get("extensions")
+pub fn extension<'a>(object: &Members<'a>) -> Result<Option<Node<'a>>> {
+    object
+        .get("extensions")
         .map(|extensions| extensions.get(EXTENSION))
         .transpose()
         .map(Option::flatten)
@@ -74,7 +75,7 @@ pub struct Payload {
 /// The container that a field names by `uri` or `bufferView`, its bytes not yet looked at.
 pub fn payload(
     asset: &Asset,
-    root: &List,
+    root: &Members,
     field: &RadianceField,
     object: &Node,
 ) -> Result<Payload> {
@@ -91,7 +92,7 @@ pub fn payload(
     }
 }
 
-fn view(asset: &Asset, root: &List, number: usize, place: Place) -> Result<Payload> {
+fn view(asset: &Asset, root: &Members, number: usize, place: Place) -> Result<Payload> {
     let views = asset.list(root, "bufferViews")?;
     let view = views.get(number).ok_or_else(|| missing(place, number, views.len()))?;
     let members = view.members()?;
@@ -114,7 +115,7 @@ fn view(asset: &Asset, root: &List, number: usize, place: Place) -> Result<Paylo
 /// The bytes of a buffer, and where they start in their file.
 fn buffer_bytes(
     asset: &Asset,
-    root: &List,
+    root: &Members,
     number: usize,
     place: &Place,
 ) -> Result<(Arc<SourceFile>, u64)> {
@@ -144,7 +145,7 @@ fn buffer_bytes(
     Ok((Arc::new(file.part(0..length)?), start))
 }
 
-fn chunk_of(asset: &Asset, number: usize, buffer: &List) -> Option<std::ops::Range<u64>> {
+fn chunk_of(asset: &Asset, number: usize, buffer: &Members) -> Option<std::ops::Range<u64>> {
     let chunk = asset.chunks()?.bin.clone()?;
     (number == 0 && buffer.get("uri").is_none()).then_some(chunk)
 }

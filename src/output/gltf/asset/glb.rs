@@ -124,11 +124,8 @@ pub fn write_glb(
     let others_length = others.map_or(0, SourceFile::length);
     let total = HEADER_BYTES + CHUNK_HEADER_BYTES + json_length + bin_bytes + others_length;
     if total > u32::MAX.into() {
-        let message = format!(
-            "a GLB holds at most 4 GiB, and this one would have {total} bytes; --external names the \
-             container by a URI"
-        );
-        return Err(Error::usage(message));
+        let expected = "at most 4 GiB, or external, which names the container by a URI";
+        return Err(Error::invalid_option("external", format!("a GLB of {total} bytes"), expected));
     }
     output.append(&MAGIC)?;
     output.append(&VERSION.to_le_bytes())?;
@@ -163,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_no_glb_can_hold_is_refused_before_anything_is_written() {
+    fn a_glb_that_is_too_large_is_refused_before_anything_is_written() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("large");
         // All hole: takes no room.
@@ -172,8 +169,7 @@ mod tests {
         let bin = [Piece::File(SourceFile::open(&path).expect("a file"))];
         let mut output = Output::create(&folder.path().join("x.glb"), false).expect("writable");
         let error = write_glb("{}", &bin, None, &mut output).expect_err("too large");
-        assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
-        assert!(error.to_string().contains("--external"), "{error}");
+        assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
         assert_eq!(output.length(), 0);
     }
 }

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::document::{Asset, EXTENSION};
 use super::fields::{Fields, payload};
-use super::json::{List, Node};
+use super::json::{Members, Node};
 use super::properties::{MIME_TYPE, RadianceField};
 use crate::base::bytes::{hex, sha256};
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -12,7 +12,7 @@ use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::codec::container::Container;
 
 /// The extension is listed as used and never as required; nodes and fields fit each other.
-pub fn document(asset: &Asset, root: &List, fields: &Fields, report: &mut Report) -> Result<()> {
+pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Report) -> Result<()> {
     let lists = |name: &str| -> Result<Option<String>> {
         let names = asset.list(root, name)?;
         let own = |value: &&Node| value.parse::<String>("a name").is_ok_and(|n| n == EXTENSION);
@@ -56,7 +56,7 @@ pub fn document(asset: &Asset, root: &List, fields: &Fields, report: &mut Report
 /// be read on. Strict errors of the container name that file.
 pub fn field(
     asset: &Asset,
-    root: &List,
+    root: &Members,
     object: &Node,
     report: &mut Report,
 ) -> Result<Option<(Container, u64)>> {
@@ -92,7 +92,7 @@ pub fn field(
 /// A buffer view that holds a container is bytes, neither vertices nor indices.
 fn plain_view(
     asset: &Asset,
-    root: &List,
+    root: &Members,
     field: &RadianceField,
     report: &mut Report,
 ) -> Result<()> {
@@ -196,10 +196,10 @@ impl Asset {
                 let place = Place::Pointer(format!("/extensions/{EXTENSION}"));
                 Err(Error::malformed(place, "an asset without radiance fields", "one or more"))
             }
-            None => Err(Error::usage(format!(
-                "--field asks for field {number}, but there are {} fields from 0",
-                fields.objects.len()
-            ))),
+            None => {
+                let expected = format!("one of {} fields from 0", fields.objects.len());
+                Err(Error::invalid_option("field", number.to_string(), expected))
+            }
         }
     }
 }

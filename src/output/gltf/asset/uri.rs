@@ -71,7 +71,8 @@ pub fn relative(from: &Path, to: &Path) -> Result<String> {
     let mut segments: Vec<String> = up.collect();
     for name in names.chain(to.file_name()) {
         let name = name.to_str().filter(|_| shared > 0).ok_or_else(|| {
-            Error::usage(format!("{} cannot be named by a relative URI", to.display()))
+            let expected = "a path that a relative URI can name";
+            Error::invalid_option("external", to.display().to_string(), expected)
         })?;
         segments.push(utf8_percent_encode(name, RESERVED).to_string());
     }

@@ -2,16 +2,19 @@
 
 use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::record::Record;
-use super::{ALIGNMENT, list_of, write_edited};
+use super::notes::Notes;
+use super::tree::Tree;
+use super::write::{ALIGNMENT, chunk_pieces, write_edited};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
 use crate::codec::container::Container;
-use crate::output::gltf::asset::json::{Edits, List, Node};
+use crate::output::gltf::asset::json::{Members, Node};
 use crate::output::gltf::asset::properties::RadianceField;
-use crate::output::gltf::asset::{Asset, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri};
+use crate::output::gltf::asset::{
+    Asset, Chunks, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri,
+};
 
 /// A quarter turn about x: training's z, which is up there, becomes glTF's y.
 pub(super) const Z_UP_TO_Y_UP: [f32; 4] =
@@ -55,7 +58,7 @@ pub struct Attached {
 /// them.
 ///
 /// # Errors
-/// Containers and documents that break their rules; usage, where the options do not fit the document.
+/// Containers and documents that break their rules; options that do not fit the document.
 pub fn attach(
     asset: &Asset,
     container: &Container,
@@ -64,7 +67,7 @@ pub fn attach(
     options: &AttachOptions,
     output: &mut Output,
 ) -> Result<Attached> {
-    // What is embedded or named is whole; a damaged container would be found by whoever renders it.
+    // A damaged container is refused here, and not by the renderers that load the asset.
     container.read_head()?;
     container.for_each_level(|_, _| Ok(()))?;
     let mut field = RadianceField::with_digest(container)?;
@@ -80,17 +83,19 @@ pub fn attach(
 /// A document being added to.
 struct Insertion<'a> {
     asset: &'a Asset,
-    root: List<'a>,
+    root: Members<'a>,
     fields: Fields<'a>,
-    edits: Edits,
-    record: Record,
+    document: Tree<'a>,
+    notes: Notes,
 }
 
 impl<'a> Insertion<'a> {
     fn new(asset: &'a Asset) -> Result<Self> {
-        let root = asset.document()?.members()?;
+        let document = asset.document()?;
+        let root = document.members()?;
         let fields = Fields::read(asset, &root)?;
-        Ok(Self { asset, root, fields, edits: Edits::default(), record: Record::default() })
+        let document = Tree::Kept(document);
+        Ok(Self { asset, root, fields, document, notes: Notes::default() })
     }
 
     fn write(
@@ -101,7 +106,7 @@ impl<'a> Insertion<'a> {
         output: &mut Output,
     ) -> Result<Attached> {
         let bin = match field.uri {
-            Some(_) => self.chunk_as_it_is()?,
+            Some(_) => chunk_pieces(self.asset)?,
             None => self.embed(container, &mut field)?,
         };
         let number = self.fields.objects.len();
@@ -110,176 +115,119 @@ impl<'a> Insertion<'a> {
             None => self.new_node(number)?,
         };
         self.list_extension()?;
-        self.add_field(&field)?;
-        write_edited(self.asset, self.edits, &bin, output)?;
+        // By way of a value: numbers are then written as those of the container's metadata are.
+        let mut value = serde_json::to_value(&field).map_err(|error| {
+            Error::malformed(Place::File, format!("numbers that are no JSON: {error}"), "finite")
+        })?;
+        self.notes.add_to(&mut value);
+        let own = self.document.child("extensions")?.child(EXTENSION)?;
+        own.list("radianceFields")?.push(Tree::New(value));
+        write_edited(self.asset, &self.document, &bin, output)?;
         let embedded = field.uri.is_none();
         Ok(Attached { field: number, node, embedded, sha256: field.sha256 })
     }
 
-    fn chunk_as_it_is(&self) -> Result<Vec<Piece>> {
-        let bin = self.asset.chunks().and_then(|chunks| chunks.bin.clone());
-        bin.map(|bin| Ok(Piece::File(self.asset.file().part(bin)?))).into_iter().collect()
-    }
-
     /// Puts the container at the end of the chunk BIN, under a buffer view of its own.
     fn embed(&mut self, container: &Container, field: &mut RadianceField) -> Result<Vec<Piece>> {
-        let mut pieces = self.chunk_as_it_is()?;
         let buffers = self.asset.list(&self.root, "buffers")?;
-        let chunk = pieces.first().map_or(0, Piece::length);
-        let offset = chunk.next_multiple_of(ALIGNMENT);
         let bytes = container.file().length();
-        match buffers.first() {
-            None if pieces.is_empty() => {
-                self.push("buffers", &json!({ "byteLength": bytes }).to_string())?;
+        let (mut pieces, offset) = match (buffers.first(), self.asset.chunks()) {
+            (None, Some(Chunks { bin: None, .. })) => {
+                self.push("buffers", json!({ "byteLength": bytes }))?;
+                (Vec::new(), 0)
             }
-            Some(buffer) if buffer_is_chunk(self.asset, 0, buffer)? => {
+            (Some(buffer), Some(Chunks { bin: Some(bin), .. }))
+                if buffer_is_chunk(self.asset, 0, buffer)? =>
+            {
                 let length = buffer.get("byteLength")?.ok_or_else(|| {
                     Error::malformed(buffer.place(), "no byteLength", "a whole number from 1")
                 })?;
-                let stated = length.index()? as u64;
+                let (stated, chunk) = (length.index()? as u64, bin.end - bin.start);
                 if stated > chunk {
                     let found = format!("{stated} bytes");
                     let expected = format!("at most the {chunk} of the chunk BIN");
                     return Err(Error::malformed(length.place(), found, expected));
                 }
-                self.record.byte_length = (stated != offset).then_some(stated);
-                self.record.chunk_length = (padded(stated) != chunk).then_some(chunk);
-                self.edits.replace(&length, (offset + bytes).to_string());
+                let filled = padded(stated);
+                let offset = filled.next_multiple_of(ALIGNMENT);
+                self.notes.byte_length = (stated != offset).then_some(stated);
+                self.document.element("buffers", 0)?.set("byteLength", offset + bytes)?;
+                let chunk = self.asset.file().part(bin.start..bin.start + filled)?;
+                let zeros = vec![0; (offset - filled) as usize];
+                (vec![Piece::File(chunk), Piece::Bytes(zeros)], offset)
             }
             _ => {
-                return Err(Error::usage(format!(
-                    "{}: buffer 0 is not the chunk BIN of the GLB, so nothing can be embedded; \
-                     --external names the container by a URI",
-                    self.asset.path().display()
-                )));
+                let found = "an asset whose buffer 0 is not the chunk BIN of a GLB";
+                let expected = "external, which names the container by a URI";
+                return Err(Error::invalid_option("external", found, expected));
             }
-        }
-        pieces.push(Piece::Bytes(vec![0; (offset - chunk) as usize]));
+        };
         pieces.push(Piece::File(container.file().part(0..bytes)?));
         let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes });
-        field.buffer_view = Some(self.push("bufferViews", &view.to_string())?);
+        field.buffer_view = Some(self.push("bufferViews", view)?);
         Ok(pieces)
     }
 
     fn name_on_node(&mut self, choice: &NodeChoice, field: usize) -> Result<usize> {
         let nodes = self.asset.list(&self.root, "nodes")?;
         let number = chosen(&nodes, choice)?;
-        let taken = self.fields.users.iter().any(|user| user.node == number);
-        let node = nodes.get(number).filter(|_| !taken).ok_or_else(|| {
-            Error::usage(match taken {
-                true => format!("node {number} has a radiance field already"),
-                false => format!("--node asks for node {number} of {} from 0", nodes.len()),
-            })
-        })?;
-        let own = format!("\"{EXTENSION}\":{{\"radianceField\":{field}}}");
-        let members = node.members()?;
-        match members.get("extensions").map(Node::members).transpose()? {
-            Some(extensions) => {
-                if extensions.is_empty() {
-                    self.record.found.insert("node.extensions".to_owned());
-                }
-                self.edits.append(&extensions, &own);
-            }
-            None => self.edits.append(&members, &format!("\"extensions\":{{{own}}}")),
+        let refuse = |expected: String| {
+            Err(Error::invalid_option("node", format!("node {number}"), expected))
+        };
+        if number >= nodes.len() {
+            return refuse(format!("one of {} from 0", nodes.len()));
         }
+        if self.fields.users.iter().any(|user| user.node == number) {
+            return refuse("a node that has no radiance field already".to_owned());
+        }
+        let node = self.document.element("nodes", number)?;
+        node.child("extensions")?.set(EXTENSION, json!({ "radianceField": field }))?;
         Ok(number)
     }
 
     fn new_node(&mut self, field: usize) -> Result<usize> {
-        self.record.node = true;
+        self.notes.node = true;
         let node = json!({
             "name": "radiance field",
             "rotation": Z_UP_TO_Y_UP,
             "extensions": { EXTENSION: { "radianceField": field } },
         });
-        let number = self.push("nodes", &node.to_string())?;
-        let scenes = self.asset.list(&self.root, "scenes")?;
+        let number = self.push("nodes", node)?;
+        let scenes = self.asset.list(&self.root, "scenes")?.len();
         let default = self.root.get("scene");
         let scene = default.map(Node::index).transpose()?.unwrap_or(0);
-        match (scenes.get(scene), default) {
-            (Some(scene), _) => {
-                let members = scene.members()?;
-                match list_of(&members, "nodes")? {
-                    Some(list) => {
-                        if list.is_empty() {
-                            self.record.found.insert("scene.nodes".to_owned());
-                        }
-                        self.edits.append(&list, &number.to_string());
-                    }
-                    None => self.edits.append(&members, &format!("\"nodes\":[{number}]")),
-                }
+        match default {
+            _ if scene < scenes => {
+                let scene = self.document.element("scenes", scene)?;
+                scene.list("nodes")?.push(Tree::New(number.into()));
             }
-            (None, Some(default)) => {
-                let expected = format!("one of {} from 0", scenes.len());
+            Some(default) => {
+                let expected = format!("one of {scenes} from 0");
                 return Err(Error::malformed(default.place(), format!("scene {scene}"), expected));
             }
-            (None, None) => {
-                self.record.scene = true;
-                self.push("scenes", &format!("{{\"nodes\":[{number}]}}"))?;
-                self.edits.append(&self.root, "\"scene\":0");
+            None => {
+                self.notes.scene = true;
+                self.push("scenes", json!({ "nodes": [number] }))?;
+                self.document.set("scene", 0)?;
             }
         }
         Ok(number)
     }
 
     fn list_extension(&mut self) -> Result<()> {
-        let used = self.asset.list(&self.root, "extensionsUsed")?;
-        for name in &used {
+        for name in self.asset.list(&self.root, "extensionsUsed")? {
             if name.parse::<String>("a name")? == EXTENSION {
-                if self.fields.objects.is_empty() {
-                    self.record.found.insert("extensionsUsed.own".to_owned());
-                }
                 return Ok(());
             }
         }
-        self.push("extensionsUsed", &format!("\"{EXTENSION}\"")).map(|_| ())
+        self.push("extensionsUsed", EXTENSION.into()).map(|_| ())
     }
 
-    fn add_field(&mut self, field: &RadianceField) -> Result<()> {
-        // By way of a value: numbers are then written as those of the container's metadata are.
-        let text = serde_json::to_value(field).map(|value| value.to_string());
-        let text = text.map_err(|error| {
-            Error::malformed(Place::File, format!("numbers that are no JSON: {error}"), "finite")
-        })?;
-        let extensions = self.root.get("extensions").map(Node::members).transpose()?;
-        let own = extensions.as_ref().and_then(|extensions| extensions.get(EXTENSION));
-        let own = own.map(Node::members).transpose()?;
-        let list = own.as_ref().map(|own| list_of(own, "radianceFields")).transpose()?.flatten();
-        let empty = |list: &Option<List>| list.as_ref().is_some_and(List::is_empty);
-        let found = [
-            ("extensions", empty(&extensions)),
-            ("extensions.own", empty(&own)),
-            ("extensions.own.radianceFields", empty(&list)),
-        ];
-        let found = found.into_iter().filter(|(_, empty)| *empty);
-        self.record.found.extend(found.map(|(name, _)| name.to_owned()));
-        let text = format!("{}{}}}", text.strip_suffix('}').unwrap_or(&text), self.record.member());
-        let fields = format!("\"radianceFields\":[{text}]");
-        match (&list, &own, &extensions) {
-            (Some(list), ..) => self.edits.append(list, &text),
-            (None, Some(own), _) => self.edits.append(own, &fields),
-            (None, None, Some(extensions)) => {
-                self.edits.append(extensions, &format!("\"{EXTENSION}\":{{{fields}}}"));
-            }
-            (None, None, None) => {
-                let own = format!("\"extensions\":{{\"{EXTENSION}\":{{{fields}}}}}");
-                self.edits.append(&self.root, &own);
-            }
-        }
-        Ok(())
-    }
-
-    /// Appends an element to a list of the root, which is made where it is not there. Its number.
-    fn push(&mut self, name: &str, element: &str) -> Result<usize> {
-        let Some(list) = list_of(&self.root, name)? else {
-            self.edits.append(&self.root, &format!("\"{name}\":[{element}]"));
-            return Ok(0);
-        };
-        if list.is_empty() {
-            self.record.found.insert(name.to_owned());
-        }
-        self.edits.append(&list, element);
-        Ok(list.len())
+    /// Appends an element to a list of the root. Its number.
+    fn push(&mut self, name: &str, element: Value) -> Result<usize> {
+        let list = self.document.list(name)?;
+        list.push(Tree::New(element));
+        Ok(list.len() - 1)
     }
 }
 
@@ -296,11 +244,10 @@ fn chosen(nodes: &[Node], choice: &NodeChoice) -> Result<usize> {
             found.push(number);
         }
     }
+    let refuse = |expected| Err(Error::invalid_option("node", format!("{name:?}"), expected));
     match found.as_slice() {
         [number] => Ok(*number),
-        [] => Err(Error::usage(format!("--node asks for {name:?}, but no node has that name"))),
-        _ => Err(Error::usage(format!(
-            "--node asks for {name:?}, the name of the nodes {found:?}; say one by its number"
-        ))),
+        [] => refuse("a name that is there; no node has it".to_owned()),
+        _ => refuse(format!("a name that one node has, or a number of {found:?}")),
     }
 }

@@ -2,18 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::record::Record;
+use super::notes::Notes;
 use super::references::References;
-use super::{list_of, write_edited};
+use super::tree::Tree;
+use super::write::write_edited;
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Result};
-use crate::output::gltf::asset::json::{Edits, List, Node};
+use crate::output::gltf::asset::json::{Members, Node};
 use crate::output::gltf::asset::{Asset, EXTENSION, Fields};
 
-/// What was taken out.
+/// The fields that were taken out.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Detached {
-    /// Fields that were taken out, by the numbers they had.
+    /// Their numbers before.
     pub fields: Vec<usize>,
     /// Fields that are left.
     pub left: usize,
@@ -22,8 +23,8 @@ pub struct Detached {
 /// Writes `asset` without a field, or without all of them, to `output`, complete but not yet finished.
 ///
 /// # Errors
-/// Documents that break their rules; an asset without fields; a container in the middle of what other
-/// parts of the document refer to by number, which cannot be taken out without renumbering those.
+/// Documents that break their rules; an asset without that field; a container in the middle of what
+/// other parts of the document refer to by number, which cannot be taken out without renumbering those.
 pub fn detach(asset: &Asset, field: Option<usize>, output: &mut Output) -> Result<Detached> {
     Removal::new(asset, field)
         .and_then(|removal| removal.write(output))
@@ -33,169 +34,117 @@ pub fn detach(asset: &Asset, field: Option<usize>, output: &mut Output) -> Resul
 /// A document being taken from.
 pub(super) struct Removal<'a> {
     pub(super) asset: &'a Asset,
-    pub(super) root: List<'a>,
+    pub(super) root: Members<'a>,
     pub(super) fields: Fields<'a>,
     pub(super) gone: BTreeSet<usize>,
-    pub(super) edits: Edits,
+    pub(super) document: Tree<'a>,
     /// By field; those of fields that stay change as others go.
-    pub(super) records: Vec<Record>,
-    /// Of all fields: what gets empty now may have been found by any of them.
-    found: Record,
-    /// Of the fields that go: what the first that stays has to know from now on.
-    legacy: Record,
+    pub(super) notes: Vec<Notes>,
     /// What refers to nodes and buffer views by their numbers.
     pub(super) references: References,
 }
 
 impl<'a> Removal<'a> {
     fn new(asset: &'a Asset, field: Option<usize>) -> Result<Self> {
-        let root = asset.document()?.members()?;
+        let document = asset.document()?;
+        let root = document.members()?;
         let fields = Fields::read(asset, &root)?;
         let count = fields.objects.len();
         if field.is_some_and(|field| field >= count) || (count == 0 && fields.users.is_empty()) {
-            return Err(Error::usage(format!(
-                "{}: there are {count} radiance fields to take out",
-                asset.path().display()
-            )));
+            let found = field.map_or("all".to_owned(), |field| field.to_string());
+            let expected = format!("one of {count} radiance fields from 0");
+            return Err(Error::invalid_option("field", found, expected));
         }
         let gone = match field {
             Some(field) => BTreeSet::from([field]),
             None => (0..count).collect(),
         };
-        let records = fields.objects.iter().map(Record::of).collect::<Result<Vec<_>>>()?;
-        let (mut found, mut legacy) = (Record::default(), Record::default());
-        for (number, record) in records.iter().enumerate() {
-            found.absorb(record);
-            if gone.contains(&number) {
-                legacy.absorb(record);
-            }
-        }
+        let notes = fields.objects.iter().map(Notes::of).collect::<Result<Vec<_>>>()?;
         let references = References::of(asset)?;
-        let edits = Edits::default();
-        Ok(Self { asset, root, fields, gone, edits, records, found, legacy, references })
+        let document = Tree::Kept(document);
+        Ok(Self { asset, root, fields, gone, document, notes, references })
     }
 
     fn write(mut self, output: &mut Output) -> Result<Detached> {
+        let before = self.notes.clone();
         let bin = self.take_containers()?;
-        self.nodes()?;
-        if let Some(first) = (0..self.records.len()).find(|field| !self.gone.contains(field))
-            && let Some(record) = self.records.get_mut(first)
-        {
-            record.absorb(&self.legacy);
+        self.take_nodes()?;
+        for (number, notes) in self.notes.iter().enumerate() {
+            if !self.gone.contains(&number) && before.get(number) != Some(notes) {
+                let own = self.document.child("extensions")?.child(EXTENSION)?;
+                notes.store(own.element("radianceFields", number)?)?;
+            }
         }
-        self.properties()?;
-        write_edited(self.asset, self.edits, &bin, output)?;
+        self.take_properties()?;
+        write_edited(self.asset, &self.document, &bin, output)?;
         let left = self.fields.objects.len() - self.gone.len();
         Ok(Detached { fields: self.gone.into_iter().collect(), left })
     }
 
     /// The extension's own objects, and its name among those in use.
-    fn properties(&mut self) -> Result<()> {
-        let stays = |(field, _): &(usize, &Record)| !self.gone.contains(field);
-        for (field, record) in self.records.iter().enumerate().filter(stays) {
-            let object = self.fields.objects.get(field);
-            object.map_or(Ok(()), |object| record.replace(object, &mut self.edits))?;
+    fn take_properties(&mut self) -> Result<()> {
+        if self.root.contains_key("extensions") {
+            let extensions = self.document.child("extensions")?;
+            let own = extensions.child(EXTENSION)?;
+            own.remove_elements("radianceFields", |number| self.gone.contains(&number))?;
+            extensions.remove_if_empty(EXTENSION)?;
+            self.document.remove_if_empty("extensions")?;
         }
         if self.gone.len() < self.fields.objects.len() {
-            let extensions = self.root.get("extensions").map(Node::members).transpose()?;
-            let own = extensions.as_ref().and_then(|e| e.get(EXTENSION)).map(Node::members);
-            let list = own.transpose()?.map(|own| list_of(&own, "radianceFields"));
-            if let Some(list) = list.transpose()?.flatten() {
-                self.edits.remove(&list, &self.gone.iter().copied().collect::<Vec<_>>());
-            }
             return Ok(());
         }
-        let root = &self.root;
-        if let Some(extensions) = root.get("extensions").map(Node::members).transpose()?
-            && let Some(own) = extensions.get(EXTENSION).map(Node::members).transpose()?
-        {
-            let list = list_of(&own, "radianceFields")?;
-            let all: Vec<usize> = (0..self.fields.objects.len()).collect();
-            match list {
-                Some(list) if self.was_there("extensions.own.radianceFields") => {
-                    self.edits.remove(&list, &all);
-                }
-                _ if self.was_there("extensions.own") || own.len() > 1 => {
-                    self.edits.remove_member(&own, "radianceFields");
-                }
-                _ if extensions.len() > 1 || self.was_there("extensions") => {
-                    self.edits.remove_member(&extensions, EXTENSION);
-                }
-                _ => self.edits.remove_member(root, "extensions"),
-            }
-        }
         for name in ["extensionsUsed", "extensionsRequired"] {
-            if !self.was_there(&format!("{name}.own")) {
-                self.unlist(name)?;
+            let names = self.asset.list(&self.root, name)?;
+            let is_own =
+                |value: &Node| value.parse::<String>("a name").is_ok_and(|n| n == EXTENSION);
+            if names.iter().any(is_own) {
+                let goes = |number: usize| names.get(number).is_some_and(is_own);
+                self.document.remove_elements(name, goes)?;
             }
         }
         Ok(())
-    }
-
-    fn unlist(&mut self, name: &str) -> Result<()> {
-        let Some(list) = list_of(&self.root, name)? else { return Ok(()) };
-        let is_own = |value: &Node| value.parse::<String>("a name").is_ok_and(|n| n == EXTENSION);
-        let own: Vec<usize> =
-            list.values().iter().enumerate().filter(|(_, v)| is_own(v)).map(|(i, _)| i).collect();
-        self.remove_items(name, &list, &own);
-        Ok(())
-    }
-
-    /// Removes elements of a list of the root; the list too, where none are left and it was not there
-    /// before.
-    pub(super) fn remove_items(&mut self, name: &str, list: &List, numbers: &[usize]) {
-        if numbers.is_empty() {
-            return;
-        }
-        if numbers.len() == list.len() && !self.was_there(name) {
-            self.edits.remove_member(&self.root, name);
-        } else {
-            self.edits.remove(list, numbers);
-        }
-    }
-
-    fn was_there(&self, name: &str) -> bool {
-        self.found.found.contains(name)
     }
 
     /// The nodes that name fields: without the extension, and without those that were made for it, as
     /// far as they are the last ones and nothing else was made of them.
-    fn nodes(&mut self) -> Result<()> {
-        let nodes = self.asset.list(&self.root, "nodes")?;
-        let mut removed = BTreeSet::new();
-        let mut moved = BTreeMap::new();
-        let first = self.first_made(nodes.len())?;
-        for user in self.fields.users.clone() {
-            let goes = self.gone.contains(&user.field) || user.field >= self.records.len();
-            if goes && user.node >= first {
-                removed.insert(user.node);
+    fn take_nodes(&mut self) -> Result<()> {
+        let count = self.asset.list(&self.root, "nodes")?.len();
+        let (mut removed, mut moved) = (BTreeSet::new(), BTreeMap::new());
+        let first = self.first_made(count)?;
+        for user in &self.fields.users {
+            if self.gone.contains(&user.field) || user.field >= self.notes.len() {
+                if user.node >= first {
+                    removed.insert(user.node);
+                } else {
+                    let node = self.document.element("nodes", user.node)?;
+                    node.child("extensions")?.remove(EXTENSION)?;
+                    node.remove_if_empty("extensions")?;
+                }
                 continue;
             }
-            if goes {
-                self.strip(&user.object, user.field)?;
-            } else {
-                let before = self.gone.range(..user.field).count();
-                if before > 0 {
-                    self.edits.replace(&user.value, (user.field - before).to_string());
-                }
-                if !removed.is_empty() {
-                    moved.insert(user.node, user.node - removed.len());
-                }
+            let before = self.gone.range(..user.field).count();
+            if before > 0 {
+                let node = self.document.element("nodes", user.node)?;
+                let own = node.child("extensions")?.child(EXTENSION)?;
+                own.set("radianceField", user.field - before)?;
+            }
+            if !removed.is_empty() {
+                moved.insert(user.node, user.node - removed.len());
             }
         }
-        if let Some(list) = list_of(&self.root, "nodes")? {
-            self.remove_items("nodes", &list, &removed.iter().copied().collect::<Vec<_>>());
+        if !removed.is_empty() {
+            self.document.remove_elements("nodes", |number| removed.contains(&number))?;
         }
-        self.scenes(&removed, &moved)
+        self.take_from_scenes(&removed, &moved)
     }
 
     /// The first of the last nodes that all were made for fields and show nothing else.
     fn first_made(&self, count: usize) -> Result<usize> {
         let mut first = count;
         for user in self.fields.users.iter().rev() {
-            let made = self.records.get(user.field).is_some_and(|record| record.node);
+            let made = self.notes.get(user.field).is_some_and(|notes| notes.node);
             let users = self.fields.users.iter().filter(|other| other.field == user.field);
-            let plain = user.object.members()?.iter().all(|(name, value)| match name {
+            let plain = user.object.members()?.iter().all(|(name, value)| match name.as_str() {
                 "extensions" => value.members().is_ok_and(|extensions| extensions.len() == 1),
                 name => ["name", "rotation"].contains(&name),
             });
@@ -208,51 +157,40 @@ impl<'a> Removal<'a> {
         Ok(first)
     }
 
-    fn strip(&mut self, node: &Node, field: usize) -> Result<()> {
-        let members = node.members()?;
-        let Some(extensions) = members.get("extensions").map(Node::members).transpose()? else {
-            return Ok(());
-        };
-        let record = self.records.get(field);
-        let was_there = record.is_some_and(|record| record.found.contains("node.extensions"));
-        if extensions.len() > 1 || was_there {
-            self.edits.remove_member(&extensions, EXTENSION);
-        } else {
-            self.edits.remove_member(&members, "extensions");
-        }
-        Ok(())
-    }
-
-    fn scenes(&mut self, removed: &BTreeSet<usize>, moved: &BTreeMap<usize, usize>) -> Result<()> {
-        let scenes = list_of(&self.root, "scenes")?;
-        for scene in scenes.iter().flat_map(List::values) {
+    /// Removed nodes leave their scenes; a scene that was made for them goes too.
+    fn take_from_scenes(
+        &mut self,
+        removed: &BTreeSet<usize>,
+        moved: &BTreeMap<usize, usize>,
+    ) -> Result<()> {
+        let made = self.notes.iter().any(|notes| notes.scene);
+        let scenes = self.asset.list(&self.root, "scenes")?;
+        for (number, scene) in scenes.iter().enumerate() {
             let members = scene.members()?;
-            let Some(list) = list_of(&members, "nodes")? else { continue };
-            let mut going = Vec::new();
-            for (i, value) in list.values().iter().enumerate() {
-                let node = value.index()?;
-                if removed.contains(&node) {
-                    going.push(i);
-                } else if let Some(new) = moved.get(&node) {
-                    self.edits.replace(value, new.to_string());
-                }
-            }
-            if going.is_empty() {
+            let listed = members.get("nodes").map(Node::elements).transpose()?.unwrap_or_default();
+            let listed = listed.iter().map(Node::index).collect::<Result<Vec<_>>>()?;
+            if !listed.iter().any(|node| removed.contains(node) || moved.contains_key(node)) {
                 continue;
             }
-            let alone = scenes.as_ref().is_some_and(|scenes| scenes.len() == 1);
-            if going.len() < list.len() || self.was_there("scene.nodes") {
-                self.edits.remove(&list, &going);
-            } else if self.found.scene && alone && members.len() == 1 {
-                self.edits.remove_member(&self.root, "scene");
-                self.legacy.scene = false;
-                self.legacy.found.remove("scenes");
-                if let Some(scenes) = &scenes {
-                    self.remove_items("scenes", scenes, &[0]);
+            let scene = self.document.element("scenes", number)?;
+            for (element, node) in scene.list("nodes")?.iter_mut().zip(&listed) {
+                if let Some(&new) = moved.get(node) {
+                    *element = Tree::New(new.into());
                 }
-            } else {
-                self.edits.remove_member(&members, "nodes");
             }
+            scene.remove_elements("nodes", |i| removed.contains(&listed[i]))?;
+            let is_empty = listed.iter().all(|node| removed.contains(node)) && members.len() == 1;
+            if made && is_empty && scenes.len() == 1 {
+                self.document.remove("scenes")?;
+                self.document.remove("scene")?;
+                self.notes.iter_mut().for_each(|notes| notes.scene = false);
+            }
+        }
+        // The first field that stays has to know from now on.
+        let known = self.gone.iter().any(|&field| self.notes[field].scene);
+        let stays = (0..self.notes.len()).find(|field| !self.gone.contains(field));
+        if let (true, Some(field)) = (known, stays) {
+            self.notes[field].scene = true;
         }
         Ok(())
     }

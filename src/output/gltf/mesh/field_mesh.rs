@@ -23,8 +23,8 @@ pub const FEWEST_TRIANGLES: usize = 4;
 /// Fewer than [`FEWEST_TRIANGLES`]; a container that cannot be read.
 pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
     if triangles < FEWEST_TRIANGLES {
-        let message = format!("a mesh needs at least {FEWEST_TRIANGLES} triangles");
-        return Err(Error::usage(message));
+        let expected = format!("at least {FEWEST_TRIANGLES}");
+        return Err(Error::invalid_option("fallback_triangles", triangles.to_string(), expected));
     }
     let metadata = container.metadata();
     let (_, free_space) = container.read_head()?;
