@@ -2,6 +2,8 @@
 
 mod common;
 
+use common::plain_render::PlainField;
+use common::rendered::finest_level;
 use common::{Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack};
 use glam::DVec3;
 use mipvog_bake::unstable::bake::{BakeOptions, Changes};
@@ -20,7 +22,7 @@ use mipvog_bake::unstable::view::render::{
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];
 
-fn seen(field: &RadianceField, cameras: &[Camera], least: f32) -> CameraCoverage {
+fn coverage(field: &RadianceField, cameras: &[Camera], least: f32) -> CameraCoverage {
     let field = Field::trained(field, None, &Limits::default()).expect("a field");
     camera_coverage(&field, cameras, least, &Silent).expect("coverage")
 }
@@ -49,16 +51,16 @@ fn any(cells: &CellMask, x: usize) -> bool {
 
 #[test]
 fn only_the_first_wall_is_seen() {
-    let front = seen(&walls(), &[from_side(-1.0)], 1e-3);
+    let front = coverage(&walls(), &[from_side(-1.0)], 1e-3);
     assert!(any(&front.cells, 4) || any(&front.cells, 5), "the cells of the wall's surface");
     assert!((9..NODES[0]).all(|x| !any(&front.cells, x)));
     let plane = NODES[1] * NODES[2];
     let importance = |x: usize| front.importance[x * plane..(x + 1) * plane].iter().sum::<f32>();
     assert!(importance(5) > 0.0);
     assert_eq!(importance(16), 0.0);
-    let back = seen(&walls(), &[from_side(1.0)], 1e-3);
+    let back = coverage(&walls(), &[from_side(1.0)], 1e-3);
     assert!((17..19).any(|x| any(&back.cells, x)) && (0..15).all(|x| !any(&back.cells, x)));
-    let both = seen(&walls(), &[from_side(-1.0), from_side(1.0)], 1e-3);
+    let both = coverage(&walls(), &[from_side(-1.0), from_side(1.0)], 1e-3);
     let mut union = front.cells;
     union.unite(&back.cells);
     assert_eq!(both.cells.count(), union.count());
@@ -67,7 +69,7 @@ fn only_the_first_wall_is_seen() {
 
 #[test]
 fn importance_is_told_in_units_of_its_mean_and_by_weight() {
-    let seen = seen(&walls(), &[from_side(-1.0)], 1e-3);
+    let seen = coverage(&walls(), &[from_side(-1.0)], 1e-3);
     let some: Vec<f32> = seen.importance.iter().copied().filter(|&sum| sum > 0.0).collect();
     let mean = some.iter().map(|&sum| f64::from(sum)).sum::<f64>() / some.len() as f64;
     assert!((mean - 1.0).abs() < 1e-5, "{mean}");
@@ -82,13 +84,13 @@ fn nothing_depends_on_threads_and_least_weights_nest() {
     let field = random_field(&mut random, [17, 2, 23], 4);
     let cameras = turntable(&field.scene.bounds, 5, [50, 30]);
     let runs =
-        [1, 4].map(|threads| parallel::with_threads(threads, || seen(&field, &cameras, 1e-2)));
+        [1, 4].map(|threads| parallel::with_threads(threads, || coverage(&field, &cameras, 1e-2)));
     assert_eq!(runs[0].importance, runs[1].importance);
     assert_eq!(
         runs[0].cells.lowest_nodes().count_common(runs[1].cells.lowest_nodes()),
         runs[0].cells.count()
     );
-    let more = seen(&field, &cameras, 1e-4);
+    let more = coverage(&field, &cameras, 1e-4);
     assert_eq!(
         more.cells.lowest_nodes().count_common(runs[0].cells.lowest_nodes()),
         runs[0].cells.count()
@@ -100,10 +102,139 @@ fn nothing_depends_on_threads_and_least_weights_nest() {
 fn empty_fields_and_no_cameras_see_nothing() {
     let empty = field([4, 5, 6], &[-100.0; 120], &[0.0; 360]);
     let cameras = turntable(&empty.scene.bounds, 2, [20, 20]);
-    for seen in [seen(&empty, &cameras, 1e-6), seen(&walls(), &[], 1e-6)] {
+    for seen in [coverage(&empty, &cameras, 1e-6), coverage(&walls(), &[], 1e-6)] {
         assert_eq!(seen.cells.count(), 0);
         assert!(seen.importance.iter().all(|&sum| sum == 0.0));
     }
+}
+
+/// The importance of each node as the module says it, in float64: every point of the lattice over the
+/// whole picture, every sample, no bound on the number of rays. Boxes lie in front of the cameras.
+fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
+    let fast = Field::trained(field, None, &Limits::default()).expect("a field");
+    let view = fast.view();
+    let twin = PlainField::new(view, finest_level(field));
+    let (nodes, extent) = (view.nodes.0, view.bounds.extent());
+    let spacing = (0..3).map(|a| extent[a] / (nodes[a] - 1) as f64).fold(f64::INFINITY, f64::min);
+    let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
+    let distance = (0.5 * (spacing.powi(2) - step.powi(2)).max(0.5 * spacing.powi(2))).sqrt();
+    let mut sums = vec![0.0; nodes.iter().product()];
+    for camera in cameras {
+        let depth = |i: usize| {
+            let [min, max] = [view.bounds.min, view.bounds.max];
+            let corner =
+                [0, 1, 2].map(|a| f64::from(if i >> a & 1 == 1 { max[a] } else { min[a] }));
+            let from_eye = DVec3::from_array(corner) - camera.to_world.w_axis.truncate();
+            -from_eye.dot(camera.to_world.z_axis.truncate())
+        };
+        let farthest = (0..8).map(depth).fold(0.0, f64::max);
+        let focal = farthest / distance;
+        let Lens { width, height, .. } = camera.lens;
+        let [columns, rows] = [(width, 0), (height, 1)]
+            .map(|(side, axis)| (side as f64 * focal / camera.lens.focal[axis]).ceil() as usize);
+        let lens = camera.lens.resized(columns, rows);
+        let camera = Camera { lens, ..camera.clone() };
+        for point in 0..columns * rows {
+            let at = [(point % columns) as f64 + 0.5, (point / columns) as f64 + 0.5];
+            let samples = twin.weights(&camera, at);
+            let total: f64 = samples.iter().map(|(_, weight)| weight).sum();
+            for (position, weight) in samples {
+                for (node, share) in
+                    plain::shares(nodes, [0, 1, 2].map(|a| position[a] * (nodes[a] - 1) as f64))
+                {
+                    sums[node] += share * weight * total / (columns * rows) as f64;
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// Holds importance to its twin: sums of many small numbers of f32 against f64.
+fn assert_as_twin(field: &RadianceField, cameras: &[Camera]) {
+    let fast = coverage(field, cameras, 1e-3).importance;
+    let plain = plain_importance(field, cameras);
+    let total: f64 = plain.iter().sum();
+    assert!(total > 0.0, "something is seen");
+    // The renderer's rays end early, so the units differ: fewer nodes have any.
+    let unit = fast.iter().map(|&importance| f64::from(importance)).sum::<f64>() / total;
+    for (node, (fast, plain)) in fast.iter().zip(plain).enumerate() {
+        let plain = plain * unit;
+        let error = (f64::from(*fast) - plain).abs();
+        assert!(error <= 1e-3 * plain + 1e-3, "node {node}: {fast} and not {plain}");
+    }
+}
+
+/// Looks along x at the middle of the walls from `distance`, with `pixels` of focal length.
+fn looking(distance: f64, focal: f64, side: usize) -> Camera {
+    let center = [0.5 * side as f64; 2];
+    let lens = Lens { width: side, height: side, focal: [focal; 2], center };
+    let middle = DVec3::new(0.0, 0.125, 1.5);
+    Camera::looking_at(middle, DVec3::new(-1.0, 0.0, 0.0), distance, "far".to_owned(), lens)
+}
+
+#[test]
+fn importance_is_that_of_the_twin() {
+    let mut random = Random::new(5);
+    let scene = random_field(&mut random, [9, 12, 7], 3);
+    assert_as_twin(&scene, &turntable(&scene.scene.bounds, 2, [30, 40]));
+    // A near lens, a long one, and one for which the box is a tenth of the picture.
+    assert_as_twin(&walls(), &[looking(1.02, 40.0, 40)]);
+    assert_as_twin(&walls(), &[looking(60.0, 6000.0, 300)]);
+    assert_as_twin(&walls(), &[looking(3.0, 15.0, 200)]);
+}
+
+#[test]
+fn every_cell_of_a_surface_is_met_however_small_its_picture_is() {
+    for camera in [looking(7.0, 60.0, 40), looking(20.0, 100.0, 900), looking(60.0, 6000.0, 300)] {
+        let seen = coverage(&walls(), std::slice::from_ref(&camera), 1e-3);
+        for y in 0..NODES[1] - 1 {
+            for z in 0..NODES[2] - 1 {
+                let met = (3..9).any(|x| seen.cells.contains([x, y, z]));
+                // A long lens does not see the wall's ends.
+                let cut = camera.lens.focal[0] > 1000.0
+                    && (!(4..15).contains(&y) || !(6..20).contains(&z));
+                assert!(met || cut, "({y}, {z}) from {:?}", camera.lens);
+            }
+        }
+    }
+}
+
+#[test]
+fn more_cameras_near_a_surface_do_not_make_it_less_important() {
+    // A ray for each two thousandth of the picture, all of whose light is a few nodes'.
+    let near = looking(1.005, 4000.0, 64);
+    let cameras = vec![near; 3];
+    let seen = coverage(&walls(), &cameras, 1e-3);
+    let at = |y: usize, z: usize| seen.importance[(5 * NODES[1] + y) * NODES[2] + z];
+    let brightest = seen.importance.iter().copied().fold(0.0, f32::max);
+    let middle = (9..11).flat_map(|y| (13..15).map(move |z| at(y, z))).fold(0.0, f32::max);
+    assert!(middle > 0.2 * brightest, "{middle} of {brightest}");
+}
+
+/// Fog that nowhere takes more than a few thousandths of the light over an interval.
+fn fog() -> RadianceField {
+    let mut random = Random::new(21);
+    let count = 20 * 20 * 20;
+    let density: Vec<f32> = (0..count).map(|_| random.between(-2.0, -1.0)).collect();
+    let color: Vec<f32> = (0..3 * count).map(|_| random.between(1.0, 2.0)).collect();
+    field([20, 20, 20], &density, &color)
+}
+
+#[test]
+fn fog_has_importance_and_keeps_its_color() {
+    let fog = fog();
+    let cameras = turntable(&fog.scene.bounds, 40, [24, 24]);
+    let seen = coverage(&fog, &cameras, 1e-3);
+    assert!(seen.importance.iter().all(|&importance| importance > 0.0));
+    let mut options = BakeOptions::default();
+    options.alpha_threshold = 1e-6;
+    let exact = baked_bytes(&fog, &options).expect("a bake");
+    options.seen_from = cameras.clone();
+    options.coarseness = 2.0;
+    let coarse = baked_bytes(&fog, &options).expect("a bake");
+    let moved = difference(&exact, &coarse, &cameras[0]);
+    assert!(moved < 0.01, "a picture moved by {moved}");
 }
 
 /// The largest difference of two bakes' pictures from a camera.

@@ -18,8 +18,9 @@ use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
 use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
-    Field, FrameOptions, LevelChoice, TrainedLevels, render,
+    Field, FrameOptions, LevelChoice, TrainedLevels, camera_coverage, render,
 };
 
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
@@ -346,4 +347,35 @@ fn thread_count_never_shows_in_a_picture() {
     for threads in [2, 3, 8] {
         assert!(one == frames(threads), "{threads} threads gave another picture");
     }
+}
+
+#[test]
+fn as_many_features_as_the_format_allows_look_as_their_twins() {
+    for features in [13, 14, 29, 30, 61] {
+        let mut random = Random::new(5000 + features as u64);
+        let mut field = random_field(&mut random, [7, 6, 8], 3 + features);
+        field.view_mlp = Some(random_network(&mut random, features));
+        let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
+        let plain = PlainField::new(dense.view(), finest_level(&field));
+        // Fitted levels too: a fit differentiates by every feature.
+        let mut options = BakeOptions::default();
+        (options.filter, options.fit_steps) = (Filter::Fit, 1);
+        (options.levels, options.block_size) = (Some(2), 4);
+        let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+        let baked = container.read().expect("decodes");
+        let sparse = Field::baked(&baked, &Limits::default()).expect("a field");
+        let plain_baked = PlainField::new(sparse.view(), baked_levels(&baked));
+        let cameras = cameras(&mut random, &field.scene.bounds);
+        for camera in &cameras {
+            let case = format!("{features} features");
+            assert_same(&dense, &plain, camera, LevelChoice::Auto, BOUND, &case);
+            assert_same(&sparse, &plain_baked, camera, LevelChoice::Auto, BOUND, &case);
+        }
+        let seen = camera_coverage(&dense, &cameras, 1e-3, &Silent).expect("coverage");
+        assert!(seen.importance.iter().any(|&importance| importance > 0.0));
+        let reference = Reference::Field(Box::new(dense));
+        compare(&reference, &sparse, &cameras, &[1], 1, &Silent, |_| Ok(())).expect("errors");
+    }
+    let more = random_field(&mut Random::new(1), [3, 3, 3], 65);
+    assert!(Field::trained(&more, None, &Limits::default()).is_err());
 }

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, repack};
-use mipvog_bake::unstable::base::bytes::{Output, SourceFile, Storage};
+use mipvog_bake::unstable::base::bytes::{Output, Storage};
 use mipvog_bake::unstable::base::error::Result;
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
@@ -170,11 +170,7 @@ pub fn baked_bytes(field: &RadianceField, options: &BakeOptions) -> Result<Vec<u
 
 /// Opens a container from bytes.
 pub fn open_bytes(bytes: &[u8]) -> Result<Container> {
-    let folder = folder();
-    let path = folder.path().join("container.mipvog");
-    std::fs::write(&path, bytes).expect("writable");
-    // The open file outlives its name.
-    Container::open(Arc::new(SourceFile::open(&path)?), &Limits::default())
+    Container::from_bytes(bytes.to_vec(), &Limits::default())
 }
 
 /// A container's dense arrays.

@@ -57,8 +57,12 @@ fn mirror(mut node: isize, count: usize) -> usize {
 
 /// Trilinear interpolation at a position in index space.
 pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
-    let mut sum = 0.0;
-    for corner in 0..8usize {
+    shares(nodes, u).map(|(node, share)| share * values[node]).iter().sum()
+}
+
+/// The corners of the cell of `u`, in index space, and their trilinear shares.
+pub fn shares(nodes: [usize; 3], u: [f64; 3]) -> [(usize, f64); 8] {
+    std::array::from_fn(|corner| {
         let (mut weight, mut at) = (1.0, [0; 3]);
         for axis in 0..3 {
             let low = (u[axis] as usize).min(nodes[axis] - 2);
@@ -67,9 +71,8 @@ pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
             weight *= if high == 1 { fraction } else { 1.0 - fraction };
             at[axis] = low + high;
         }
-        sum += weight * values[index(nodes, at)];
-    }
-    sum
+        (index(nodes, at), weight)
+    })
 }
 
 /// `ln(1 + exp(x))`.

@@ -156,6 +156,25 @@ impl PlainField {
         Pixel { color, transmittance: left, distance, level: mean_level, accumulated, doubt }
     }
 
+    /// Positions and weights of level 0's samples on the ray through a point of a picture.
+    pub fn weights(&self, camera: &Camera, point: [f64; 2]) -> Vec<([f64; 3], f64)> {
+        let ray = self.ray(camera, point);
+        let most = length(self.view.nodes.0.map(|size| (size + 1) as f64));
+        let most = (most / f64::from(self.view.march.stepsize)).floor() as usize;
+        let (mut left, mut weights) = (1.0, Vec::new());
+        for k in 0..=most {
+            let at = ray.at(ray.entry + k as f64 * ray.step);
+            let Some(position) = self.in_box(at) else { continue };
+            let depth = self.optical_depth(0.0, position).unwrap_or(0.0);
+            let alpha = -(-depth).exp_m1();
+            if alpha > f64::from(self.view.march.alpha_threshold) {
+                weights.push((position, alpha * left));
+                left *= 1.0 - alpha;
+            }
+        }
+        weights
+    }
+
     fn ray(&self, camera: &Camera, [x, y]: [f64; 2]) -> PlainRay {
         let (lens, march) = (&camera.lens, &self.view.march);
         let local =

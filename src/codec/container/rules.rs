@@ -22,8 +22,8 @@ pub fn is_known(kind: ChunkKind) -> bool {
     [META, VMLP, MASK, PROVENANCE, TABLE].contains(&kind) || ATLASES.contains(&kind)
 }
 
-/// Features, length and the directory's place.
-pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
+/// Features and the directory's place.
+pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
@@ -31,6 +31,16 @@ pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<
         let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
+    if header.directory_offset != HEADER_BYTES {
+        let found = format!("a directory at byte {}", header.directory_offset);
+        let error = Error::malformed(Place::Offset(32), found, "one right after the header");
+        report(Finding { code: Code::Directory, error })?;
+    }
+    Ok(())
+}
+
+/// The file is as long as its header says.
+pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
     if header.file_length > file_length {
         let kind = ErrorKind::Truncated { wanted: header.file_length, left: file_length };
         report(Finding { code: Code::Length, error: Error::new(kind, Place::File) })?;
@@ -39,11 +49,6 @@ pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<
         let place = Place::Offset(header.file_length);
         let error = Error::malformed(place, found, "nothing there");
         report(Finding { code: Code::Length, error })?;
-    }
-    if header.directory_offset != HEADER_BYTES {
-        let found = format!("a directory at byte {}", header.directory_offset);
-        let error = Error::malformed(Place::Offset(32), found, "one right after the header");
-        report(Finding { code: Code::Directory, error })?;
     }
     Ok(())
 }
@@ -84,6 +89,9 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     for entry in entries {
         let start = entry.offset.saturating_add(entry.length);
         let count = entry.padded_end().min(file.length()).saturating_sub(start);
+        if count == 0 {
+            continue;
+        }
         let bytes = file.read(start, count, ALIGNMENT);
         let Some(bytes) = checked(bytes, Code::ChunkBounds, report)? else { continue };
         if let Some(at) = bytes.iter().position(|&byte| byte != 0) {

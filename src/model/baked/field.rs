@@ -16,6 +16,8 @@ pub struct BakedField {
     pub free_space: Option<FreeSpace>,
     /// Finest first.
     pub levels: Vec<BakedLevel>,
+    /// The finest level that was read; 0 but for a prefix of a container. Levels before it are empty.
+    pub finest: usize,
 }
 
 impl BakedField {
@@ -28,7 +30,7 @@ impl BakedField {
         let refuse = |key: String, found: &str, expected: &str| {
             Err(Error::malformed(Place::Key(key), found, expected))
         };
-        if self.levels.len() != self.metadata.levels.len() || self.levels.is_empty() {
+        if self.levels.len() != self.metadata.levels.len() || self.finest >= self.levels.len() {
             return refuse(
                 "levels".to_owned(),
                 "another number of levels",

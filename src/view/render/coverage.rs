@@ -7,7 +7,7 @@
 //! chord of a ray through every cell is at least a step long: a cell holds a ball whose diameter is
 //! the spacing of nodes, and the ball's picture holds a disc. So every cell in front of the camera
 //! gets a sample, whatever the lens, the distance and the size of the pictures. The number of rays
-//! is bounded ([`MOST_RAYS_A_NODE`]); lenses wider than a right angle can miss cells far away.
+//! is bounded ([`MOST_RAYS_A_CELL`]); lenses wider than a right angle can miss cells far away.
 //!
 //! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
 //! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray are
@@ -33,8 +33,9 @@ use crate::model::camera::{Camera, Ray};
 use crate::model::grid::{CellMask, Nodes};
 use crate::view::sample::Sample;
 
-/// Rays along each side of a camera's lattice, at most, for each node along the box's longest axis.
-const MOST_RAYS_A_NODE: usize = 8;
+/// Rays along each side of a camera's lattice, at most, for each of the closest cells along the box's
+/// longest edge.
+const MOST_RAYS_A_CELL: f64 = 8.0;
 /// The sum of one node over all cameras, at most: a quarter of what 64 bits hold, so that rounding
 /// up has room.
 const MOST_SUM: f64 = (1u64 << 62) as f64;
@@ -150,10 +151,10 @@ impl Lattice {
                 .map(|share| share.clamp(0.0, 1.0))
         };
         let shares = [share(0), share(1)];
-        let longest = view.nodes.0.into_iter().max().unwrap_or(2);
         let across =
             |factor: f64, axis: usize| side(factor, axis) * (shares[axis][1] - shares[axis][0]);
-        let most = (MOST_RAYS_A_NODE * longest) as f64;
+        let longest = view.bounds.extent().into_iter().fold(0.0, f64::max);
+        let most = (MOST_RAYS_A_CELL * longest / spacing).ceil();
         let factor = most / across(1.0, 0).max(across(1.0, 1)).max(most);
         let sides = [side(factor, 0), side(factor, 1)];
         let [columns, rows] = [0, 1].map(|axis| {

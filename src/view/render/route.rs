@@ -29,12 +29,12 @@ impl Route {
     ) -> Option<Self> {
         let path = Path::new(view, ray)?;
         let footprint = match (fixed_level, neighbours, &view.level_of_detail) {
-            (Some(level), _, _) => Footprint::fixed(level.min(levels - 1)),
+            (Some(level), _, _) => Footprint::fixed(level.min(levels - 1).max(view.finest)),
             (None, Some(neighbours), Some(rule)) => {
                 let sides = neighbours.map(|other| path.offsets(view, rule.neighbour, &other));
-                Footprint::new(sides, rule, levels)
+                Footprint::new(sides, rule, [view.finest, levels - 1])
             }
-            _ => Footprint::fixed(0),
+            _ => Footprint::fixed(view.finest),
         };
         let range = footprint.range(path.first, path.last);
         Some(Self { path, footprint, range })

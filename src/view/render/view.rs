@@ -26,8 +26,10 @@ pub struct View {
     pub blend: Blend,
     /// How far apart samples of coarser levels are.
     pub step_rule: StepRule,
-    /// Which level a sample reads; none reads level 0.
+    /// The rule for the level that a sample reads; none reads the finest.
     pub level_of_detail: Option<LevelOfDetail>,
+    /// The finest level that samples may read: 0 but for prefixes of containers.
+    pub finest: usize,
     /// View-dependent colour.
     pub view_mlp: Option<ViewMlp>,
     /// Where samples count.
@@ -74,6 +76,7 @@ impl View {
             blend: levels.map_or(Blend::BeforeActivation, |levels| levels.filter.blend()),
             step_rule: levels.map_or(StepRule::Constant, |levels| levels.filter.step_rule()),
             level_of_detail: levels.map(|levels| levels.level_of_detail),
+            finest: 0,
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),
@@ -93,6 +96,7 @@ impl View {
             blend: metadata.blend,
             step_rule: metadata.step_rule,
             level_of_detail: Some(metadata.level_of_detail),
+            finest: field.finest,
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
             features: metadata.features,
