@@ -17,7 +17,7 @@ use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::input::checkpoint::Source;
 use crate::view::compare::References;
-use crate::view::render::Field;
+use crate::view::render::Renderer;
 
 /// What all settings are measured on.
 pub(super) struct Bench<'a> {
@@ -49,7 +49,7 @@ impl Bench<'_> {
         };
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
-        let field = Field::baked(&container.read()?, &self.options.limits)?;
+        let field = Renderer::baked(&container.read()?, &self.options.limits)?;
         let mut thumbnails = Vec::new();
         let scales = &self.options.scales;
         let ends = [scales.iter().min(), scales.iter().max()];
