@@ -9,7 +9,6 @@ use super::options::SweepOptions;
 use super::record;
 use super::report::Measured;
 use super::setting::Setting;
-use super::thumbnail::Thumbnail;
 use crate::bake::{Origin, bake};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
@@ -19,7 +18,7 @@ use crate::input::checkpoint::Source;
 use crate::view::compare::References;
 use crate::view::render::Field;
 
-/// What all settings are measured on.
+/// The things that all settings are measured with.
 pub(super) struct Bench<'a> {
     pub(super) source: &'a Source,
     pub(super) origin: Origin,
@@ -50,20 +49,10 @@ impl Bench<'_> {
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
         let field = Field::baked(&container.read()?, &self.options.limits)?;
-        let mut thumbnails = Vec::new();
-        let scales = &self.options.scales;
-        let ends = [scales.iter().min(), scales.iter().max()];
-        let errors = self.references.compare(&field, &self.steps, |frame| {
-            let is_new = thumbnails.iter().all(|t: &Thumbnail| t.scale != frame.scale);
-            if is_new && ends.contains(&Some(&frame.scale)) {
-                thumbnails.push(Thumbnail::of(frame)?);
-            }
-            Ok(())
-        })?;
-        thumbnails.sort_by_key(|thumbnail| thumbnail.scale);
+        let errors = self.references.compare(&field, &self.steps, |_| Ok(()))?;
         let levels = report.levels.len();
         let output_bytes = report.output_bytes;
-        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors, thumbnails })
+        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors })
     }
 }
 
@@ -81,7 +70,7 @@ pub(super) struct Steps<'a> {
 }
 
 impl Steps<'_> {
-    /// Makes up for steps that were left out.
+    /// Advances over steps that were left out.
     pub(super) fn reach(&self, target: u64) {
         let left = target.saturating_sub(self.done.load(Ordering::Relaxed));
         self.advance(Step::Sweep, left);
