@@ -165,12 +165,11 @@ fn decode_seconds<T: Code>(
 /// Every frame of an atlas, all of it needed.
 fn split(shape: FrameShape, codes: &Codes) -> Vec<Frame> {
     let size = shape.channels * shape.nodes();
-    let frame = |codes| Frame { codes, needed: vec![true; shape.nodes()].into() };
-    match codes {
-        Codes::U8(codes) => codes.chunks(size).map(|c| frame(Codes::U8(c.to_vec()))).collect(),
-        Codes::U16(codes) => codes.chunks(size).map(|c| frame(Codes::U16(c.to_vec()))).collect(),
-        Codes::U32(codes) => codes.chunks(size).map(|c| frame(Codes::U32(c.to_vec()))).collect(),
-    }
+    let frame = |i: usize| Frame {
+        codes: codes.slice(i * size..(i + 1) * size),
+        needed: vec![true; shape.nodes()].into(),
+    };
+    (0..codes.len() / size).map(frame).collect()
 }
 
 fn bytes(codes: &Codes) -> Vec<u8> {

@@ -100,7 +100,7 @@ fn curve(
     references: &[Vec<Frame>],
 ) -> Vec<f64> {
     let mut options = BakeOptions::default();
-    options.filter = filter;
+    options.filter = filter.into();
     let bytes = baked_bytes(field, &options).expect("a bake");
     let baked = open_bytes(&bytes).expect("a container").read().expect("levels");
     let baked = unbounded(Field::baked(&baked, &Limits::default()).expect("a field"));
@@ -130,7 +130,7 @@ fn kink(curve: &[f64]) -> f64 {
 }
 
 fn print(filters: &[Filter], curves: &[Vec<f64>]) {
-    let names: Vec<&str> = filters.iter().map(|filter| filter.name()).collect();
+    let names: Vec<&str> = filters.iter().map(|filter| filter.label()).collect();
     println!("distance,{}", names.join(","));
     for i in 0..FRAMES {
         let errors: Vec<String> = curves.iter().map(|curve| format!("{:.2}", curve[i])).collect();
@@ -181,7 +181,7 @@ fn svg(filters: &[Filter], curves: &[Vec<f64>]) -> String {
             "<polyline points=\"{points}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>"
         )
         .ok();
-        let (name, at) = (filter.name(), top + 14.0 + 18.0 * i as f64);
+        let (name, at) = (filter.label(), top + 14.0 + 18.0 * i as f64);
         writeln!(svg, "<text x=\"650\" y=\"{at}\" fill=\"{color}\">{name}</text>").ok();
     }
     svg + "</svg>\n"

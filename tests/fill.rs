@@ -122,7 +122,7 @@ fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
         let field = smooth_field(&mut random, nodes, 3.0);
         for filter in [Filter::RateTent, Filter::Code] {
             let mut options = options(edge, Some(0.05));
-            options.filter = filter;
+            options.filter = filter.into();
             let bytes = baked_bytes(&field, &options).expect("a bake");
             all += check_filled(&open_bytes(&bytes).expect("valid"));
         }
@@ -227,7 +227,7 @@ fn floats_empty_fields_and_single_levels_have_no_filled_blocks() {
 fn errors_out_of_range_are_refused() {
     for error in [0.0, -0.1, 1.1, f32::NAN] {
         let refused = options(8, Some(error)).check().expect_err("no error").to_string();
-        assert!(refused.contains("--fill-error"), "{refused}");
+        assert!(refused.contains("option fill_error"), "{refused}");
     }
 }
 

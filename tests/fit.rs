@@ -16,7 +16,7 @@ use mipvog_bake::unstable::view::render::Field;
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {
     let mut options = BakeOptions::default();
-    options.filter = filter;
+    options.filter = filter.into();
     options.fit_steps = steps;
     options
 }

@@ -60,5 +60,8 @@ fn fits_are_not_forecast() {
     let output = bake(folder.path(), &["--dry-run", "--filter", "fit"]);
     assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(message.contains("--dry-run does not know when a fit will end"), "{message}");
+    assert!(
+        message.contains("--filter: found fit, whose end is not known beforehand"),
+        "{message}"
+    );
 }

@@ -21,7 +21,7 @@ fn containers_keep_their_bytes() {
     ];
     for (name, scene, filter, bits) in cases {
         let mut options = BakeOptions::default();
-        options.filter = filter;
+        options.filter = filter.into();
         options.bits = bits;
         let bytes = baked_bytes(&trained(scene), &options).expect("a bake");
         assert_golden(&fixture("baked").join(name), &bytes);

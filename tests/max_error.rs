@@ -13,8 +13,9 @@ use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::levels::prune::{self, DensityFilter};
-use mipvog_bake::unstable::model::baked::{Decode, Encoding, Group};
+use mipvog_bake::unstable::levels::Visible;
+use mipvog_bake::unstable::levels::visible::masked_planes;
+use mipvog_bake::unstable::model::baked::{Decode, DensityDomain, Encoding, Group};
 use mipvog_bake::unstable::model::field::{Activation, Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
 
@@ -30,26 +31,22 @@ fn errors(seed: usize) -> MaxErrors {
 fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
     let value = f64::from(value);
     match decode {
-        Decode::RawDensity => {
+        Decode::Density(DensityDomain::Raw) => {
             plain::opacity(value, activation.shift.into(), activation.interval.into())
         }
-        Decode::SqrtOpticalDepth => -(-value * value).exp_m1(),
-        Decode::Opacity => value,
+        Decode::Density(DensityDomain::SqrtOpticalDepth) => -(-value * value).exp_m1(),
+        Decode::Density(DensityDomain::Opacity) => value,
         Decode::Logit => plain::sigmoid(value),
     }
 }
 
 /// The nodes that must be right, at every level.
 fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
-    let filter = options.filter;
-    let density = filter.filters_density().then(|| DensityFilter {
-        kernel: filter.kernel(),
-        matter: filter.matter(&field.scene.activation),
-    });
-    let planes = prune::masked_planes(field, Nonfinite::Refuse).expect("planes");
-    let sizes = filter.level_sizes(field.scene.nodes, options.levels);
-    let pruned = prune::prune(&planes, &sizes, density, options.alpha_threshold, &Silent);
-    pruned.expect("pruned").levels.into_iter().map(|level| level.needed).collect()
+    let planes = masked_planes(field, Nonfinite::Refuse).expect("planes");
+    let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+    let threshold = options.alpha_threshold;
+    let visible = Visible::find(&planes, &sizes, &*options.filter, threshold, &Silent);
+    visible.expect("visible").levels.into_iter().map(|level| level.retained).collect()
 }
 
 /// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and returns
@@ -105,7 +102,7 @@ fn every_needed_node_is_within_the_error() {
         let mut field = random_field(&mut random, nodes, channels);
         field.scene.activation.interval = [0.5, 0.5, 0.05, 3.0, 1e-4][random.below(5)];
         let mut options = BakeOptions::default();
-        options.filter = filters[seed as usize % filters.len()];
+        options.filter = filters[seed as usize % filters.len()].into();
         options.max_error = Some(errors(seed as usize));
         options.alpha_threshold = [1e-3, 1e-6][random.below(2)];
         options.levels = Some(64);
@@ -125,7 +122,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
                 let field = field(nodes, &vec![raw; count], &vec![color; 3 * count]);
                 for filter in [Filter::Code, Filter::Paper, Filter::RateTent, Filter::Coverage] {
                     let mut options = BakeOptions::default();
-                    (options.filter, options.max_error) = (filter, Some(1e-6.into()));
+                    (options.filter, options.max_error) = (filter.into(), Some(1e-6.into()));
                     let encodings = assert_within(
                         &field,
                         &options,
@@ -144,7 +141,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
     let field = field([5; 3], &density, &color);
     for max_error in [0.1, 0.01, 1e-3] {
         let mut options = BakeOptions::default();
-        (options.filter, options.max_error) = (Filter::Code, Some(max_error.into()));
+        (options.filter, options.max_error) = (Filter::Code.into(), Some(max_error.into()));
         let encodings = assert_within(&field, &options, "far ends");
         assert!(encodings.iter().all(|encoding| encoding.bits <= 12), "{encodings:?}");
     }
@@ -155,7 +152,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
     let field = random_field(&mut Random::new(77), [17, 9, 14], 5);
     for filter in [Filter::RateTent, Filter::Code] {
         let mut options = BakeOptions::default();
-        options.filter = filter;
+        options.filter = filter.into();
         let mut bits: Option<Vec<u32>> = None;
         for max_error in ERRORS {
             options.max_error = Some(max_error.into());
@@ -193,7 +190,7 @@ fn unpacked_values_are_kept_within_the_error() {
         let nodes = [0; 3].map(|_: usize| 2 + random.below(15));
         let field = random_field(&mut random, nodes, 5);
         let mut options = BakeOptions::default();
-        (options.filter, options.fit_steps) = (filter, 1);
+        (options.filter, options.fit_steps) = (filter.into(), 1);
         options.bits = [Bits::F32, Bits::F16, Bits::Integer(12), Bits::Integer(5)][seed % 4];
         options.block_size = 1 + random.below(9);
         let (input, before) = unpacked(&baked_bytes(&field, &options).expect("a bake"));
@@ -260,7 +257,7 @@ fn only_errors_that_mean_something_can_be_asked_for() {
         let changes = Changes { max_error: Some(max_error.into()), ..Changes::default() };
         for error in [baked_bytes(&field, &options), packed(&input, &changes)] {
             let error = error.expect_err("refused");
-            assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+            assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
             assert!(error.to_string().contains("1e-6 to 0.25"), "{error}");
         }
     }

@@ -11,7 +11,7 @@ use mipvog_bake::unstable::output::gltf::mesh::{Mesh, mesh};
 
 fn options(filter: Filter) -> BakeOptions {
     let mut options = BakeOptions::default();
-    options.filter = filter;
+    options.filter = filter.into();
     options
 }
 

@@ -7,7 +7,9 @@ use common::asset;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::check_metadata;
-use mipvog_bake::unstable::model::baked::{Blend, Decode, Encoding, Metadata, NumberType};
+use mipvog_bake::unstable::model::baked::{
+    Blend, Decode, DensityDomain, Encoding, Metadata, NumberType,
+};
 
 const NAN: f32 = f32::NAN;
 const INFINITE: f32 = f32::INFINITY;
@@ -56,8 +58,8 @@ fn numbers_are_held_to_their_ranges() {
         (
             "march.stepsize",
             |m, v| m.march.stepsize = v,
-            &[f32::MIN_POSITIVE],
-            &[0.0, -1.0, NAN, INFINITE],
+            &[0.001],
+            &[0.0, -1.0, NAN, INFINITE, 1e-7, 1e-30, f32::MIN_POSITIVE],
         ),
         (
             "march.voxel_size",
@@ -238,7 +240,7 @@ fn values_mean_what_their_group_and_the_blend_allow() {
                 level.density.as_mut().expect("density").decode = decode;
             }
             let fits = match blend {
-                Blend::BeforeActivation => decode == Decode::RawDensity,
+                Blend::BeforeActivation => decode == Decode::Density(DensityDomain::Raw),
                 Blend::AfterActivation => decode != Decode::Logit,
             };
             let wrong = (!fits).then_some("levels[0].density");

@@ -4,20 +4,21 @@
 mod common;
 
 use common::{
-    Random, baked_bytes, field, fixture, open_bytes, plain, plain_matter, random_field,
+    Random, baked_bytes, field, fixture, open_bytes, plain, plain_alpha, random_field,
     tensor_values, trained, unpack,
 };
 use mipvog_bake::unstable::bake::{BakeOptions, Filter, Preset};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::tensor;
-use mipvog_bake::unstable::levels::mips::{Kernel, Settled};
+use mipvog_bake::unstable::levels::{Kernel, LevelFilter};
+use mipvog_bake::unstable::model::baked::DensityDomain;
 use mipvog_bake::unstable::model::baked::Group;
 use mipvog_bake::unstable::model::field::RadianceField;
 
 fn options(filter: Filter, bits: Bits) -> BakeOptions {
     let mut options = BakeOptions::default();
-    options.filter = filter;
+    options.filter = filter.into();
     options.bits = bits;
     options
 }
@@ -143,7 +144,7 @@ fn odd_sizes_and_all_levels_equal_the_plain_twin() {
             if plain::halved(size) == size {
                 break;
             }
-            channels.iter_mut().for_each(|c| *c = plain::next_level(size, c, kernel));
+            channels.iter_mut().for_each(|c| *c = plain::next_level(size, c, &kernel.weights()));
             size = plain::halved(size);
             level += 1;
         }
@@ -152,13 +153,15 @@ fn odd_sizes_and_all_levels_equal_the_plain_twin() {
 }
 
 #[test]
-fn matter_equals_the_plain_twin() {
+fn levels_of_alpha_equal_the_plain_twin() {
     for seed in 0..16 {
         let mut random = Random::new(100 + seed);
         let nodes = [0; 3].map(|_: usize| 2 + random.below(19));
         let field = random_field(&mut random, nodes, 4);
         let filter = [Filter::RateTent, Filter::Coverage][seed as usize % 2];
-        let matter = filter.matter(&field.scene.activation).expect("a filter of matter");
+        let rules: &dyn LevelFilter = &filter;
+        let domain = rules.alpha(&field.scene.activation).expect("a filter of alpha");
+        let weights = &rules.weights();
         let mut options = options(filter, Bits::F32);
         options.levels = Some(64);
         options.block_size = 1 + random.below(9);
@@ -167,34 +170,34 @@ fn matter_equals_the_plain_twin() {
         let wide = |values: Vec<f32>| -> Vec<f64> { values.into_iter().map(f64::from).collect() };
         let mut channels: Vec<Vec<f64>> = vec![wide(density_of(&field))];
         channels.extend(wide(color_of(&field)).chunks(nodes.iter().product()).map(<[f64]>::to_vec));
-        let extent = plain_matter::extent(&field.scene);
-        let seen = plain_matter::visibility(nodes, &matter, filter.kernel(), &channels[0], extent);
-        let mut lifted = plain_matter::lift(&matter, &channels, &seen);
+        let extent = plain_alpha::extent(&field.scene);
+        let seen = plain_alpha::visibility(nodes, &domain, weights, &channels[0], extent);
+        let mut linear = plain_alpha::premultiply(&domain, &channels, &seen);
         let mut size = nodes;
         for level in 1.. {
             if plain::halved(size) == size {
                 break;
             }
-            lifted.iter_mut().for_each(|c| *c = plain::next_level(size, c, filter.kernel()));
+            linear.iter_mut().for_each(|c| *c = plain::next_level(size, c, weights));
             size = plain::halved(size);
-            let settled = plain_matter::settle(size, &matter, &lifted);
+            let stored = plain_alpha::unpremultiply(size, &domain, &linear);
             // Opacity over the level's own step: as long as two of the level below.
             let threshold = -(-1e-3f64).ln_1p() / 2f64.powi(level as i32);
-            let limit = -(-threshold * f64::from(matter.reach)).exp_m1() * (1.0 + 1e-5);
-            let visible: Vec<bool> = lifted[0].iter().map(|&amount| amount > limit).collect();
+            let limit = -(-threshold * f64::from(domain.span)).exp_m1() * (1.0 + 1e-5);
+            let visible: Vec<bool> = linear[0].iter().map(|&alpha| alpha > limit).collect();
             let needed = plain::corners(size, &plain::cells(size, &visible));
             let mut got = unpacked.level(level, Group::Density);
             got.extend(unpacked.level(level, Group::Diffuse));
             got.extend(unpacked.level(level, Group::Features));
-            for (channel, want) in settled.iter().enumerate() {
+            for (channel, want) in stored.iter().enumerate() {
                 for (i, &want) in want.iter().enumerate().filter(|(i, _)| needed[*i]) {
                     let got = f64::from(got[channel * needed.len() + i]);
                     // Activated colours and opacities: near their ends stored values are steep.
-                    let (got, want) = match (channel, matter.settled) {
-                        (0, Settled::SqrtOpticalDepth) => {
+                    let (got, want) = match (channel, domain.stored) {
+                        (0, DensityDomain::SqrtOpticalDepth) => {
                             (-(-got * got).exp_m1(), -(-want * want).exp_m1())
                         }
-                        (0, Settled::Opacity) => (got, want),
+                        (0, DensityDomain::Opacity) => (got, want),
                         _ => (plain::sigmoid(got), plain::sigmoid(want)),
                     };
                     let error = (got - want).abs();

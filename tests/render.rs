@@ -9,7 +9,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile};
 use mipvog_bake::unstable::model::camera::{self, Camera, Lens};
-use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, render};
+use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, TrainedLevels, render};
 
 /// The bound on colour, transmittance and features.
 const BOUND: f32 = 2e-4;
@@ -54,7 +54,7 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     field.scene.march.far = Some(8.0);
     let limits = Limits::default();
     let plain = Field::trained(&field, None, &limits).expect("a field");
-    let levels = Filter::Code.trained_levels(&field.scene);
+    let levels = TrainedLevels::of_training(&Filter::Code, &field.scene);
     let mips = Field::trained(&field, Some(levels), &limits).expect("a field");
     let matrices = tensor_values(&vectors, "cameras.c2w").expect("cameras");
     for (view, matrix) in matrices.chunks(16).enumerate() {

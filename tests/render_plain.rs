@@ -12,23 +12,23 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::levels::mips::Kernel;
-use mipvog_bake::unstable::model::baked::{Aside, BakedField, Blend, LevelOfDetail};
+use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
+use mipvog_bake::unstable::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail};
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
 use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
+use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
-    Field, FrameOptions, LevelChoice, TrainedLevels, render,
+    Field, FrameOptions, LevelChoice, TrainedLevels, camera_coverage, render,
 };
-use mipvog_bake::unstable::view::sample::Levels;
 
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
 /// which raw values around 100 are 4e-6 off.
 const BOUND: f64 = 1.2e-5;
 /// The same where levels are made of matter while a field is opened: amounts are f32, and near 1 what they
 /// leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial found 4e-5.
-const MATTER_BOUND: f64 = 1e-4;
+const ALPHA_BOUND: f64 = 1e-4;
 
 fn random_network(random: &mut Random, features: usize) -> ViewMlp {
     let frequencies = random.below(5);
@@ -94,7 +94,8 @@ fn random_rule(random: &mut Random) -> LevelOfDetail {
     LevelOfDetail {
         factor: [0.333, 0.5, 1.0][random.below(3)],
         bias: random.between(-1.0, 1.5),
-        aside: [Aside::SameIndex, Aside::SameDistance][random.below(2)],
+        neighbour: [FootprintNeighbour::SameIndex, FootprintNeighbour::SameDistance]
+            [random.below(2)],
         most: [None, Some(0.7), Some(4.0)][random.below(3)],
     }
 }
@@ -183,30 +184,52 @@ fn assert_same(
     assert!(d.doubt < 0.1, "{case}: thresholds leave {} open", d.doubt);
 }
 
+/// Any kernel with the domain and the rules of a filter.
+#[derive(Debug)]
+struct RandomFilter {
+    kernel: Kernel,
+    density: bool,
+    rules: Filter,
+}
+
+impl LevelFilter for RandomFilter {
+    fn name(&self) -> &str {
+        "random"
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        self.kernel.weights()
+    }
+
+    fn domain(&self) -> FilterDomain {
+        match self.rules.domain() {
+            FilterDomain::Logits { .. } => FilterDomain::Logits { density: self.density },
+            alpha => alpha,
+        }
+    }
+}
+
 #[test]
 fn trained_scenes_look_as_their_twins() {
     for seed in 0..150 {
         let mut random = Random::new(seed);
         let field = random_scene(&mut random);
-        let levels = Levels {
-            most: 1 + random.below(5),
+        let filter = RandomFilter {
             kernel: Kernel::ALL[random.below(7)],
             density: random.below(2) == 0,
-            matter: None,
+            // Logits as in training, or alpha.
+            rules: [Filter::Code, Filter::RateTent, Filter::Coverage][random.below(3)],
         };
-        // Raw levels as in training, or matter.
-        let filter = [Filter::Code, Filter::RateTent, Filter::Coverage][random.below(3)];
-        let matter = filter.matter(&field.scene.activation);
-        let bound = if matter.is_some() { MATTER_BOUND } else { BOUND };
-        let (blend, step_rule) = filter.rules();
-        let levels = Levels { matter, density: levels.density || matter.is_some(), ..levels };
+        let count = 1 + random.below(5);
+        let averages_alpha = matches!(filter.domain(), FilterDomain::Alpha { .. });
+        let bound = if averages_alpha { ALPHA_BOUND } else { BOUND };
         let level_of_detail = random_rule(&mut random);
-        let made = TrainedLevels { levels, level_of_detail, blend, step_rule };
+        let made = TrainedLevels { filter: &filter, count, level_of_detail };
         let limits = Limits::default();
         let alone = Field::trained(&field, None, &limits).expect("a field");
         let fast = Field::trained(&field, Some(made), &limits).expect("a field");
         let finest = PlainField::new(alone.view(), finest_level(&field));
-        let plain = PlainField::new(fast.view(), trained_levels(&field, levels));
+        let plain = PlainField::new(fast.view(), trained_levels(&field, Some((&filter, count))));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
             assert_same(&alone, &finest, &camera, LevelChoice::Auto, BOUND, &case);
@@ -219,7 +242,7 @@ fn trained_scenes_look_as_their_twins() {
 
 fn random_bake(random: &mut Random, field: &RadianceField) -> BakedField {
     let mut options = BakeOptions::default();
-    options.filter = Filter::all()[random.below(5)];
+    options.filter = Filter::all()[random.below(5)].into();
     options.fit_steps = 1;
     options.levels = Some(1 + random.below(5));
     options.bits = [Bits::Integer(8), Bits::Integer(12), Bits::F16, Bits::F32][random.below(4)];
@@ -301,7 +324,7 @@ fn thread_count_never_shows_in_a_picture() {
     let field = random_field(&mut random, [17, 30, 9], 7);
     let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
     let mut options = BakeOptions::default();
-    options.filter = Filter::Paper;
+    options.filter = Filter::Paper.into();
     let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
     let baked = container.read().expect("decodes");
     let rule = random_rule(&mut random);
@@ -324,4 +347,35 @@ fn thread_count_never_shows_in_a_picture() {
     for threads in [2, 3, 8] {
         assert!(one == frames(threads), "{threads} threads gave another picture");
     }
+}
+
+#[test]
+fn as_many_features_as_the_format_allows_look_as_their_twins() {
+    for features in [13, 14, 29, 30, 61] {
+        let mut random = Random::new(5000 + features as u64);
+        let mut field = random_field(&mut random, [7, 6, 8], 3 + features);
+        field.view_mlp = Some(random_network(&mut random, features));
+        let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
+        let plain = PlainField::new(dense.view(), finest_level(&field));
+        // Fitted levels too: a fit differentiates by every feature.
+        let mut options = BakeOptions::default();
+        (options.filter, options.fit_steps) = (Filter::Fit, 1);
+        (options.levels, options.block_size) = (Some(2), 4);
+        let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
+        let baked = container.read().expect("decodes");
+        let sparse = Field::baked(&baked, &Limits::default()).expect("a field");
+        let plain_baked = PlainField::new(sparse.view(), baked_levels(&baked));
+        let cameras = cameras(&mut random, &field.scene.bounds);
+        for camera in &cameras {
+            let case = format!("{features} features");
+            assert_same(&dense, &plain, camera, LevelChoice::Auto, BOUND, &case);
+            assert_same(&sparse, &plain_baked, camera, LevelChoice::Auto, BOUND, &case);
+        }
+        let seen = camera_coverage(&dense, &cameras, 1e-3, &Silent).expect("coverage");
+        assert!(seen.importance.iter().any(|&importance| importance > 0.0));
+        let reference = Reference::Field(Box::new(dense));
+        compare(&reference, &sparse, &cameras, &[1], 1, &Silent, |_| Ok(())).expect("errors");
+    }
+    let more = random_field(&mut Random::new(1), [3, 3, 3], 65);
+    assert!(Field::trained(&more, None, &Limits::default()).is_err());
 }

@@ -13,7 +13,7 @@ use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::{Aside, Group, LevelOfDetail};
+use mipvog_bake::unstable::model::baked::{FootprintNeighbour, Group, LevelOfDetail};
 use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, Nonfinite};
 use mipvog_bake::unstable::model::grid::Nodes;
 
@@ -49,7 +49,7 @@ fn unpacked_containers_pack_to_the_same_bytes() {
         }
         let mut options = BakeOptions::default();
         options.bits = bits;
-        options.filter = Filter::all()[seed % Filter::all().len()];
+        options.filter = Filter::all()[seed % Filter::all().len()].into();
         options.fit_steps = 1;
         options.block_size = 1 + random.below(10);
         options.zstd_level = 1 + (seed as i32 % 5);
@@ -98,14 +98,18 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         let changes = Changes { lod_rule: Some(rule), lod_scale: Some(2.0), ..Changes::default() };
         let changed = open_bytes(&repacked(&usual_bytes, &changes)).expect("valid");
         let mut expected = usual.metadata().clone();
-        expected.level_of_detail =
-            LevelOfDetail { factor: 2.0 * factor, bias: 0.0, most, aside: Aside::SameDistance };
+        expected.level_of_detail = LevelOfDetail {
+            factor: 2.0 * factor,
+            bias: 0.0,
+            most,
+            neighbour: FootprintNeighbour::SameDistance,
+        };
         for container in [&asked, &changed] {
             assert_eq!(container.metadata(), &expected);
             let levels = |container: &Container| container.read().expect("valid").levels;
             assert_eq!(levels(container), levels(&usual));
         }
-        options.filter = Filter::Fit;
+        options.filter = Filter::Fit.into();
         let refused = baked_bytes(&field, &options).expect_err("a fit finds its own");
         assert!(matches!(refused.kind(), ErrorKind::Usage { .. }), "{refused}");
     }
@@ -115,7 +119,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
 fn thread_count_never_shows() {
     for filter in [Filter::Code, Filter::Paper] {
         let mut options = BakeOptions::default();
-        options.filter = filter;
+        options.filter = filter.into();
         let bytes = |threads| {
             parallel::with_threads(threads, || {
                 baked_bytes(&trained("lego64/fine_last.tar"), &options).expect("a bake")
@@ -136,7 +140,7 @@ fn empty_and_full_scenes_bake() {
             let field = field(nodes, &vec![raw; count], &vec![0.25; 3 * count]);
             for filter in [Filter::Code, Filter::Paper] {
                 let mut options = BakeOptions::default();
-                options.filter = filter;
+                options.filter = filter.into();
                 let container = open_bytes(&baked_bytes(&field, &options).expect("a bake"));
                 let container = container.expect("valid");
                 for level in &container.metadata().levels {
@@ -198,7 +202,7 @@ fn values_that_are_not_finite_are_refused_or_emptied() {
             }
             let field = field(nodes, &values[0], &values[1]);
             let mut options = BakeOptions::default();
-            options.filter = Filter::Paper;
+            options.filter = Filter::Paper.into();
             let error = baked_bytes(&field, &options).expect_err("not finite");
             let reported = if channel == 0 { 0 } else { channel - 1 };
             let first = [reported, at[0], at[1], at[2]];

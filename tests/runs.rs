@@ -117,11 +117,7 @@ fn frames(shape: FrameShape, count: usize, random: &mut Random) -> Vec<Frame> {
 }
 
 fn wide(codes: &Codes) -> Vec<u32> {
-    match codes {
-        Codes::U8(codes) => codes.iter().map(|&code| code.into()).collect(),
-        Codes::U16(codes) => codes.iter().map(|&code| code.into()).collect(),
-        Codes::U32(codes) => codes.clone(),
-    }
+    (0..codes.len()).map(|i| codes.code(i)).collect()
 }
 
 fn restored(shape: FrameShape, count: usize, run: &[u8]) -> Option<Codes> {
@@ -179,11 +175,7 @@ fn runs_follow_from_their_codes_alone() {
             let size = shape.channels * shape.nodes();
             let again: Vec<Frame> = (0..count)
                 .map(|i| Frame {
-                    codes: match &codes {
-                        Codes::U8(codes) => Codes::U8(codes[i * size..][..size].to_vec()),
-                        Codes::U16(codes) => Codes::U16(codes[i * size..][..size].to_vec()),
-                        Codes::U32(codes) => Codes::U32(codes[i * size..][..size].to_vec()),
-                    },
+                    codes: codes.slice(i * size..(i + 1) * size),
                     needed: vec![true; shape.nodes()].into(),
                 })
                 .collect();

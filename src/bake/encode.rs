@@ -1,13 +1,13 @@
 //! Planes of a level to compressed runs, as they come.
 //!
-//! Each plane is quantized on its own, by whoever made it; blocks are cut from slabs of codes, and wait as frames until
-//! there are enough for all threads to compress runs of them.
+//! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of codes.
+//! They wait as frames until all threads have runs of them to compress.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::MaxErrors;
-use super::memory::Room;
+use super::run_store::RunStore;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
@@ -26,15 +26,15 @@ pub struct EncodeOptions<'a> {
     pub level: usize,
     /// Specular features of a node.
     pub features: usize,
-    /// Raw density to opacity: nodes that nobody needs must not be seen.
+    /// Raw density to opacity: don't-care nodes stay below the threshold of visibility.
     pub activation: Activation,
     /// Compression level of zstd.
     pub zstd_level: i32,
-    /// Where values may be others than the encodings were made for: what is held to.
-    pub check: Option<Check>,
-    /// Where compressed runs wait, if not just in memory.
-    pub room: Option<&'a Room>,
-    /// How much nodes make up of pictures, where colours may err by it.
+    /// The bound that values are held to as they are encoded.
+    pub bound: ErrorBound,
+    /// The place for compressed runs, if not just memory.
+    pub store: Option<&'a RunStore>,
+    /// The nodes' share of pictures, where colours may err by it.
     pub importance: Option<Importance<'a>>,
 }
 
@@ -47,21 +47,24 @@ pub struct Importance<'a> {
     pub coarseness: f32,
 }
 
-/// Values that are moved too far when they are encoded are an error.
-#[derive(Debug, Clone, Copy)]
-pub struct Check {
-    /// The most that they may be moved, where their encoding's bound is no less.
-    pub most: Option<MaxErrors>,
+/// The bound that values are held to as they are encoded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ErrorBound {
+    /// None: the encodings were made for these very values, and their bound is proved.
+    Proved,
+    /// That of each encoding. Values may be others than the encoding was made for.
+    Encoding,
+    /// These, where an encoding's bound is no less.
+    Asked(MaxErrors),
 }
 
-impl EncodeOptions<'_> {
-    /// What values of a group are held to, whose encoding has a bound. That is proved where encodings are made; debug builds
-    /// look all the same.
-    fn bound(&self, group: Group, of_encoding: f32) -> Option<f32> {
-        match self.check {
-            Some(Check { most: Some(most) }) => Some(most.of(group).min(of_encoding)),
-            Some(Check { most: None }) => Some(of_encoding),
-            None => cfg!(debug_assertions).then_some(of_encoding),
+impl ErrorBound {
+    /// The bound of a group whose encoding has the bound `encoding`.
+    fn of(self, group: Group, encoding: f32) -> Option<f32> {
+        match self {
+            Self::Proved => None,
+            Self::Encoding => Some(encoding),
+            Self::Asked(errors) => Some(errors.of(group).min(encoding)),
         }
     }
 }
@@ -80,13 +83,13 @@ impl LevelPlanes<'_> {
     ///
     /// # Errors
     ///
-    /// A needed value that is moved too far, where that is looked for.
+    /// A retained value that moves by more than the bound, where there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
         let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
         let Moved { at: [y, z], bound } = moved;
         let place = format!("level{}.{}", self.level, self.groups[channel].name());
         let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
-        let expected = "values as they were unpacked, or --bits for other encodings";
+        let expected = "values as they were unpacked, or other bits";
         Err(Error::malformed(Place::Tensor(place), found, expected))
     }
 }
@@ -95,7 +98,7 @@ impl LevelPlanes<'_> {
 #[derive(Debug)]
 pub struct LevelEncoder<'a> {
     table: Table,
-    needed: &'a NodeMask,
+    retained: &'a NodeMask,
     planes: Arc<LevelPlanes<'a>>,
     options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
@@ -119,7 +122,7 @@ impl<'a> LevelEncoder<'a> {
     /// those of the present groups in that order.
     pub fn new(
         table: Table,
-        needed: &'a NodeMask,
+        retained: &'a NodeMask,
         encodings: [Option<&Encoding>; 3],
         options: EncodeOptions<'a>,
     ) -> Self {
@@ -128,7 +131,7 @@ impl<'a> LevelEncoder<'a> {
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
             let channels = group.channels(options.features);
-            let bound = options.bound(group, encoding.max_error);
+            let bound = options.bound.of(group, encoding.max_error);
             groups.push(GroupEncoder {
                 group,
                 first_channel: of_channels.len(),
@@ -140,10 +143,10 @@ impl<'a> LevelEncoder<'a> {
             of_channels.extend(std::iter::repeat_n(group, channels));
             bounds.push((encoding, channels, bound));
         }
-        let codes = CodePlanes::new(needed, options.activation, bounds);
+        let codes = CodePlanes::new(retained, options.activation, bounds);
         let planes = LevelPlanes { codes, groups: of_channels, level: options.level };
         let planes = Arc::new(planes);
-        Self { table, needed, planes, options, groups }
+        Self { table, retained, planes, options, groups }
     }
 
     /// Where planes go.
@@ -161,7 +164,7 @@ impl<'a> LevelEncoder<'a> {
             .map(|block| [row, block / bz, block % bz])
             .filter(|&place| self.table.frame(place).is_some())
             .collect();
-        let (groups, needed) = (&self.groups, self.needed);
+        let (groups, needed) = (&self.groups, self.retained);
         let importance = self.options.importance;
         let frames = parallel::map(places.len(), |i| {
             let source = BlockSource { slab: &slab, needed, place: places[i] };
@@ -226,9 +229,9 @@ impl<'a> LevelEncoder<'a> {
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             let encoder = &groups[*number].encoder;
-            let most = encoder.unneeded_limit();
+            let most = encoder.dont_care_max();
             let mut run = CompressedRun::new(encoder.shape(), frames, most, level)?;
-            self.options.room.map_or(Ok(()), |room| room.keep(&mut run))?;
+            self.options.store.map_or(Ok(()), |store| store.keep(&mut run))?;
             Ok(run)
         })?;
         for ((number, _), run) in runs.into_iter().zip(compressed) {

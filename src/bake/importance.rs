@@ -1,15 +1,15 @@
 //! How much errors of each level's nodes matter to given cameras.
 //!
-//! Level 0's is measured ([`crate::view::render::exposure`]). A camera that looks at level `k` is `2^k` times as far
+//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level `k` is `2^k` times as far
 //! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
 //! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
 //! averaged and resized as levels are, in units of its own mean again.
 
 use super::{BakeOptions, Importance};
-use crate::levels::mips::Kernel;
-use crate::levels::mips::taps::AxisTaps;
+use crate::levels::Kernel;
+use crate::levels::taps::AxisTaps;
 use crate::model::grid::Nodes;
-use crate::view::render::Exposure;
+use crate::view::render::CameraCoverage;
 
 /// Of one level's nodes, z fastest.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub struct LevelImportance {
 
 impl LevelImportance {
     /// Of every level, finest first; none where nothing depends on it.
-    pub fn of_levels(seen: Exposure, sizes: &[Nodes], options: &BakeOptions) -> Vec<Self> {
+    pub fn of_levels(seen: CameraCoverage, sizes: &[Nodes], options: &BakeOptions) -> Vec<Self> {
         if options.coarseness == 0.0 && options.fill_error.is_none() {
             return Vec::new();
         }

@@ -5,10 +5,11 @@ use std::str::FromStr;
 
 use serde_json::Value;
 
-use crate::base::error::{Error, Result};
+use super::options::rule;
+use crate::base::error::Result;
 use crate::model::baked::Group;
 
-/// What an error can be: below, hardly anything but f32 keeps it; above, nothing can be told.
+/// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
 /// One for each group: of opacity over one interval for density, of what is activated (0 to 1) for diffuse colours and
@@ -44,12 +45,14 @@ impl MaxErrors {
         }
     }
 
-    /// Refuses errors that nobody can ask for.
+    /// Checks that each error is within 1e-6 to 0.25.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
-        match self.of_groups.iter().all(|error| RANGE.contains(error)) {
-            true => Ok(()),
-            false => Err(Error::usage("--max-error must be from 1e-6 to 0.25")),
-        }
+        let fits = self.of_groups.iter().all(|error| RANGE.contains(error));
+        rule(fits, "max_error", self, "1e-6 to 0.25")
     }
 
     /// As provenance and reports say it: a number where all are the same, else text.

@@ -1,24 +1,22 @@
-//! How a bake keeps to a bound on memory.
+//! Bakes within a bound on memory.
 //!
-//! What a bake holds at once follows from sizes and the number of threads, but for what levels are compressed
-//! to. So all else is counted beforehand, as if no plane were empty: planes on their way through the levels, bits
-//! for nodes, what can be seen. What is left of the bound is [`Room`] for compressed runs; those that find none
-//! wait in a nameless file on the output's disk. Where even that is too much, slabs are encoded in turn with the
-//! making of the next ones, which halves the planes. Neither changes a byte of what is written.
+//! Everything that a bake holds at once follows from sizes and the number of threads, except the
+//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their way
+//! through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
+//! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. Where the
+//! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
+//! halves the planes. No byte of the output depends on either.
 //!
 //! Memory is that of the process as the operating system counts it, with the program itself.
 
-use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
-
+use super::BakeOptions;
 use super::encode::PENDING_BYTES;
-use super::{BakeOptions, Filter};
-use crate::base::bytes::{Spill, Storage};
+use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
-use crate::codec::container::CompressedRun;
 use crate::codec::quantize::Bits;
-use crate::levels::mips::{Occluders, SLAB};
+use crate::levels::OpticalDepthGrid;
+use crate::levels::pyramid::SLAB;
 use crate::model::field::RadianceField;
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
@@ -27,34 +25,40 @@ const PROGRAM_BYTES: u64 = 24 << 20;
 /// What a thread needs to compress a run, and its stack.
 const THREAD_BYTES: u64 = 8 << 20;
 
-/// How a bake keeps to its bound.
+/// The way in which a bake keeps to its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Plan {
-    /// Whether slabs are encoded in turn with the making of the next ones.
-    pub in_turn: bool,
+pub struct MemoryPlan {
+    /// Whether slabs are encoded while the next ones are made.
+    pub pipelined: bool,
     /// Bytes of compressed runs that may stay in memory.
-    pub room: u64,
+    pub run_bytes: u64,
 }
 
-impl Plan {
+impl MemoryPlan {
+    /// For a bake, if its options have a bound.
+    pub fn of_bake(field: &RadianceField, options: &BakeOptions) -> Result<Option<Self>> {
+        let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+        options.memory.map(|bound| Self::new(field, options, &sizes, bound)).transpose()
+    }
+
     /// For a bake with options whose bound is `bound`.
     ///
     /// # Errors
     ///
     /// [`ErrorKind::TooLittleMemory`] with the least bound that would do.
-    pub fn new(
+    fn new(
         field: &RadianceField,
         options: &BakeOptions,
         sizes: &[Nodes],
         bound: u64,
     ) -> Result<Self> {
         let needs = Needs { field, options, sizes, threads: parallel::threads() as u64 };
-        let plan = |in_turn| {
-            let room = bound.checked_sub(needs.bytes(in_turn))?;
-            Some(Self { in_turn, room })
+        let plan = |pipelined| {
+            let run_bytes = bound.checked_sub(needs.bytes(pipelined))?;
+            Some(Self { pipelined, run_bytes })
         };
-        plan(false).or_else(|| plan(true)).ok_or_else(|| {
-            let kind = ErrorKind::TooLittleMemory { least: needs.bytes(true), allowed: bound };
+        plan(true).or_else(|| plan(false)).ok_or_else(|| {
+            let kind = ErrorKind::TooLittleMemory { least: needs.bytes(false), allowed: bound };
             Error::new(kind, Place::File)
         })
     }
@@ -69,9 +73,9 @@ struct Needs<'a> {
 }
 
 impl Needs<'_> {
-    fn bytes(&self, in_turn: bool) -> u64 {
+    fn bytes(&self, pipelined: bool) -> u64 {
         let common = PROGRAM_BYTES + self.threads * THREAD_BYTES + self.inputs() + self.masks();
-        common + self.pruning().max(self.encoding(in_turn))
+        common + self.pruning().max(self.encoding(pipelined))
     }
 
     /// What the input holds in memory: entries that had to be inflated, the free-space mask.
@@ -96,7 +100,7 @@ impl Needs<'_> {
 
     /// Planes that a plane of the next level is made of.
     fn window(&self) -> u64 {
-        self.options.filter.kernel().weights().len() as u64 + 1
+        self.options.filter.weights().len() as u64 + 1
     }
 
     /// One channel of a plane.
@@ -113,21 +117,21 @@ impl Needs<'_> {
     }
 
     fn visibility(&self) -> u64 {
-        let matter = self.options.filter.matter(&self.field.scene.activation);
-        let seen = |_| 4 * self.sizes[Occluders::level(self.sizes)].count() as u64;
-        matter.map_or(0, seen)
+        let domain = self.options.filter.alpha(&self.field.scene.activation);
+        let seen = |_| 4 * self.sizes[OpticalDepthGrid::level(self.sizes)].count() as u64;
+        domain.map_or(0, seen)
     }
 
     /// Planes of all channels on their way through the levels, and codes that are not compressed yet.
-    fn encoding(&self, in_turn: bool) -> u64 {
+    fn encoding(&self, pipelined: bool) -> u64 {
         let channels = 1 + self.field.color_channels() as u64;
-        let matter = self.options.filter.matter(&self.field.scene.activation).is_some();
-        let rising = channels + u64::from(matter);
+        let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();
+        let rising = channels + u64::from(premultiplies);
         let thickness = self.options.block_size as u64;
-        let slabs = if in_turn { 1 } else { 2 };
+        let slabs = if pipelined { 2 } else { 1 };
         let of_level = |level: usize| {
             // What each thread works on; of matter also what a slab's colours are weighted by.
-            let at_work = match (matter, level) {
+            let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
                 (true, 0) => thickness + 2 * self.threads,
                 (true, _) => (1 + channels) * self.threads,
@@ -136,7 +140,7 @@ impl Needs<'_> {
             let ring = rising * (thickness + self.window()).div_ceil(2);
             // A slab that waits for the plane after it, and the plane before it.
             let waiting =
-                if matter && level > 0 { rising * ((1 + slabs) * thickness + 1) } else { 0 };
+                if premultiplies && level > 0 { rising * ((1 + slabs) * thickness + 1) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
             let codes = slabs * thickness * channels * plane / 4 * self.bytes_per_code();
             codes + (at_work + ring + waiting) * plane
@@ -163,39 +167,4 @@ impl Needs<'_> {
         let slab = by * bz * frame;
         (PENDING_BYTES as u64 + slab).min(rows * slab)
     }
-}
-
-/// Memory for compressed runs, and a file for those that find none.
-#[derive(Debug)]
-pub struct Room {
-    left: Mutex<u64>,
-    spill: Arc<Spill>,
-}
-
-impl Room {
-    /// For this many bytes in memory; others go to the disk of `folder`.
-    pub fn new(bytes: u64, folder: &Path) -> Result<Self> {
-        Ok(Self { left: Mutex::new(bytes), spill: Arc::new(Spill::new(folder)?) })
-    }
-
-    /// Finds a place for a run.
-    pub fn keep(&self, run: &mut CompressedRun) -> Result<()> {
-        let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
-        match left.checked_sub(run.length()) {
-            Some(rest) => *left = rest,
-            None => run.spill(&self.spill)?,
-        }
-        Ok(())
-    }
-}
-
-/// Refuses a bound where something is asked for that holds a whole field at once.
-pub fn check(options: &BakeOptions) -> Result<()> {
-    let holds_all = options.filter == Filter::Fit || options.sees() || options.fill_error.is_some();
-    if options.memory.is_some() && holds_all {
-        let message = "--memory excludes --filter fit, --min-weight, --coarseness and --fill-error: \
-                       they hold a whole level at once";
-        return Err(Error::usage(message));
-    }
-    Ok(())
 }

@@ -2,13 +2,14 @@
 
 use serde_json::json;
 
-use super::memory;
-use super::{Filter, LevelRule, MaxErrors};
+use super::MaxErrors;
 use crate::base::bytes::hex;
 use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
 use crate::codec::container::LARGEST_BLOCK;
 use crate::codec::quantize::Bits;
-use crate::model::baked::{Aside, LevelOfDetail, Metadata};
+use crate::levels::{Filter, LevelRule, SharedFilter};
+use crate::model::baked::{FootprintNeighbour, LevelOfDetail, Metadata};
 use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
 
@@ -25,7 +26,7 @@ const MOST_FIT_STEPS: usize = 100_000;
 pub struct BakeOptions {
     /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
     /// afar
-    pub filter: Filter,
+    pub filter: SharedFilter,
     /// Levels in all, at most. Default: down to 4 nodes along the longest axis
     pub levels: Option<usize>,
     /// Bits of a code. Default: 8
@@ -66,12 +67,15 @@ pub struct BakeOptions {
     pub memory: Option<u64>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
+    /// Limits on sizes and memory; what comes out does not depend on them. Default: those for files
+    /// that are not trusted
+    pub limits: Limits,
 }
 
 impl Default for BakeOptions {
     fn default() -> Self {
         Self {
-            filter: Filter::RateTent,
+            filter: Filter::RateTent.into(),
             levels: None,
             bits: Bits::Integer(8),
             max_error: None,
@@ -89,6 +93,7 @@ impl Default for BakeOptions {
             seen_from: Vec::new(),
             memory: None,
             nonfinite: Nonfinite::Refuse,
+            limits: Limits::default(),
         }
     }
 }
@@ -97,7 +102,8 @@ impl BakeOptions {
     /// The options that made a container, as far as its metadata and provenance tell.
     pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
         let mut options = Self::default();
-        options.filter = metadata.filter.parse().unwrap_or(options.filter);
+        options.filter =
+            metadata.filter.parse::<Filter>().map_or(options.filter, SharedFilter::from);
         options.levels = Some(metadata.levels.len());
         options.alpha_threshold = metadata.alpha_threshold;
         if let Some(finest) = metadata.levels.first() {
@@ -118,48 +124,50 @@ impl BakeOptions {
 
     /// The rule that says which level a sample reads.
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
-        let own = self.filter.level_of_detail(Aside::SameDistance);
+        let own = self.filter.rule(FootprintNeighbour::SameDistance);
         let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
         LevelOfDetail { factor: rule.factor * self.lod_scale, ..rule }
     }
 
-    /// Refuses values that no bake can follow.
+    /// Checks that every option is in its range and contradicts no other.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
         let bits_fit = match self.bits {
             Bits::Integer(bits) => (4..=16).contains(&bits),
             Bits::F16 | Bits::F32 => true,
         };
-        let rules = [
-            (bits_fit, "--bits must be 4 to 16, f16 or f32"),
-            (self.levels.is_none_or(|levels| levels >= 1), "--levels must be at least 1"),
-            (
-                self.alpha_threshold >= 1e-9 && self.alpha_threshold < 1.0,
-                "--alpha-threshold must be from 1e-9 to below 1",
-            ),
-            ((1..=LARGEST_BLOCK).contains(&self.block_size), "--block-size must be 1 to 64"),
-            ((1..=22).contains(&self.zstd_level), "--zstd-level must be 1 to 22"),
-            (self.fit_steps <= MOST_FIT_STEPS, "--fit-steps must be at most 100000"),
-            (self.fit_seconds.is_none_or(|seconds| seconds > 0.0), "--fit-seconds must be above 0"),
-            (
-                self.min_weight.is_none_or(|weight| weight > 0.0 && weight <= 1.0),
-                "--min-weight must be above 0 and at most 1",
-            ),
-            ((0.0..=64.0).contains(&self.coarseness), "--coarseness must be 0 to 64"),
-            (
-                self.fill_error.is_none_or(|error| error > 0.0 && error <= 1.0),
-                "--fill-error must be above 0 and at most 1",
-            ),
-            (
-                self.lod_rule.is_none() || self.filter != Filter::Fit,
-                "--lod-rule and --filter fit exclude each other: a fit finds its own rule",
-            ),
-            (self.lod_scale > 0.0 && self.lod_scale.is_finite(), "--lod-scale must be above 0"),
-        ];
-        rules
-            .iter()
-            .find(|(holds, _)| !holds)
-            .map_or(Ok(()), |(_, rule)| Err(Error::usage(*rule)))?;
-        memory::check(self)?;
+        rule(bits_fit, "bits", self.bits, "4 to 16, f16 or f32")?;
+        let levels = self.levels.unwrap_or(1);
+        rule(levels >= 1, "levels", levels, "at least 1")?;
+        let alpha = self.alpha_threshold;
+        rule((1e-9..1.0).contains(&alpha), "alpha_threshold", alpha, "1e-9 to below 1")?;
+        let block = self.block_size;
+        rule((1..=LARGEST_BLOCK).contains(&block), "block_size", block, "1 to 64")?;
+        rule((1..=22).contains(&self.zstd_level), "zstd_level", self.zstd_level, "1 to 22")?;
+        let steps = self.fit_steps;
+        rule(steps <= MOST_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
+        let seconds = self.fit_seconds.unwrap_or(1.0);
+        rule(seconds > 0.0, "fit_seconds", seconds, "a number above 0")?;
+        let is_share = |value: f32| value > 0.0 && value <= 1.0;
+        let weight = self.min_weight.unwrap_or(1.0);
+        rule(is_share(weight), "min_weight", weight, "above 0 and at most 1")?;
+        rule((0.0..=64.0).contains(&self.coarseness), "coarseness", self.coarseness, "0 to 64")?;
+        let fill = self.fill_error.unwrap_or(1.0);
+        rule(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
+        let fits_rule = self.lod_rule.is_some() && self.filter.is_fitted();
+        rule(!fits_rule, "lod_rule", "a rule", "none, because the fit finds its own rule")?;
+        let scale = self.lod_scale;
+        rule(scale > 0.0 && scale.is_finite(), "lod_scale", scale, "a number above 0")?;
+        let holds_all = self.filter.is_fitted() || self.sees() || self.fill_error.is_some();
+        rule(
+            self.memory.is_none() || !holds_all,
+            "memory",
+            "a bound beside the filter fit, min_weight, coarseness or fill_error",
+            "no bound: they hold a whole level at once",
+        )?;
         self.max_error.map_or(Ok(()), |max_error| max_error.check())
     }
 
@@ -184,7 +192,7 @@ impl BakeOptions {
         if let Some(max_error) = self.max_error {
             options["max_error"] = max_error.to_json();
         }
-        if self.filter == Filter::Fit {
+        if self.filter.is_fitted() {
             options["fit_steps"] = self.fit_steps.into();
             options["fit_seconds"] = self.fit_seconds.into();
             options["fit_cameras"] = cameras_json(&self.fit_cameras);
@@ -202,6 +210,19 @@ impl BakeOptions {
             options["seen_from"] = cameras_json(&self.seen_from);
         }
         options
+    }
+}
+
+/// Refuses an option's value unless the rule holds.
+pub(super) fn rule(
+    holds: bool,
+    option: &'static str,
+    found: impl std::fmt::Display,
+    expected: &str,
+) -> Result<()> {
+    match holds {
+        true => Ok(()),
+        false => Err(Error::invalid_option(option, found.to_string(), expected)),
     }
 }
 

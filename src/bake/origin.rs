@@ -1,25 +1,32 @@
-//! Where a container's content comes from.
+//! The origin of a container's content.
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::base::bytes::hex;
+use crate::base::error::Result;
 use crate::input::checkpoint::Source;
+use crate::model::field::RadianceField;
 
-/// What is known about the input of a bake. No paths, no times: the same input gives the same
-/// bytes wherever it lies.
+/// Samples of each colour tensor in a digest, evenly spaced from its first byte to its last.
+const SAMPLES: u64 = 64;
+/// Bytes of a sample.
+const SAMPLE_BYTES: u64 = 4096;
+
+/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in any
+/// place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// Kind of the input file.
     pub kind: String,
     /// SHA-256 of what identifies the input without reading it all.
     pub digest: [u8; 32],
-    /// Whether the digest covers the grids' values (by their checksums). Where it does not, what
-    /// the bake reads is added.
+    /// Whether the digest covers the grids' values, by their checksums. Where it does not, a bake adds
+    /// checksums of values.
     pub covers_values: bool,
     /// Role and SHA-256 of other files that were used.
     pub companions: Vec<(&'static str, [u8; 32])>,
-    /// What was missing in the input, and what was assumed.
+    /// Settings that the input lacks, and the values that were assumed.
     pub assumptions: Vec<Value>,
 }
 
@@ -36,15 +43,27 @@ impl Origin {
         }
     }
 
-    /// The input's digest, with the checksums of what was read where it needs them.
-    pub(super) fn digest(&self, density: &[u32], color: &[u32]) -> [u8; 32] {
+    /// The input's digest. Where the format has no checksums, it also covers all of density, by the
+    /// CRC-32 of each plane, and samples of colour. It does not depend on options.
+    pub(super) fn digest(&self, field: &RadianceField, density: &[u32]) -> Result<[u8; 32]> {
         if self.covers_values {
-            return self.digest;
+            return Ok(self.digest);
         }
         let mut sum = Sha256::new();
         sum.update(self.digest);
-        density.iter().chain(color).for_each(|checksum| sum.update(checksum.to_le_bytes()));
-        sum.finalize().into()
+        density.iter().for_each(|checksum| sum.update(checksum.to_le_bytes()));
+        let mut piece = Vec::new();
+        for volume in &field.color {
+            let length = volume.storage.length();
+            let size = length.min(SAMPLE_BYTES);
+            for sample in 0..SAMPLES {
+                piece.resize(size as usize, 0);
+                let start = (length - size) * sample / (SAMPLES - 1);
+                volume.storage.read_into(start, &mut piece)?;
+                sum.update(&piece);
+            }
+        }
+        Ok(sum.finalize().into())
     }
 
     /// The container's provenance.

@@ -51,7 +51,7 @@ impl Preset {
     pub fn options(self) -> BakeOptions {
         let mut options = BakeOptions::default();
         match self {
-            Self::Faithful => options.filter = Filter::Code,
+            Self::Faithful => options.filter = Filter::Code.into(),
             Self::Web => options.max_error = Some(WEB_ERRORS),
             Self::Archive => options.bits = Bits::F32,
         }

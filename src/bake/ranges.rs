@@ -1,69 +1,85 @@
-//! What each group of each level holds, lowest to highest, and encodings for just that.
+//! The value range of each group of each level, and the encodings with the fewest bits for it.
 
 use std::sync::{Mutex, PoisonError};
 
-use super::MaxErrors;
+use super::pack::BitSearch;
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::codec::quantize::{ValueSpan, encoding_within};
-use crate::model::baked::{Encoding, Group, LevelMetadata};
-use crate::model::field::Activation;
+use crate::codec::quantize::{ValueRange, encoding_within};
+use crate::levels::{Plane, PlaneSink};
+use crate::model::baked::{Encoding, Group, Metadata};
 use crate::model::grid::{NodeMask, row};
 
-/// The values of one level.
-#[derive(Debug)]
-pub struct LevelSpans<'a> {
-    needed: &'a NodeMask,
+/// Collects the ranges of all levels.
+pub struct RangeSink<'a> {
+    levels: Vec<LevelRanges<'a>>,
+}
+
+/// The ranges of one level.
+struct LevelRanges<'a> {
+    retained: &'a NodeMask,
     /// By [`Group`].
-    spans: [Option<Mutex<ValueSpan>>; 3],
+    ranges: [Option<Mutex<ValueRange>>; 3],
     /// The group of each channel.
     groups: Vec<Group>,
 }
 
-impl<'a> LevelSpans<'a> {
-    /// Of no values yet: those of the groups that `level` has, by what they mean.
-    pub fn new(
-        level: &LevelMetadata,
-        needed: &'a NodeMask,
-        activation: &Activation,
-        features: usize,
-    ) -> Self {
-        let span = |encoding: &Encoding| Mutex::new(ValueSpan::new(encoding.decode, activation));
-        let spans = Group::ALL.map(|group| level.encoding(group).map(span));
-        let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
-        let of_group = |group: Group| std::iter::repeat_n(group, group.channels(features));
-        Self { needed, spans, groups: present.flat_map(of_group).collect() }
+impl<'a> RangeSink<'a> {
+    /// Of no values yet, for the groups that each level has; `retained` nodes count.
+    pub fn new(metadata: &Metadata, retained: &[&'a NodeMask]) -> Self {
+        let levels = metadata.levels.iter().zip(retained).map(|(level, &retained)| {
+            let range = |encoding: &Encoding| {
+                Mutex::new(ValueRange::new(encoding.decode, &metadata.activation))
+            };
+            let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
+            let channels =
+                |group: Group| std::iter::repeat_n(group, group.channels(metadata.features));
+            LevelRanges {
+                retained,
+                ranges: Group::ALL.map(|group| level.encoding(group).map(range)),
+                groups: present.flat_map(channels).collect(),
+            }
+        });
+        Self { levels: levels.collect() }
     }
 
-    /// Takes the needed nodes of plane `x` of a channel, counted over the level's groups in order. From any thread.
-    pub fn put(&self, x: usize, channel: usize, values: &[f32]) {
-        let Some(all) = &self.spans[self.groups[channel] as usize] else { return };
-        let mut span = *all.lock().unwrap_or_else(PoisonError::into_inner);
-        for (y, row) in values.chunks_exact(self.needed.nodes().0[2]).enumerate() {
-            for (start, end) in row::runs(self.needed.row(x, y)) {
-                span.take(&row[start..end]);
+    /// Replaces the encodings of the metadata's levels by those with the fewest bits.
+    pub fn choose_encodings(self, search: BitSearch, metadata: &mut Metadata) -> Result<()> {
+        let activation = metadata.activation;
+        let mut tasks: Vec<(&mut Encoding, ValueRange, Group)> = Vec::new();
+        for (level, ranges) in metadata.levels.iter_mut().zip(self.levels) {
+            let present = [&mut level.density, &mut level.diffuse, &mut level.features];
+            let present = Group::ALL.into_iter().zip(present).zip(ranges.ranges);
+            for ((group, encoding), range) in present {
+                if let (Some(encoding), Some(range)) = (encoding, range) {
+                    let range = range.into_inner().unwrap_or_else(PoisonError::into_inner);
+                    tasks.push((encoding, range, group));
+                }
             }
         }
-        all.lock().unwrap_or_else(PoisonError::into_inner).join(&span);
+        parallel::map_mut(&mut tasks, |_, (encoding, range, group)| {
+            let max_error = search.max_errors.of(*group);
+            let found = encoding_within(max_error, encoding.decode, &activation, range);
+            if !search.only_fewer || found.bits < encoding.bits {
+                **encoding = found;
+            }
+            Ok(())
+        })?;
+        Ok(())
     }
 }
 
-/// The encodings with the fewest bits for the values of each level, by [`Group`].
-pub fn encodings_within(
-    max_errors: MaxErrors,
-    levels: &[LevelMetadata],
-    activation: &Activation,
-    spans: &[LevelSpans],
-) -> Result<Vec<[Option<Encoding>; 3]>> {
-    let groups = Group::ALL.len();
-    let found = parallel::map(levels.len() * groups, |i| {
-        let (level, group) = (i / groups, Group::ALL[i % groups]);
-        let decode = levels[level].encoding(group).map(|encoding| encoding.decode);
-        let span = &spans[level].spans[group as usize];
-        Ok(decode.zip(span.as_ref()).map(|(decode, span)| {
-            let span = span.lock().unwrap_or_else(PoisonError::into_inner);
-            encoding_within(max_errors.of(group), decode, activation, &span)
-        }))
-    })?;
-    Ok(found.as_chunks().0.to_vec())
+impl PlaneSink for RangeSink<'_> {
+    fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
+        let LevelRanges { retained, ranges, groups } = &self.levels[level];
+        let Some(range) = &ranges[groups[channel] as usize] else { return Ok(()) };
+        let mut own = *range.lock().unwrap_or_else(PoisonError::into_inner);
+        for (y, row) in values.chunks_exact(retained.nodes().0[2]).enumerate() {
+            for (start, end) in row::runs(retained.row(x, y)) {
+                own.take(&row[start..end]);
+            }
+        }
+        range.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+        Ok(())
+    }
 }

@@ -1,14 +1,16 @@
-//! What a bake tells about itself.
+//! Reports of bakes.
+
+use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::bake::fit::FittedLevel;
+use super::fit::{Fitted, FittedLevel};
 use crate::codec::container::layout::Entry;
 use crate::codec::quantize::Bits;
-use crate::levels::prune::{Pruned, PrunedLevel};
+use crate::levels::{Visible, VisibleLevel};
 use crate::model::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
 
-/// What came out, what was dropped and why, and what it took.
+/// The result of a bake, and its cost.
 #[derive(Debug, Clone, Serialize)]
 pub struct BakeReport {
     /// Bytes of the container.
@@ -19,7 +21,7 @@ pub struct BakeReport {
     pub pruned: Vec<PruneReport>,
     /// Whether the container was there already, and is what this bake would have written.
     pub unchanged: bool,
-    /// What a fit did, where there was one.
+    /// The report of the fit, where there was one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fitted: Option<FitReport>,
     /// Whether the free-space mask had to be stored.
@@ -46,15 +48,22 @@ impl BakeReport {
     }
 }
 
-/// What a fit did.
+/// The report of a fit.
 #[derive(Debug, Clone, Serialize)]
 pub struct FitReport {
     /// The rule that the levels look best with.
     pub level_of_detail: LevelOfDetail,
     /// From level 1 on.
     pub levels: Vec<FittedLevel>,
-    /// Whether seconds or somebody's wish ended it before its steps did.
+    /// Whether it ended before its steps did, at its time limit or on request.
     pub cut_short: bool,
+}
+
+impl From<Fitted> for FitReport {
+    fn from(fitted: Fitted) -> Self {
+        let Fitted { level_of_detail, courses, cut_short, .. } = fitted;
+        Self { level_of_detail, levels: courses, cut_short }
+    }
 }
 
 /// One level of a container.
@@ -97,7 +106,7 @@ pub struct GroupReport {
     pub max_error: f32,
 }
 
-/// What was dropped of a level, and why.
+/// The nodes of a level, by whether they can be seen.
 #[derive(Debug, Clone, Serialize)]
 pub struct PruneReport {
     /// 0 is the finest.
@@ -115,7 +124,7 @@ pub struct PruneReport {
 /// One stage of the work.
 #[derive(Debug, Clone, Serialize)]
 pub struct StageReport {
-    /// What it did.
+    /// Its name.
     pub name: &'static str,
     /// Wall-clock time.
     pub seconds: f64,
@@ -123,16 +132,42 @@ pub struct StageReport {
     pub bytes: u64,
 }
 
-/// What was dropped of each level.
-pub(super) fn prune_reports(pruned: &Pruned) -> Vec<PruneReport> {
-    let report = |(level, pruned): (usize, &PrunedLevel)| PruneReport {
+/// The stages so far, and the clock of the one at work.
+#[derive(Debug)]
+pub(super) struct Stages {
+    pub(super) list: Vec<StageReport>,
+    clock: Instant,
+}
+
+impl Stages {
+    /// Starts the first stage.
+    pub(super) fn start() -> Self {
+        Self { list: Vec::new(), clock: Instant::now() }
+    }
+
+    /// Ends a stage, and starts the next one.
+    pub(super) fn end(&mut self, name: &'static str, bytes: u64) {
+        let seconds = self.clock.elapsed().as_secs_f64();
+        self.list.push(StageReport { name, seconds, bytes });
+        self.clock = Instant::now();
+    }
+
+    /// Starts the stage at work anew: the time until now belongs to none.
+    pub(super) fn restart(&mut self) {
+        self.clock = Instant::now();
+    }
+}
+
+/// The nodes that were dropped of each level.
+pub(super) fn prune_reports(visible: &Visible) -> Vec<PruneReport> {
+    let report = |(level, visible): (usize, &VisibleLevel)| PruneReport {
         level,
-        nodes: pruned.needed.nodes().count() as u64,
-        opaque_nodes: pruned.opaque_nodes,
-        masked_nodes: pruned.masked_nodes,
-        needed_nodes: pruned.needed.count(),
+        nodes: visible.retained.nodes().count() as u64,
+        opaque_nodes: visible.opaque_nodes,
+        masked_nodes: visible.masked_nodes,
+        needed_nodes: visible.retained.count(),
     };
-    pruned.levels.iter().enumerate().map(report).collect()
+    visible.levels.iter().enumerate().map(report).collect()
 }
 
 /// The levels of a container, from its directory and metadata alone. Fine to coarse.

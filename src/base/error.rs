@@ -227,7 +227,7 @@ impl Error {
         self.0.file.as_deref()
     }
 
-    /// What the user can do about it, in a sentence.
+    /// The remedy, in a sentence.
     pub fn remedy(&self) -> Cow<'static, str> {
         match &self.0.kind {
             ErrorKind::Io(error) => match error.kind() {
@@ -244,10 +244,10 @@ impl Error {
                 "the file is cut short or damaged: copy or make it again".into()
             }
             ErrorKind::OverLimit { what, .. } => {
-                format!("raise the limit on {what} if this file is trusted: see --limit").into()
+                format!("raise the limit on {what} if this file is trusted").into()
             }
             ErrorKind::TooLittleMemory { least, .. } => {
-                format!("pass --memory {least} or more, or fewer --threads").into()
+                format!("allow {least} bytes or more, or fewer threads").into()
             }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
                 "the file is damaged or of another kind: make it again or convert it".into()
@@ -255,11 +255,11 @@ impl Error {
             ErrorKind::Unsupported { .. } => {
                 "use a newer version of this tool, or convert the file".into()
             }
-            ErrorKind::NonFinite { .. } => {
-                "retrain, or pass --nonfinite empty to treat these values as empty".into()
+            ErrorKind::NonFinite { .. } => "retrain, or have these values treated as empty".into(),
+            ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => {
+                "see the documentation of the option".into()
             }
-            ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
-            ErrorKind::Exists => "pass --force to overwrite it".into(),
+            ErrorKind::Exists => "remove it, or allow it to be replaced".into(),
         }
     }
 }

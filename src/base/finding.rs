@@ -116,6 +116,10 @@ codes! {
     MetadataValue = "metadata-value", Error,
         at "key of the metadata",
         do "bake again; tell whoever wrote the file";
+    /// Rays may take more samples than a renderer has to be ready for: the step length is too short.
+    RaySamples = "ray-samples", Error,
+        at "key of the metadata",
+        do "bake again with a longer step";
     /// The view network's layers do not fit each other, the metadata or their chunk.
     Network = "network", Error,
         at "chunk or byte",

@@ -26,7 +26,7 @@ pub struct Limits {
     pub blocks: u64,
     /// Objects that a pickle makes. Default: 2,097,152
     pub pickle_objects: u64,
-    /// Bytes of tensors, tables and codes held at once because a file says so. Default: 16 GiB
+    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16 GiB
     pub memory: u64,
 }
 
@@ -64,7 +64,7 @@ impl Limits {
             ("pickle-objects", "objects that a pickle makes", &mut self.pickle_objects),
             (
                 "memory",
-                "bytes of tensors, tables and codes held at once because a file says so",
+                "bytes of tensors, chunks, tables and codes held at once because a file says so",
                 &mut self.memory,
             ),
         ]
@@ -106,6 +106,11 @@ impl Budget {
         check(what, bytes, self.left, place)?;
         self.left -= bytes;
         Ok(())
+    }
+
+    /// Returns bytes that were spent on what is no longer held.
+    pub fn give_back(&mut self, bytes: u64) {
+        self.left += bytes;
     }
 
     /// The only way to allocate by a number that came from a file.

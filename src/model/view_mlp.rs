@@ -58,42 +58,66 @@ impl ViewMlp {
         features: usize,
         place: &Place,
     ) -> Result<Self> {
-        let widths: Vec<_> = layers.iter().map(|layer| (layer.inputs, layer.outputs)).collect();
-        let joined = widths.windows(2).all(|pair| pair[0].1 == pair[1].0);
-        let (Some(&(first, _)), Some(&(_, 3)), true) = (widths.first(), widths.last(), joined)
-        else {
-            return Err(Error::malformed(
-                place.clone(),
-                format!("layers of (inputs, outputs) {widths:?}"),
-                "layers that join, with 3 outputs at the end",
-            ));
-        };
-        // Both are small wherever they were checked; where not, no width fits.
-        let embedding = frequencies.saturating_mul(6).saturating_add(3);
-        let input = match first.checked_sub(embedding) {
-            Some(rest) if rest == features.saturating_add(3) => ViewInput::DiffuseAndFeatures,
-            Some(rest) if rest == features => ViewInput::Features,
-            _ => {
-                return Err(Error::unsupported(
-                    place.clone(),
-                    format!("a first layer {first} wide"),
-                    format!(
-                        "{} for a network that runs once a ray on {features} features ({} without \
-                         the diffuse colour); networks that run for each sample cannot be baked, \
-                         --mlp none leaves the network out",
-                        embedding.saturating_add(features).saturating_add(3),
-                        embedding.saturating_add(features)
-                    ),
-                ));
-            }
-        };
+        let input = input_of(&layers, frequencies, features, place)?;
         Ok(Self { layers, frequencies, input })
+    }
+
+    /// Refuses a network that does not fit a field of `features` specular features.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn check(&self, features: usize, place: &Place) -> Result<()> {
+        if input_of(&self.layers, self.frequencies, features, place)? == self.input {
+            return Ok(());
+        }
+        let found = format!("{:?}", self.input);
+        Err(Error::malformed(place.clone(), found, "the input that the first layer is wide for"))
     }
 
     /// Widths from input to output.
     pub fn widths(&self) -> Vec<usize> {
         let first = self.layers.first().map(|layer| layer.inputs);
         first.into_iter().chain(self.layers.iter().map(|layer| layer.outputs)).collect()
+    }
+}
+
+/// The input that layers are made for; see [`ViewMlp::new`].
+fn input_of(
+    layers: &[Layer],
+    frequencies: usize,
+    features: usize,
+    place: &Place,
+) -> Result<ViewInput> {
+    let widths: Vec<_> = layers.iter().map(|layer| (layer.inputs, layer.outputs)).collect();
+    let joined = widths.windows(2).all(|pair| pair[0].1 == pair[1].0);
+    let is_whole = |layer: &Layer| {
+        let weights = layer.inputs.checked_mul(layer.outputs);
+        weights == Some(layer.weights.len()) && layer.bias.len() == layer.outputs
+    };
+    let joined = joined && layers.iter().all(is_whole);
+    let (Some(&(first, _)), Some(&(_, 3)), true) = (widths.first(), widths.last(), joined) else {
+        return Err(Error::malformed(
+            place.clone(),
+            format!("layers of (inputs, outputs) {widths:?}"),
+            "layers that join, with 3 outputs at the end",
+        ));
+    };
+    // Both are small wherever they were checked; where not, no width fits.
+    let embedding = frequencies.saturating_mul(6).saturating_add(3);
+    match first.checked_sub(embedding) {
+        Some(rest) if rest == features.saturating_add(3) => Ok(ViewInput::DiffuseAndFeatures),
+        Some(rest) if rest == features => Ok(ViewInput::Features),
+        _ => Err(Error::unsupported(
+            place.clone(),
+            format!("a first layer {first} wide"),
+            format!(
+                "{} for a network that runs once a ray on {features} features ({} without \
+                         the diffuse colour); networks that run for each sample cannot be baked, \
+                         --mlp none leaves the network out",
+                embedding.saturating_add(features).saturating_add(3),
+                embedding.saturating_add(features)
+            ),
+        )),
     }
 }
 

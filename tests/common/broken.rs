@@ -56,7 +56,7 @@ fn sound_container() -> Vec<u8> {
     let lookup = Lookup::Nearest(inside);
     let mask = FreeSpace { nodes: Nodes([2; 3]), scale: [0.5; 3], shift: [0.5; 3], lookup };
     let mut options = BakeOptions::default();
-    options.filter = Filter::Paper;
+    options.filter = Filter::Paper.into();
     options.levels = Some(2);
     options.block_size = 4;
     baked_bytes(&masked(field, mask), &options).expect("a bake")
@@ -111,6 +111,7 @@ fn containers(sound: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
         ("prefix", chunks::file(&prefix, &parts)),
         ("metadata", with_chunk(&parts, b"META", None, |bytes| bytes.push(b' '))),
         ("metadata-value", metadata(|metadata| metadata.march.stepsize = 0.0)),
+        ("ray-samples", metadata(|metadata| metadata.march.stepsize = 1e-7)),
         ("network", with_chunk(&parts, b"VMLP", None, |bytes| bytes.truncate(bytes.len() - 4))),
         ("free-space", with_chunk(&parts, b"MASK", None, |bytes| bytes[0] = 9)),
         ("provenance", with_chunk(&parts, b"prov", None, |bytes| bytes.push(b' '))),

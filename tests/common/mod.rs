@@ -6,8 +6,9 @@ pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
 pub mod plain;
-pub mod plain_matter;
+pub mod plain_alpha;
 pub mod plain_render;
+pub mod planes;
 pub mod rendered;
 pub mod stress;
 pub mod stress_field;
@@ -17,8 +18,8 @@ pub mod stress_scalar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, rebake};
-use mipvog_bake::unstable::base::bytes::{Output, SourceFile, Storage};
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, repack};
+use mipvog_bake::unstable::base::bytes::{Output, Storage};
 use mipvog_bake::unstable::base::error::Result;
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
@@ -169,11 +170,7 @@ pub fn baked_bytes(field: &RadianceField, options: &BakeOptions) -> Result<Vec<u
 
 /// Opens a container from bytes.
 pub fn open_bytes(bytes: &[u8]) -> Result<Container> {
-    let folder = folder();
-    let path = folder.path().join("container.mipvog");
-    std::fs::write(&path, bytes).expect("writable");
-    // The open file outlives its name.
-    Container::open(Arc::new(SourceFile::open(&path)?), &Limits::default())
+    Container::from_bytes(bytes.to_vec(), &Limits::default())
 }
 
 /// A container's dense arrays.
@@ -200,7 +197,7 @@ pub fn packed(
     let folder = folder();
     let path = folder.path().join("again.mipvog");
     let mut output = Output::create(&path, false)?;
-    rebake(input, changes, &mut output, &Silent)?;
+    repack(input, changes, &Limits::default(), &mut output, &Silent)?;
     output.finish()?;
     Ok(std::fs::read(path).expect("the container"))
 }

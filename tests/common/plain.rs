@@ -1,7 +1,5 @@
 //! The slow twin: every stage as its definition says, in float64, one node at a time.
 
-use mipvog_bake::unstable::levels::mips::Kernel;
-
 /// Every node of a grid, z fastest.
 pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..nx * ny * nz).map(move |i| [i / nz / ny, i / nz % ny, i % nz])
@@ -18,10 +16,10 @@ pub fn halved(nodes: [usize; 3]) -> [usize; 3] {
 }
 
 /// One level step: low-pass with mirrored faces, then trilinear resize with corners aligned.
-pub fn next_level(nodes: [usize; 3], values: &[f64], kernel: Kernel) -> Vec<f64> {
+pub fn next_level(nodes: [usize; 3], values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut low = values.to_vec();
     for axis in 0..3 {
-        low = lowpass(nodes, &low, &kernel.weights(), axis);
+        low = lowpass(nodes, &low, weights, axis);
     }
     let coarse = halved(nodes);
     all_nodes(coarse)
@@ -59,8 +57,12 @@ fn mirror(mut node: isize, count: usize) -> usize {
 
 /// Trilinear interpolation at a position in index space.
 pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
-    let mut sum = 0.0;
-    for corner in 0..8usize {
+    shares(nodes, u).map(|(node, share)| share * values[node]).iter().sum()
+}
+
+/// The corners of the cell of `u`, in index space, and their trilinear shares.
+pub fn shares(nodes: [usize; 3], u: [f64; 3]) -> [(usize, f64); 8] {
+    std::array::from_fn(|corner| {
         let (mut weight, mut at) = (1.0, [0; 3]);
         for axis in 0..3 {
             let low = (u[axis] as usize).min(nodes[axis] - 2);
@@ -69,9 +71,8 @@ pub fn trilinear(nodes: [usize; 3], values: &[f64], u: [f64; 3]) -> f64 {
             weight *= if high == 1 { fraction } else { 1.0 - fraction };
             at[axis] = low + high;
         }
-        sum += weight * values[index(nodes, at)];
-    }
-    sum
+        (index(nodes, at), weight)
+    })
 }
 
 /// `ln(1 + exp(x))`.

@@ -1,7 +1,7 @@
 //! The renderer's slow twin: one pixel at a time as `formats/mipvog.md`, section 6, says it, in
 //! float64 over dense arrays. It visits every sample of every ray and skips nothing.
 
-use mipvog_bake::unstable::model::baked::{Aside, Blend, Decode, StepRule};
+use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup};
 use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
@@ -18,7 +18,7 @@ pub struct PlainLevel {
     /// Density; none where level 0's counts.
     pub density: Option<Vec<f64>>,
     /// What densities mean.
-    pub decode: Decode,
+    pub domain: DensityDomain,
     /// Raw colour and features, a list for each channel.
     pub color: Vec<Vec<f64>>,
     /// What is not stored; none where everything is.
@@ -81,7 +81,7 @@ impl PlainField {
             ActivationOrder::Density => *value = softplus(*value + shift),
             ActivationOrder::Opacity => *value = opacity(*value, shift, interval),
         };
-        for level in levels.iter_mut().filter(|level| level.decode == Decode::RawDensity) {
+        for level in levels.iter_mut().filter(|level| level.domain == DensityDomain::Raw) {
             level.density.iter_mut().flatten().for_each(activate);
             level.pruned.iter_mut().for_each(|pruned| activate(&mut pruned.density));
         }
@@ -156,6 +156,25 @@ impl PlainField {
         Pixel { color, transmittance: left, distance, level: mean_level, accumulated, doubt }
     }
 
+    /// Positions and weights of level 0's samples on the ray through a point of a picture.
+    pub fn weights(&self, camera: &Camera, point: [f64; 2]) -> Vec<([f64; 3], f64)> {
+        let ray = self.ray(camera, point);
+        let most = length(self.view.nodes.0.map(|size| (size + 1) as f64));
+        let most = (most / f64::from(self.view.march.stepsize)).floor() as usize;
+        let (mut left, mut weights) = (1.0, Vec::new());
+        for k in 0..=most {
+            let at = ray.at(ray.entry + k as f64 * ray.step);
+            let Some(position) = self.in_box(at) else { continue };
+            let depth = self.optical_depth(0.0, position).unwrap_or(0.0);
+            let alpha = -(-depth).exp_m1();
+            if alpha > f64::from(self.view.march.alpha_threshold) {
+                weights.push((position, alpha * left));
+                left *= 1.0 - alpha;
+            }
+        }
+        weights
+    }
+
     fn ray(&self, camera: &Camera, [x, y]: [f64; 2]) -> PlainRay {
         let (lens, march) = (&camera.lens, &self.view.march);
         let local =
@@ -210,9 +229,9 @@ impl PlainField {
         let t = |ray: &PlainRay| ray.entry + k * ray.step;
         let here = ray.at(t(ray));
         let rho = aside.each_ref().map(|other| {
-            let there = match rule.aside {
-                Aside::SameIndex => other.at(t(other)),
-                Aside::SameDistance => other.at(t(ray)),
+            let there = match rule.neighbour {
+                FootprintNeighbour::SameIndex => other.at(t(other)),
+                FootprintNeighbour::SameDistance => other.at(t(ray)),
             };
             let voxels = |a: usize| (there[a] - here[a]) / extent[a] * self.view.nodes.0[a] as f64;
             length([0, 1, 2].map(voxels)) / 0.5
@@ -239,7 +258,7 @@ impl PlainField {
             let density = level.density.as_deref().expect("level 0 has density");
             level.value(density, level.pruned.as_ref().map(|pruned| pruned.density), position)
         };
-        let decode = |level: usize, value: f64| self.decoded(self.levels[level].decode, value);
+        let decode = |level: usize, value: f64| self.decoded(self.levels[level].domain, value);
         let depth = match self.view.blend {
             Blend::BeforeActivation => decode(0, blended(lambda, value)),
             Blend::AfterActivation => blended(lambda, |level| decode(level, value(level))),
@@ -248,13 +267,13 @@ impl PlainField {
     }
 
     /// Optical depth over one interval of an interpolated value.
-    fn decoded(&self, decode: Decode, value: f64) -> f64 {
+    fn decoded(&self, decode: DensityDomain, value: f64) -> f64 {
         let activation = &self.view.activation;
         let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
         let of_opacity = |alpha: f64| -(-alpha.clamp(0.0, 1.0 - f64::from(f32::EPSILON))).ln_1p();
         match (decode, activation.order) {
-            (Decode::SqrtOpticalDepth, _) => value * value,
-            (Decode::Opacity, _) | (_, ActivationOrder::Opacity) => of_opacity(value),
+            (DensityDomain::SqrtOpticalDepth, _) => value * value,
+            (DensityDomain::Opacity, _) | (_, ActivationOrder::Opacity) => of_opacity(value),
             (_, ActivationOrder::Raw) => softplus(value + shift) * interval,
             (_, ActivationOrder::Density) => value * interval,
         }

@@ -1,23 +1,27 @@
 //! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
 
-use mipvog_bake::unstable::levels::mips::Settled;
-use mipvog_bake::unstable::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use mipvog_bake::unstable::model::baked::{
+    BakedField, BakedLevel, DensityDomain, Group, LevelMetadata,
+};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
 
 use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::codec::quantize::decode_codes;
-use mipvog_bake::unstable::levels::prune::masked_planes;
+use mipvog_bake::unstable::levels::LevelFilter;
+use mipvog_bake::unstable::levels::visible::masked_planes;
 use mipvog_bake::unstable::view::render::{Frame, LevelChoice};
-use mipvog_bake::unstable::view::sample::Levels;
 
 use super::plain::{all_nodes, halved, index, next_level};
 use super::plain_render::{PlainField, PlainLevel, Pruned};
-use super::{plain_matter, volume_values};
+use super::{plain_alpha, volume_values};
 
-/// Levels of a trained field.
-pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> {
+/// Level 0 of a trained field, and the levels that a filter makes of it, at most so many in all.
+pub fn trained_levels(
+    field: &RadianceField,
+    filter: Option<(&dyn LevelFilter, usize)>,
+) -> Vec<PlainLevel> {
     let mut nodes = field.scene.nodes.0;
     let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
     let mut density = wide(volume_values(&field.density));
@@ -29,48 +33,48 @@ pub fn trained_levels(field: &RadianceField, levels: Levels) -> Vec<PlainLevel> 
     let finest = PlainLevel {
         nodes,
         density: Some(density.clone()),
-        decode: Decode::RawDensity,
+        domain: DensityDomain::Raw,
         color: color.clone(),
         pruned: None,
     };
     let mut all = vec![finest];
+    let Some((filter, count)) = filter else { return all };
+    let weights = &filter.weights();
     // Coarser levels see what the mask leaves.
-    if levels.most > 1 && levels.density {
+    if count > 1 && filter.has_density() {
         density = masked_density(field);
     }
-    let mut lifted = Vec::new();
-    if let Some(matter) = &levels.matter {
-        let extent = plain_matter::extent(&field.scene);
-        let seen = plain_matter::visibility(nodes, matter, levels.kernel, &density, extent);
-        lifted =
-            plain_matter::lift(matter, &[vec![density.clone()], color.clone()].concat(), &seen);
+    let mut linear = Vec::new();
+    let domain = filter.alpha(&field.scene.activation);
+    if let Some(domain) = &domain {
+        let extent = plain_alpha::extent(&field.scene);
+        let seen = plain_alpha::visibility(nodes, domain, weights, &density, extent);
+        let channels = [vec![density.clone()], color.clone()].concat();
+        linear = plain_alpha::premultiply(domain, &channels, &seen);
     }
-    while all.len() < levels.most && halved(nodes) != nodes {
-        let next = |values: &[f64]| next_level(nodes, values, levels.kernel);
-        let mut decode = Decode::RawDensity;
-        if let Some(matter) = &levels.matter {
-            lifted = lifted.iter().map(|channel| next(channel)).collect();
-            let mut settled = plain_matter::settle(halved(nodes), matter, &lifted);
-            density = settled.remove(0);
-            color = settled;
-            decode = match matter.settled {
-                Settled::SqrtOpticalDepth => Decode::SqrtOpticalDepth,
-                Settled::Opacity => Decode::Opacity,
-            };
+    while all.len() < count && halved(nodes) != nodes {
+        let next = |values: &[f64]| next_level(nodes, values, weights);
+        let mut kind = DensityDomain::Raw;
+        if let Some(domain) = &domain {
+            linear = linear.iter().map(|channel| next(channel)).collect();
+            let mut stored = plain_alpha::unpremultiply(halved(nodes), domain, &linear);
+            density = stored.remove(0);
+            color = stored;
+            kind = domain.stored;
         } else {
             color = color.iter().map(|channel| next(channel)).collect();
-            density = if levels.density { next(&density) } else { density };
+            density = if filter.has_density() { next(&density) } else { density };
         }
         nodes = halved(nodes);
-        let density = levels.density.then(|| density.clone());
-        all.push(PlainLevel { nodes, density, decode, color: color.clone(), pruned: None });
+        let density = filter.has_density().then(|| density.clone());
+        all.push(PlainLevel { nodes, density, domain: kind, color: color.clone(), pruned: None });
     }
     all
 }
 
 /// Level 0 alone.
 pub fn finest_level(field: &RadianceField) -> Vec<PlainLevel> {
-    trained_levels(field, Levels::FINEST)
+    trained_levels(field, None)
 }
 
 fn masked_density(field: &RadianceField) -> Vec<f64> {
@@ -104,7 +108,7 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
         PlainLevel {
             nodes,
             density: of_level.density.is_some().then(|| channels(Group::Density).remove(0)),
-            decode: of_level.density.as_ref().map_or(Decode::RawDensity, |of| of.decode),
+            domain: of_level.density_domain(),
             color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),

@@ -137,7 +137,7 @@ pub const ROWS: [Row; 19] = [
         bound: [1e-4, ANY, ANY],
         reason: "amounts are f32: near 1 the light left is known to 3e-8, and level 1's step takes its root",
         portable: true,
-        run: stress_field::matter_density,
+        run: stress_field::density_of_levels,
     },
     Row {
         stage: "weighted averages, colour",
@@ -145,7 +145,7 @@ pub const ROWS: [Row; 19] = [
         bound: [4e-5, ANY, ANY],
         reason: "light behind many nodes is a product of as many exponentials, each 2e-7 off; then the quotient of two f32 means",
         portable: true,
-        run: stress_field::matter_color,
+        run: stress_field::color_of_levels,
     },
     Row {
         stage: "quantize",

@@ -1,60 +1,39 @@
 //! The stages that make levels: filters, weighted averages, quantization, against their slow twins.
 
-use std::sync::Mutex;
-
 use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::codec::quantize::{
     Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, color_encoding, decode_codes,
     density_encoding, run_bytes, run_codes,
 };
-use mipvog_bake::unstable::levels::mips::{
-    Cascade, Kernel, Lift, Matter, Occluders, Regions, Settled, Settlers,
+use mipvog_bake::unstable::levels::sizes::level_sizes;
+use mipvog_bake::unstable::levels::taps::AxisTaps;
+use mipvog_bake::unstable::levels::{
+    AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
 };
-use mipvog_bake::unstable::levels::mips::{Visibility, level_sizes, taps::AxisTaps};
-use mipvog_bake::unstable::model::baked::{Codes, Decode, Encoding, NumberType};
+use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, NumberType};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
+use super::planes::{Channels, levels};
 use super::stress::Worst;
 use super::stress_scalar::{INTERVALS, SHIFTS, activation, raws};
-use super::{Random, plain_matter};
+use super::{Random, plain_alpha};
 
-/// Channels of a level, `[channel][node]`.
-type Channels = Vec<Vec<f32>>;
+/// All levels of some channels under a low-pass; every node is required.
+fn all_levels(
+    nodes: [usize; 3],
+    channels: &[Vec<f32>],
+    weights: &[f64],
+    content: Content,
+) -> Vec<Channels> {
+    levels(channels, &everything(nodes, weights), content)
+}
 
-/// All levels of some channels as the program makes them.
-fn cascade(nodes: [usize; 3], channels: &Channels, lift: Lift, kernel: Kernel) -> Vec<Channels> {
+fn everything(nodes: [usize; 3], weights: &[f64]) -> RequiredNodes {
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
-    let whole: Vec<NodeMask> = sizes.iter().map(|&size| NodeMask::full(size)).collect();
-    let regions = Regions::new(whole.clone(), None, kernel).expect("regions");
-    let levels: Vec<Vec<Mutex<Vec<f32>>>> = sizes
-        .iter()
-        .map(|size| channels.iter().map(|_| Mutex::new(vec![0.0; size.count()])).collect())
-        .collect();
-    let matter = match &lift {
-        Lift::Seen(matter, _) => Some(*matter),
-        _ => None,
-    };
-    let settlers = Settlers::new(matter, channels.len(), &whole);
-    let put = |level: usize, x: usize, channel: usize, plane: &mut [f32]| {
-        let mut values = levels[level][channel].lock().expect("a level");
-        values[x * plane.len()..][..plane.len()].copy_from_slice(plane);
-        Ok(())
-    };
-    Cascade::new(&regions, channels.len(), lift.clone(), 8)
-        .run(
-            |x, channel, _, plane| {
-                let length = plane.len();
-                plane.copy_from_slice(&channels[channel][x * length..(x + 1) * length]);
-                put(0, x, channel, plane)
-            },
-            |level, x, channel, plane| settlers.pass([level, x, channel], plane, put),
-            |level, planes| settlers.settle(level, planes, put, |_| Ok(())),
-        )
-        .expect("levels");
-    let values = |values: Mutex<Vec<f32>>| values.into_inner().expect("a level");
-    levels.into_iter().map(|level| level.into_iter().map(values).collect()).collect()
+    let whole = sizes.iter().map(|&size| NodeMask::full(size)).collect();
+    RequiredNodes::new(whole, None, weights).expect("required nodes")
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {
@@ -92,11 +71,11 @@ const SIZES: [[usize; 3]; 6] =
 
 /// One step against the twin's; relative to the weighted sum of magnitudes.
 fn take_step(worst: &mut Worst, nodes: [usize; 3], values: &[f32], kernel: Kernel, name: &str) {
-    let lift = Lift::Raw(0..1);
-    let levels = cascade(nodes, &vec![values.to_vec()], lift, kernel);
-    let want = next_level(nodes, &wide(values), kernel);
+    let weights = &kernel.weights();
+    let levels = all_levels(nodes, &[values.to_vec()], weights, Content::Logits(0..1));
+    let want = next_level(nodes, &wide(values), weights);
     let scale =
-        next_level(nodes, &wide(values).iter().map(|v| v.abs()).collect::<Vec<_>>(), kernel);
+        next_level(nodes, &wide(values).iter().map(|v| v.abs()).collect::<Vec<_>>(), weights);
     for (i, ((got, want), scale)) in levels[1][0].iter().zip(want).zip(scale).enumerate() {
         let at = || format!("{name}, {nodes:?}, {}, node {i}", kernel.name());
         worst.take((*got).into(), want, scale, &at);
@@ -135,7 +114,9 @@ pub fn exact() -> Worst {
         for value in raws().step_by(37).chain([1e30, -1e30, -0.0, 1e-45, f32::MAX]) {
             for kernel in kernels() {
                 let values = vec![value; nodes.iter().product()];
-                for level in cascade(nodes, &vec![values.clone()], Lift::Raw(0..1), kernel) {
+                for level in
+                    all_levels(nodes, &[values.clone()], &kernel.weights(), Content::Logits(0..1))
+                {
                     for got in &level[0] {
                         let at = || format!("{value}, {}", kernel.name());
                         worst.take((*got).into(), value.into(), value.abs().into(), &at);
@@ -152,7 +133,8 @@ pub fn exact() -> Worst {
         let values = all_nodes(nodes).map(|at| value(at, slope) as f32).collect();
         let whole = nodes.map(|size| size - 1);
         for kernel in kernels() {
-            let got = &cascade(nodes, &vec![Vec::clone(&values)], Lift::Raw(0..1), kernel)[1][0];
+            let content = Content::Logits(0..1);
+            let got = &all_levels(nodes, &[Vec::clone(&values)], &kernel.weights(), content)[1][0];
             // Windows that no mirror touches.
             let weights = kernel.weights();
             let (width, radius) = (weights.len() + 1, weights.len() / 2);
@@ -182,13 +164,14 @@ pub fn twenty_levels() -> Worst {
     let mut random = Random::new(20);
     let values: Vec<f32> =
         (0..4 << 20).map(|_| [1e30, -1e30, 7e29, 1.0][random.below(4)]).collect();
-    let levels = cascade(nodes, &vec![values.clone()], Lift::Raw(0..1), Kernel::Tent);
+    let levels =
+        all_levels(nodes, &[values.clone()], &Kernel::Tent.weights(), Content::Logits(0..1));
     assert_eq!(levels.len(), 20);
     let mut want = wide(&values);
     let mut scale: Vec<f64> = want.iter().map(|value| value.abs()).collect();
     for (level, got) in levels.iter().enumerate().skip(1) {
-        want = next_level(nodes, &want, Kernel::Tent);
-        scale = next_level(nodes, &scale, Kernel::Tent);
+        want = next_level(nodes, &want, &Kernel::Tent.weights());
+        scale = next_level(nodes, &scale, &Kernel::Tent.weights());
         nodes = halved(nodes);
         for ((got, want), scale) in got[0].iter().zip(&want).zip(&scale) {
             worst.take((*got).into(), *want, *scale, &|| format!("level {level}"));
@@ -200,44 +183,38 @@ pub fn twenty_levels() -> Worst {
 /// Edge of the box in intervals.
 const EXTENT: f64 = 20.0;
 
-/// What is seen of each node as the program finds it.
-fn visibility(nodes: [usize; 3], matter: &Matter, kernel: Kernel, raw: &[f32]) -> Visibility {
+/// The visibility of each node as the program finds it.
+fn visibility(nodes: [usize; 3], domain: &AlphaDomain, weights: &[f64], raw: &[f32]) -> Visibility {
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
-    let regions = sizes.iter().map(|&size| NodeMask::full(size)).collect();
-    let regions = Regions::new(regions, None, kernel).expect("regions");
-    let occluders = Occluders::new(*matter, &sizes, [EXTENT; 3]);
-    let length = nodes[1] * nodes[2];
-    Cascade::new(&regions, 1, Lift::Amounts(*matter), 8)
-        .run(
-            |x, _, _, plane| {
-                plane.copy_from_slice(&raw[x * length..(x + 1) * length]);
-                occluders.take(0, x, plane);
-                Ok(())
-            },
-            |level, x, _, plane| {
-                occluders.take(level, x, plane);
-                Ok(())
-            },
-            |_, _| Ok(()),
-        )
-        .expect("amounts");
-    occluders.visibility().expect("a visibility")
+    let depths = OpticalDepthGrid::new(*domain, &sizes, [EXTENT; 3]);
+    for (x, plane) in raw.chunks(nodes[1] * nodes[2]).enumerate() {
+        depths.take(0, x, plane);
+    }
+    let alphas = all_levels(nodes, &[raw.to_vec()], weights, Content::Alpha(*domain));
+    for (level, (alphas, size)) in alphas.iter().zip(&sizes).enumerate().skip(1) {
+        for (x, plane) in alphas[0].chunks(size.0[1] * size.0[2]).enumerate() {
+            depths.take(level, x, plane);
+        }
+    }
+    depths.visibility().expect("a visibility")
 }
 
-/// Matter of hurtful fields through all levels: `take(level, matter, got, want, amounts)`, the channels
-/// being density and two colours.
-fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) {
+/// Hurtful fields through all levels: `take(level, domain, got, want, alphas)`, the channels being
+/// density and two colours.
+fn premultiplied(mut take: impl FnMut(usize, &AlphaDomain, &Channels, &[Vec<f64>], &[f64])) {
     let filters = [Filter::RateTent, Filter::Coverage];
     for (seed, (nodes, shift)) in
         SIZES.into_iter().flat_map(|nodes| SHIFTS.map(|shift| (nodes, shift))).enumerate()
     {
         for (filter, interval) in filters.into_iter().flat_map(|f| INTERVALS.map(|i| (f, i))) {
-            let matter = filter.matter(&activation(shift, interval)).expect("matter");
+            let filter: &dyn LevelFilter = &filter;
+            let domain = filter.alpha(&activation(shift, interval)).expect("a filter of alpha");
+            let weights = &filter.weights();
             let mut all = fields(nodes, seed as u64);
             let count: usize = nodes.iter().product();
-            // Constants around the densest amount that counts: 1 - 1e-7 over the reach.
+            // Constants around the greatest alpha that counts: 1 - 1e-7.
             for depth in [12.2, 13.4, 14.0, 14.6, 15.0, 15.3, 15.6, 15.8, 15.9, 16.0, 16.3] {
-                let raw = depth / (interval * matter.reach) - shift;
+                let raw = depth / (interval * domain.span) - shift;
                 all.push(("nearly opaque", vec![raw; count]));
             }
             let color = all[6].1.clone();
@@ -247,20 +224,22 @@ fn matter(mut take: impl FnMut(usize, &Matter, &Channels, &[Vec<f64>], &[f64])) 
                 let channels = vec![density, color.clone(), other.clone()];
                 let channels: Channels =
                     channels.into_iter().map(|c| c.into_iter().map(moderate).collect()).collect();
-                let kernel = filter.kernel();
-                let visibility = visibility(nodes, &matter, kernel, &channels[0]);
-                let levels = cascade(nodes, &channels, Lift::Seen(matter, &visibility), kernel);
+                let visibility = visibility(nodes, &domain, weights, &channels[0]);
+                let required = everything(nodes, weights);
+                let retained = required.levels().iter().collect();
+                let content = Content::Colors { domain, visibility: &visibility, retained };
+                let levels = levels(&channels, &required, content);
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
                 let extent = [EXTENT; 3];
-                let seen = plain_matter::visibility(nodes, &matter, kernel, &wide[0], extent);
-                let mut lifted = plain_matter::lift(&matter, &wide, &seen);
+                let seen = plain_alpha::visibility(nodes, &domain, weights, &wide[0], extent);
+                let mut linear = plain_alpha::premultiply(&domain, &wide, &seen);
                 for (level, got) in levels.iter().enumerate().skip(1) {
-                    for channel in &mut lifted {
-                        *channel = next_level(size, channel, kernel);
+                    for channel in &mut linear {
+                        *channel = next_level(size, channel, weights);
                     }
                     size = halved(size);
-                    let want = plain_matter::settle(size, &matter, &lifted);
-                    take(level, &matter, got, &want, &lifted[0]);
+                    let want = plain_alpha::unpremultiply(size, &domain, &linear);
+                    take(level, &domain, got, &want, &linear[0]);
                 }
             }
         }
@@ -271,31 +250,31 @@ fn moderate(value: f32) -> f32 {
     value.clamp(-1e30, 1e30)
 }
 
-pub fn matter_density() -> Worst {
+pub fn density_of_levels() -> Worst {
     let mut worst = Worst::default();
-    matter(|level, matter, got, want, _| {
+    premultiplied(|level, domain, got, want, _| {
         for (&got, &want) in got[0].iter().zip(&want[0]) {
             let opacity = |value: f64| {
-                let depth = match matter.settled {
-                    Settled::SqrtOpticalDepth => value * value,
-                    Settled::Opacity => -(-value).ln_1p(),
+                let depth = match domain.stored {
+                    DensityDomain::SqrtOpticalDepth => value * value,
+                    _ => -(-value).ln_1p(),
                 };
                 -(-depth * 2f64.powi(level as i32)).exp_m1()
             };
-            let at = || format!("level {level}, {matter:?}, {got} for {want}");
+            let at = || format!("level {level}, {domain:?}, {got} for {want}");
             worst.take(opacity(got.into()), opacity(want), 0.0, &at);
         }
     });
     worst
 }
 
-pub fn matter_color() -> Worst {
+pub fn color_of_levels() -> Worst {
     let mut worst = Worst::default();
-    matter(|level, matter, got, want, amounts| {
+    premultiplied(|level, domain, got, want, alphas| {
         for channel in 1..3 {
             let pairs = got[channel].iter().zip(&want[channel]);
-            for ((&got, &want), &amount) in pairs.zip(amounts).filter(|(_, a)| **a > 0.0) {
-                let at = || format!("level {level}, {matter:?}, amount {amount}, {got} for {want}");
+            for ((&got, &want), &alpha) in pairs.zip(alphas).filter(|(_, a)| **a > 0.0) {
+                let at = || format!("level {level}, {domain:?}, alpha {alpha}, {got} for {want}");
                 worst.take(sigmoid(got.into()), sigmoid(want), 0.0, &at);
             }
         }
@@ -310,13 +289,13 @@ type Activate = Box<dyn Fn(f64) -> f64>;
 fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
     let mut all: Vec<(Encoding, Activate)> = vec![(color_encoding(bits), Box::new(sigmoid))];
     for (shift, interval) in SHIFTS.into_iter().flat_map(|s| INTERVALS.map(|i| (s, i))) {
-        let encoding = |decode| density_encoding(bits, decode, &activation(shift, interval));
+        let encoding = |domain| density_encoding(bits, domain, &activation(shift, interval));
         let raw = move |raw: f64| opacity(raw, shift.into(), interval.into());
-        all.push((encoding(Decode::RawDensity), Box::new(raw)));
+        all.push((encoding(DensityDomain::Raw), Box::new(raw)));
         if interval == 0.5 {
             let depth = |root: f64| -(-root.max(0.0).powi(2)).exp_m1();
-            all.push((encoding(Decode::SqrtOpticalDepth), Box::new(depth)));
-            all.push((encoding(Decode::Opacity), Box::new(|alpha| alpha.clamp(0.0, 1.0))));
+            all.push((encoding(DensityDomain::SqrtOpticalDepth), Box::new(depth)));
+            all.push((encoding(DensityDomain::Opacity), Box::new(|alpha| alpha.clamp(0.0, 1.0))));
         }
     }
     all
@@ -337,7 +316,7 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
     let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation);
     let (frame, _) = encoder.frame(source, source.needed_nodes(edge), 0, None);
-    let bytes = run_bytes(encoder.shape(), &[frame], encoder.unneeded_limit()).bytes;
+    let bytes = run_bytes(encoder.shape(), &[frame], encoder.dont_care_max()).bytes;
     let codes = match encoding.number {
         NumberType::U8 => Codes::U8(restored(encoder.shape(), &bytes)),
         NumberType::U16 | NumberType::F16 => Codes::U16(restored(encoder.shape(), &bytes)),
@@ -369,9 +348,10 @@ fn to_store(encoding: &Encoding) -> Vec<f32> {
             values.extend([border.next_down(), border, border.next_up()]);
         }
     }
-    if encoding.decode == Decode::SqrtOpticalDepth || encoding.decode == Decode::Opacity {
+    let domain = encoding.decode.density();
+    if matches!(domain, Some(DensityDomain::SqrtOpticalDepth | DensityDomain::Opacity)) {
         // Neither is below 0, nor opacity above 1.
-        let most = if encoding.decode == Decode::Opacity { 1.0 } else { f32::MAX };
+        let most = if domain == Some(DensityDomain::Opacity) { 1.0 } else { f32::MAX };
         values.iter_mut().for_each(|value| *value = value.abs().min(most));
     }
     values

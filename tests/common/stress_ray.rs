@@ -8,8 +8,10 @@ use mipvog_bake::unstable::model::activate;
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::Bounds;
-use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, LevelChoice, render};
-use mipvog_bake::unstable::view::sample::{Dense, Levels, Sample};
+use mipvog_bake::unstable::view::render::{
+    Field, Frame, FrameOptions, LevelChoice, TrainedLevels, render,
+};
+use mipvog_bake::unstable::view::sample::{Dense, Sample};
 
 use super::plain::{all_nodes, index, trilinear};
 use super::plain_render::{Pixel, PlainField};
@@ -29,7 +31,7 @@ pub fn interpolation() -> Worst {
         for values in [checkerboard.collect(), chance, mixed] {
             let values: Vec<f32> = values;
             let of_field = field(nodes, &values, &[&values[..]; 3].concat());
-            let dense = Dense::<4>::new(&of_field, Levels::FINEST, &Limits::default());
+            let dense = Dense::<4>::new(&of_field, None, &Limits::default());
             let dense = dense.expect("a field");
             let wide: Vec<f64> = values.iter().map(|&value| value.into()).collect();
             let shares = |axis: usize, random: &mut Random| {
@@ -158,7 +160,7 @@ pub fn look_at_the_largest(mut take: impl FnMut(&Frame)) {
         let mut scene = scene([5, 2, 9], |[x, y, z]| [f32::MAX, f32::MIN][(x + y + z / 2) % 2]);
         for interval in [1e-7, 1e5] {
             scene.scene.activation.interval = interval;
-            let made = filter.trained_levels(&scene.scene);
+            let made = TrainedLevels::of_training(&filter, &scene.scene);
             let fast = Field::trained(&scene, Some(made), &Limits::default()).expect("a field");
             for focal in [0.5, 4.0, 100.0] {
                 let eye = place(&scene.scene.bounds, [0.3, 0.6, -0.5]);
@@ -231,11 +233,12 @@ pub fn level_blend() -> Worst {
         let mut scene = scene(nodes, |at| ((at[2] * 37 + at[0] * 5) % 101) as f32 * 0.2 - 8.0);
         scene.scene.march.stepsize = 0.5;
         scene.scene.march.voxel_size = 0.01;
-        let mut made = filter.trained_levels(&scene.scene);
-        made.levels.most = 20;
+        let mut made = TrainedLevels::of_training(&filter, &scene.scene);
+        made.count = 20;
         made.level_of_detail.most = None;
         let fast = Field::trained(&scene, Some(made), &Limits::default()).expect("a field");
-        let plain = PlainField::new(fast.view(), trained_levels(&scene, made.levels));
+        let plain =
+            PlainField::new(fast.view(), trained_levels(&scene, Some((made.filter, made.count))));
         for octave in 0..14 {
             for axis in 0..3 {
                 let mut share = [0.4; 3];

@@ -1,8 +1,9 @@
 //! Single numbers and the network: the stages that take no field, against their slow twins.
 
 use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::levels::mips::{Matter, Settled};
+use mipvog_bake::unstable::levels::AlphaDomain;
 use mipvog_bake::unstable::model::activate::{self, lanes};
+use mipvog_bake::unstable::model::baked::DensityDomain;
 use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
 use mipvog_bake::unstable::model::view_mlp::{Layer, RAYS, ViewMlp};
 
@@ -101,19 +102,19 @@ pub fn node_opacity() -> Worst {
     let raw: Vec<f32> = raws().collect();
     for (shift, interval) in activations() {
         let activation = activation(shift, interval);
-        let matter = Matter::new(activation, 1.0, Settled::Opacity);
-        let mut amounts = vec![0.0; raw.len()];
-        matter.lift_density(&raw, &mut amounts);
-        for (&raw, amount) in raw.iter().zip(amounts) {
+        let domain = AlphaDomain::new(activation, 1.0, DensityDomain::Opacity);
+        let mut alphas = vec![0.0; raw.len()];
+        domain.density_to_alpha(&raw, &mut alphas);
+        for (&raw, alpha) in raw.iter().zip(alphas) {
             let want = plain::opacity(raw.into(), shift.into(), interval.into());
-            if raw <= matter.empty_up_to() {
+            if raw <= domain.empty_up_to() {
                 // Too faint to count.
-                assert!(amount == 0.0 && want <= 1.000_1e-7, "raw {raw}: {amount} for {want}");
+                assert!(alpha == 0.0 && want <= 1.000_1e-7, "raw {raw}: {alpha} for {want}");
                 continue;
             }
             let scale = want;
             let at = || format!("raw {raw}, shift {shift}, interval {interval}");
-            worst.take(amount.into(), want, scale, &at);
+            worst.take(alpha.into(), want, scale, &at);
         }
     }
     worst

@@ -10,7 +10,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::parallel;
 use crate::model::activate;
-use crate::model::field::{Found, Nonfinite, Planes, RadianceField, Volume, verify_crc32};
+use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField, Volume, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
 /// Opacity over one interval up to which a node counts as empty: what a bake without options prunes by.
@@ -49,7 +49,7 @@ pub struct ChannelHealth {
 /// What one channel of some planes holds.
 #[derive(Clone, Default)]
 struct Tally {
-    found: Found,
+    found: NonfiniteCount,
     range: Option<[f32; 2]>,
     seen_range: Option<[f32; 2]>,
     checksum: crc32fast::Hasher,
@@ -199,7 +199,7 @@ fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Re
 
 /// Values that are no numbers, or beyond all reason.
 fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
-    if let Found { count, first: Some([_, x, y, z]) } = tally.found {
+    if let NonfiniteCount { count, first: Some([_, x, y, z]) } = tally.found {
         let first = [channel.saturating_sub(1), x, y, z];
         let error = Error::new(ErrorKind::NonFinite { count, first }, tally.place(channel));
         report(Finding { code: Code::ValuesNonfinite, error })?;

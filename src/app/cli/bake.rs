@@ -20,7 +20,7 @@ use super::stored::StoredArguments;
 use super::values::Background;
 use crate::bake::fit::FittedLevel;
 use crate::bake::{
-    BakeOptions, BakeReport, Changes, Filter, Origin, Preset, StageReport, bake, forecast, rebake,
+    BakeOptions, BakeReport, Changes, Origin, Preset, StageReport, bake, forecast, repack,
 };
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
@@ -91,12 +91,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     arguments.stored.apply(&mut options);
     arguments.fit.apply(&mut options, &limits)?;
+    options.limits = limits.clone();
     if options.memory.is_some() && arguments.gate.measures()? {
         let message = "--memory excludes --cameras and --turntable: pictures are rendered from \
                        the whole field; use compare afterwards";
         return Err(Error::usage(message));
     }
-    if arguments.fit.given() && options.filter != Filter::Fit {
+    if arguments.fit.given() && !options.filter.is_fitted() {
         let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
         return Err(Error::usage(message));
     }
@@ -198,7 +199,7 @@ impl Arguments {
             true => Some(self.gate.cameras(&source.field, limits)?),
             false => None,
         };
-        if let (Filter::Fit, Some(cameras)) = (options.filter, &cameras) {
+        if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
             check_judges(&options.fit_cameras, cameras)?;
         }
         let options = &self.seen(options, &source.field, limits)?;
@@ -336,7 +337,7 @@ impl Arguments {
             let inputs = vec![self.input.clone()];
             return Ok(Baked { report, resolved: options.to_json(), gate: None, inputs });
         }
-        let report = rebake(unpacked, &changes, output, bar)?;
+        let report = repack(unpacked, &changes, &options.limits, output, bar)?;
         let inputs = vec![self.input.clone()];
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }

@@ -16,7 +16,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input::checkpoint::{self, MlpChoice, SourceOptions};
 use crate::output::gltf::asset::{Asset, is_asset};
-use crate::view::render::Field;
+use crate::view::render::{Field, TrainedLevels};
 
 /// What the user says about a scene, beside what its file says.
 #[derive(Debug, Clone, Args)]
@@ -106,7 +106,8 @@ impl SceneArguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let levels = filter.map(|filter| filter.trained_levels(&source.field.scene));
+        let scene = &source.field.scene;
+        let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));
         Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
     }
 

@@ -1,5 +1,6 @@
 //! Parses the arguments and runs the verb.
 
+use std::borrow::Cow;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -82,7 +83,7 @@ pub fn main() -> ExitCode {
         let bold = common.color == When::Always
             || (common.color == When::Auto && std::io::IsTerminal::is_terminal(&std::io::stderr()));
         let (red, plain) = if bold { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
-        say(&format!("{red}error:{plain} {}\n  help: {}", message(&error), error.remedy()));
+        say(&format!("{red}error:{plain} {}\n  help: {}", message(&error), remedy(&error)));
         ExitCode::from(exit_code(error.kind()))
     })
 }
@@ -95,6 +96,22 @@ fn message(error: &Error) -> String {
         &format!("--{}: ", option.replace('_', "-")),
         1,
     )
+}
+
+/// The remedy, by the names of options on the command line.
+fn remedy(error: &Error) -> Cow<'static, str> {
+    match error.kind() {
+        ErrorKind::OverLimit { .. } => format!("{}: see --limit", error.remedy()).into(),
+        ErrorKind::TooLittleMemory { least, .. } => {
+            format!("pass --memory {least} or more, or fewer --threads").into()
+        }
+        ErrorKind::NonFinite { .. } => {
+            "retrain, or pass --nonfinite empty to treat these values as empty".into()
+        }
+        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
+        ErrorKind::Exists => "pass --force to overwrite it".into(),
+        _ => error.remedy(),
+    }
 }
 
 fn exit_code(kind: &ErrorKind) -> u8 {

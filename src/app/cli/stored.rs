@@ -77,7 +77,9 @@ impl StoredArguments {
 
     /// Explicit options override the preset's.
     pub fn apply(&self, options: &mut BakeOptions) {
-        options.filter = self.filter.unwrap_or(options.filter);
+        if let Some(filter) = self.filter {
+            options.filter = filter.into();
+        }
         options.levels = self.levels.or(options.levels);
         if let Some(bits) = self.bits {
             (options.bits, options.max_error) = (bits, None);

@@ -49,7 +49,7 @@ impl Grid {
     /// Four depths with each of the filters that people choose between.
     pub fn usual() -> Self {
         Self {
-            filters: vec![BakeOptions::default().filter, Filter::Code, Filter::Paper],
+            filters: vec![Filter::RateTent, Filter::Code, Filter::Paper],
             bits: [6, 8, 10, 12].map(Bits::Integer).to_vec(),
             ..Self::default()
         }
@@ -71,7 +71,7 @@ impl Grid {
         if self.has_no_lists() {
             combined.clear();
         }
-        vary(&mut combined, &self.filters, |options, &filter| options.filter = filter);
+        vary(&mut combined, &self.filters, |options, &filter| options.filter = filter.into());
         let bits = self.bits.iter().map(|&bits| (bits, None));
         let default = BakeOptions::default().bits;
         let errors = self.max_errors.iter().map(|&error| (default, Some(error)));
@@ -150,8 +150,9 @@ fn name(options: &BakeOptions) -> String {
         fill_error,
         // A sweep's own cameras.
         seen_from: _,
-        // Says nothing about what comes out.
+        // The output does not depend on these.
         memory: _,
+        limits: _,
         nonfinite,
     } = options;
     let depth = match (max_error, bits) {
@@ -170,7 +171,7 @@ fn name(options: &BakeOptions) -> String {
     if *lod_scale != 1.0 {
         name += &format!("-lod{lod_scale}");
     }
-    if *filter == Filter::Fit {
+    if filter.is_fitted() {
         name += &format!("-s{fit_steps}");
         if let Some(seconds) = fit_seconds {
             name += &format!("-within{seconds}");

@@ -8,16 +8,16 @@ use crate::view::sample::Dense;
 
 /// Step lengths at the start: of the square root of optical depth, and of logits.
 const RATES: [f32; 2] = [0.03, 0.15];
-/// What is left of the step lengths at the end.
+/// The part of the step lengths that is left at the end.
 const LAST_RATE: f32 = 0.1;
-/// How slowly the means of gradients and of their squares forget.
+/// Decay of the running means of gradients and of their squares.
 const DECAYS: [f32; 2] = [0.9, 0.98];
 /// Derivatives below this share of a level's root mean square are no direction: a node that rays hardly
 /// meet must not wander as far as one that they often meet.
 const LEAST_SHARE: f32 = 0.3;
 /// Density that empty nodes start with: where it is 0, so is its derivative.
 const SEED_DENSITY: f32 = 0.003;
-/// Largest square root of optical depth: what codes reach.
+/// Largest square root of optical depth: codes end there.
 const MOST_DENSITY: f32 = 3.9;
 /// Nodes that are updated together.
 const CHUNK: usize = 4096;
@@ -28,7 +28,7 @@ struct Moments<const C: usize> {
     node: usize,
     density: [f32; 2],
     color: [[f32; 2]; C],
-    /// How often the node got a derivative.
+    /// Steps in which the node got a derivative.
     steps: u32,
 }
 
@@ -71,7 +71,7 @@ impl<const C: usize> Adam<C> {
         &self.numbers
     }
 
-    /// What the fitted nodes hold.
+    /// The values of the fitted nodes.
     pub fn state(&self, field: &Dense<C>) -> Vec<(f32, [f32; C])> {
         let (density, color) = field.values(self.level);
         self.moments.iter().map(|moments| (density[moments.node], color[moments.node])).collect()
@@ -80,9 +80,9 @@ impl<const C: usize> Adam<C> {
     /// Gives the fitted nodes a state back.
     pub fn restore(&self, field: &mut Dense<C>, state: &[(f32, [f32; C])]) {
         let (density, color) = field.values_mut(self.level);
-        for (moments, &(of_density, of_color)) in self.moments.iter().zip(state) {
-            density[moments.node] = of_density;
-            color[moments.node] = of_color;
+        for (moments, &(best_density, best_color)) in self.moments.iter().zip(state) {
+            density[moments.node] = best_density;
+            color[moments.node] = best_color;
         }
     }
 

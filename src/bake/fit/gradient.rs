@@ -1,4 +1,4 @@
-//! One ray, and how its colour depends on what a level holds.
+//! One ray, and the derivatives of its colour by the values of a level.
 //!
 //! With the samples' optical depths `t_i` and colours `c_i`, light `T_i` before and `T_(i+1)` behind a
 //! sample, weights `w_i = T_i - T_(i+1)`, accumulated `A = sum w_i c_i` and light left `T`:
@@ -25,7 +25,7 @@ pub struct Gradient<const C: usize> {
     pub density: Vec<f32>,
     /// By the stored colours.
     pub color: Vec<[f32; C]>,
-    samples: Vec<Seen<C>>,
+    samples: Vec<Sampled<C>>,
 }
 
 impl<const C: usize> Gradient<C> {
@@ -46,7 +46,7 @@ pub struct Rays<'a, const C: usize> {
     pub levels: usize,
     /// The level whose pictures are drawn from; the one that is fitted.
     pub level: usize,
-    /// What should be seen.
+    /// The colours that the rays should have.
     pub targets: &'a Targets,
     /// The number of each of the level's nodes among those that are fitted.
     pub numbers: &'a [u32],
@@ -67,7 +67,7 @@ struct Part<const C: usize> {
 
 /// A sample that was composited.
 #[derive(Debug, Clone, Copy)]
-struct Seen<const C: usize> {
+struct Sampled<const C: usize> {
     parts: [Option<Part<C>>; 2],
     intervals: f32,
     weight: f32,
@@ -88,13 +88,13 @@ impl<const C: usize> Rays<'_, C> {
         let samples = std::mem::take(&mut gradient.samples);
         // Back to front: what light behind a sample is worth.
         let mut behind = left * by_left;
-        for seen in samples.iter().rev() {
-            let worth = seen.color.map_or(0.0, |color| dot(&by_color, &color));
-            let by_depth = (seen.left * worth - behind) * seen.intervals;
-            for part in seen.parts.iter().flatten().filter(|part| part.level == self.level) {
-                self.add(part, by_depth, seen, &by_color, gradient);
+        for sample in samples.iter().rev() {
+            let worth = sample.color.map_or(0.0, |color| dot(&by_color, &color));
+            let by_depth = (sample.left * worth - behind) * sample.intervals;
+            for part in sample.parts.iter().flatten().filter(|part| part.level == self.level) {
+                self.add(part, by_depth, sample, &by_color, gradient);
             }
-            behind += seen.weight * worth;
+            behind += sample.weight * worth;
         }
         gradient.samples = samples;
     }
@@ -135,14 +135,15 @@ impl<const C: usize> Rays<'_, C> {
         intervals: f32,
         depth: &mut f32,
         accumulated: &mut [f32; C],
-        samples: &mut Vec<Seen<C>>,
+        samples: &mut Vec<Sampled<C>>,
     ) {
         let level = lambda as usize;
         let blend = lambda - level as f32;
-        let mut seen = Seen { parts: [None; 2], intervals, weight: 0.0, left: 0.0, color: None };
+        let mut sample =
+            Sampled { parts: [None; 2], intervals, weight: 0.0, left: 0.0, color: None };
         let mut optical = 0.0;
         let shares = [(level, 1.0 - blend), (level + 1, blend)];
-        for (slot, (level, share)) in seen.parts.iter_mut().zip(shares) {
+        for (slot, (level, share)) in sample.parts.iter_mut().zip(shares) {
             if share == 0.0 {
                 continue;
             }
@@ -154,11 +155,11 @@ impl<const C: usize> Rays<'_, C> {
         optical *= intervals;
         let before = lanes::exp(-*depth);
         *depth += optical;
-        seen.weight = before * lanes::opacity(optical);
-        seen.left = lanes::exp(-*depth);
-        if seen.weight > self.view.march.color_threshold {
+        sample.weight = before * lanes::opacity(optical);
+        sample.left = lanes::exp(-*depth);
+        if sample.weight > self.view.march.color_threshold {
             let mut mixed = [0.0; C];
-            for part in seen.parts.iter_mut().flatten() {
+            for part in sample.parts.iter_mut().flatten() {
                 let raw = self.field.color(part.level, &part.cell);
                 for lane in 0..C {
                     part.color[lane] = lanes::sigmoid(raw[lane]);
@@ -166,12 +167,12 @@ impl<const C: usize> Rays<'_, C> {
                 }
             }
             for (sum, color) in accumulated.iter_mut().zip(mixed) {
-                *sum += seen.weight * color;
+                *sum += sample.weight * color;
             }
-            seen.color = Some(mixed);
+            sample.color = Some(mixed);
         }
         if optical > 0.0 {
-            samples.push(seen);
+            samples.push(sample);
         }
     }
 
@@ -206,9 +207,10 @@ impl<const C: usize> Rays<'_, C> {
         };
         let errors = match network {
             Some(network) => {
-                let (seen, by_input) = network.differentiate(unit, &accumulated[..channels], error);
+                let (sample, by_input) =
+                    network.differentiate(unit, &accumulated[..channels], error);
                 by_color[..channels].copy_from_slice(&by_input);
-                seen
+                sample
             }
             None => error([0.0; 3]),
         };
@@ -224,17 +226,17 @@ impl<const C: usize> Rays<'_, C> {
         &self,
         part: &Part<C>,
         by_depth: f32,
-        seen: &Seen<C>,
+        sample: &Sampled<C>,
         by_color: &[f32; C],
         gradient: &mut Gradient<C>,
     ) {
         // depth = density^2
         let by_density = by_depth * part.share * 2.0 * part.density;
         let mut by_raw = [0.0; C];
-        if seen.color.is_some() {
+        if sample.color.is_some() {
             for lane in 0..C {
                 let color = part.color[lane];
-                by_raw[lane] = seen.weight * by_color[lane] * part.share * color * (1.0 - color);
+                by_raw[lane] = sample.weight * by_color[lane] * part.share * color * (1.0 - color);
             }
         }
         for (node, weight) in self.field.corners(self.level, &part.cell) {

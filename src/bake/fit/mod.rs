@@ -1,162 +1,29 @@
-//! Coarser levels, fitted to what they should look like.
+//! Coarser levels, fitted to pictures of level 0.
 //!
-//! A filter does not know that a ray sees the front of things, nor how thick matter looks along it.
-//! So after `rate-tent` has made the levels, their pictures are compared with what they stand for:
-//! [`target`] renders level 0 from cameras on spheres around the box, or from given ones, and
-//! box-downsamples the pictures; [`gradient`] renders single rays of the small pictures, one ray a
-//! pixel, and differentiates their colour by what the level holds (through the view network,
-//! compositing, blending of levels, activation and interpolation); [`adam`] takes steps. [`course`]
-//! fits levels finest to coarsest, each with the finer ones as they are then, watches rays that no
-//! step uses, keeps the best state and ends where nothing is gained any more. Only nodes that can be
-//! seen change. Last, [`rule`] moves the level-of-detail rule to where the fitted levels look best.
+//! A filter knows neither that a ray sees the front of things, nor how thick matter is along the ray.
+//! So a fit starts from the levels of `rate-tent` and changes them until their pictures are right:
 //!
-//! The budget is in steps, rays are drawn by a fixed generator and sums of gradients are in a fixed
-//! order, so that the same bytes come out for any number of threads. A fit that is cut short, by
-//! seconds or because somebody asked for what there is, says how many steps it took.
+//! 1. [`target`] renders level 0, from given cameras or from spheres around the box, and
+//!    box-downsamples the pictures.
+//! 2. [`gradient`] renders single rays of the small pictures, one ray a pixel. It differentiates their
+//!    colour by the level's values: through the view network, compositing, blending of levels,
+//!    activation and interpolation.
+//! 3. [`adam`] takes steps.
+//! 4. [`level_fit`] fits one level, with the finer ones as they are by then. It measures *validation
+//!    rays*, which no step uses, keeps the best state and ends when the fit has stalled.
+//! 5. [`rule`] moves the level-of-detail rule to where the fitted levels look best.
+//!
+//! Only nodes that can be seen change. The budget is in steps, rays are drawn by a fixed generator,
+//! and sums of gradients are in a fixed order. So the same bytes come out for any number of threads.
+//! A fit can be cut short by a time limit or by the caller; the report then has fewer steps.
 
 mod adam;
-mod course;
+mod context;
 mod gradient;
+mod level_fit;
 mod rule;
+mod run;
 mod target;
 
-use std::time::Instant;
-
-use serde::Serialize;
-
-use course::Course;
-use target::Targets;
-
-use crate::base::error::Result;
-use crate::base::limits::Limits;
-use crate::base::progress::{Progress, Step};
-use crate::model::baked::LevelOfDetail;
-use crate::model::camera::Camera;
-use crate::model::field::RadianceField;
-use crate::model::grid::NodeMask;
-use crate::view::render::{Field, TrainedLevels, View};
-use crate::view::sample::{Dense, Stored};
-
-/// How much to fit, and to what.
-#[derive(Debug, Clone, Copy)]
-pub struct FitOptions<'a> {
-    /// Steps for each level, at most.
-    pub steps: usize,
-    /// Seconds in all, targets included; none is without bound. What comes out then depends on the
-    /// machine.
-    pub seconds: Option<f64>,
-    /// Where pictures are taken from; without any, spheres around the box.
-    pub cameras: &'a [Camera],
-}
-
-/// Fitted levels.
-#[derive(Debug, Clone)]
-pub struct Fitted {
-    /// From level 1 on; channels as slabs have them, density first: `[channel][node]`.
-    levels: Vec<Vec<Vec<f32>>>,
-    /// The rule that the levels look best with.
-    pub level_of_detail: LevelOfDetail,
-    /// What the fit did, from level 1 on.
-    pub courses: Vec<FittedLevel>,
-    /// Whether seconds or somebody's wish ended it before its steps did.
-    pub cut_short: bool,
-}
-
-/// What the fit of one level did.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FittedLevel {
-    /// Which one.
-    pub level: usize,
-    /// Steps that were taken.
-    pub steps: usize,
-    /// PSNR of rays that no step uses, in dB, before.
-    pub psnr_before: f64,
-    /// And after.
-    pub psnr_after: f64,
-}
-
-impl Fitted {
-    /// Puts fitted values in the place of plane `x` of a channel of `level`.
-    pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
-        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.levels.get(level)) {
-            plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);
-        }
-    }
-}
-
-/// Fits the coarser `levels` of `field`; `needed` are the nodes of each level that can be seen, `masked`
-/// says whether renderers will have the free-space mask.
-pub fn fit(
-    field: &RadianceField,
-    levels: TrainedLevels,
-    needed: &[&NodeMask],
-    masked: bool,
-    options: &FitOptions,
-    limits: &Limits,
-    progress: &dyn Progress,
-) -> Result<Fitted> {
-    let clock = Instant::now();
-    let mut rendered = Field::trained(field, Some(levels), limits)?;
-    if !masked {
-        rendered.view_mut().free_space = None;
-    }
-    let coarser = needed.len().saturating_sub(1);
-    let targets = Targets::new(&rendered, coarser, options.cameras, progress)?;
-    progress.begin(Step::Fit, (coarser * options.steps) as u64);
-    let start = levels.level_of_detail;
-    let work = Work { targets: &targets, needed, options, start, clock, progress };
-    match rendered {
-        Field::Lanes4(view, stored) => work.fit(view, stored),
-        Field::Lanes8(view, stored) => work.fit(view, stored),
-        Field::Lanes16(view, stored) => work.fit(view, stored),
-    }
-}
-
-/// What all levels' fits share.
-struct Work<'a> {
-    targets: &'a Targets,
-    needed: &'a [&'a NodeMask],
-    options: &'a FitOptions<'a>,
-    /// The rule that levels are fitted under.
-    start: LevelOfDetail,
-    clock: Instant,
-    progress: &'a dyn Progress,
-}
-
-impl Work<'_> {
-    fn fit<const C: usize>(&self, mut view: View, stored: Stored<C>) -> Result<Fitted> {
-        let mut fitted = Fitted {
-            levels: Vec::new(),
-            level_of_detail: self.start,
-            courses: Vec::new(),
-            cut_short: false,
-        };
-        // Trained fields are dense.
-        let Stored::Dense(mut field) = stored else { return Ok(fitted) };
-        for (level, needed) in self.needed.iter().enumerate().skip(1) {
-            let course = Course { work: self, view: &view, level, needed };
-            let (course, cut) = course.run(&mut field, fitted.cut_short)?;
-            fitted.courses.push(course);
-            fitted.cut_short |= cut;
-        }
-        let coarser = fitted.courses.len();
-        if coarser > 0 {
-            fitted.level_of_detail =
-                rule::search(&mut view, self.start, &field, self.targets, coarser)?;
-        }
-        fitted.levels = (1..=coarser).map(|level| channels(&view, &field, level)).collect();
-        Ok(fitted)
-    }
-}
-
-/// A level's values by channel, density first.
-fn channels<const C: usize>(view: &View, field: &Dense<C>, level: usize) -> Vec<Vec<f32>> {
-    let (density, color) = field.values(level);
-    let lane = |lane: usize| color.iter().map(|color| color[lane]).collect();
-    [density.to_vec()].into_iter().chain((0..3 + view.features).map(lane)).collect()
-}
-
-/// PSNR of a mean squared error, in dB.
-fn psnr(mean_square: f64) -> f64 {
-    -10.0 * libm::log10(mean_square.max(1e-12))
-}
+pub use context::{FitOptions, FittedLevel};
+pub use run::{Fitted, fit};

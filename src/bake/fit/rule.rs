@@ -1,12 +1,11 @@
-//! The level-of-detail rule that fitted levels look best with.
+//! The level-of-detail rule under which fitted levels look best.
 //!
-//! Levels are fitted under one rule, the filter's. A finer factor or bias may suit a scene better: of
-//! rules around the first, that one is taken whose pictures at all scales have the highest mean PSNR.
+//! Levels are fitted under the filter's rule. Another factor or bias may suit a scene better. Of rules
+//! around the first, the search takes the one with the highest mean PSNR over all scales.
 
-use super::course::mean_square;
+use super::context::{FitContext, psnr};
 use super::gradient::Rays;
-use super::psnr;
-use super::target::Targets;
+use super::level_fit::mean_square;
 use crate::base::error::Result;
 use crate::model::baked::LevelOfDetail;
 use crate::view::render::View;
@@ -19,20 +18,20 @@ const RAYS: usize = 2048;
 /// Changes of factor and bias, at most, for each step length.
 const MOST_CHANGES: usize = 4;
 
-/// Searches around `start`, downhill along factor and bias; leaves what it found in `view`.
+/// Searches around the first rule, uphill along factor and bias, and leaves the best rule in `view`.
 pub fn search<const C: usize>(
     view: &mut View,
-    start: LevelOfDetail,
+    context: &FitContext,
     field: &Dense<C>,
-    targets: &Targets,
     coarser: usize,
 ) -> Result<LevelOfDetail> {
+    let FitContext { targets, start, progress, .. } = *context;
     let mut quality = |rule: LevelOfDetail| -> Result<f64> {
         view.level_of_detail = Some(rule);
         let mut sum = 0.0;
         for level in 1..=coarser {
             let rays = Rays { view, field, levels: coarser + 1, level, targets, numbers: &[] };
-            sum += psnr(mean_square(&rays, RAYS)?);
+            sum += psnr(mean_square(&rays, RAYS, progress)?);
         }
         Ok(sum)
     };

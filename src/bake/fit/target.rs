@@ -1,8 +1,9 @@
-//! What coarser levels should look like.
+//! The pictures that coarser levels are fitted to.
 
 use glam::DVec3;
 
-use crate::base::error::{Error, Result};
+use crate::base::error::{Place, Result};
+use crate::base::limits::{Budget, Limits};
 use crate::base::picture::box_means;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::{Camera, Lens};
@@ -16,7 +17,7 @@ const PIXELS_A_NODE: f64 = 1.25;
 /// Tangent of half the field of view.
 const HALF_VIEW: f64 = 0.36;
 
-/// A small picture: what one ray a pixel should see.
+/// A small picture: the colours that one ray a pixel should have.
 #[derive(Debug)]
 pub struct Target {
     /// The camera at this size.
@@ -25,7 +26,7 @@ pub struct Target {
     pub color: Vec<[f32; 3]>,
 }
 
-/// Pictures of all sizes.
+/// Target pictures of all sizes.
 #[derive(Debug)]
 pub struct Targets {
     pictures: Vec<Target>,
@@ -34,11 +35,12 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// For levels up to `halvings`, seen by the `given` cameras, or from around the box.
+    /// Targets for levels up to `halvings`, from the `given` cameras, or from around the box.
     pub fn new(
         field: &Field,
         halvings: usize,
         given: &[Camera],
+        limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let view = field.view();
@@ -54,13 +56,17 @@ impl Targets {
             }
         };
         let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
+        let mut budget = Budget::new(limits);
+        for camera in &cameras {
+            let pixels = (camera.lens.width * camera.lens.height) as u64;
+            // Of a colour and a number each, on pictures of a quarter of the pixels, a sixteenth ...
+            let bytes = pixels / 3 * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
+            budget.spend(bytes, "bytes of pictures", &Place::File)?;
+        }
         progress.begin(Step::Render, cameras.len() as u64);
         let mut pictures = Vec::new();
         let mut pixels = vec![Vec::new(); halvings + 1];
         for camera in cameras {
-            if progress.cancelled() {
-                return Err(Error::cancelled());
-            }
             let frame = render(field, &camera, &options, progress)?;
             let clamped =
                 |pixel: usize, channel: usize| frame.color[pixel][channel].clamp(0.0, 1.0);

@@ -10,19 +10,23 @@
 //! ```
 //!
 //! [`layout`] has the records, [`runs`] the compressed runs of frames, [`json`] canonical JSON,
-//! `write` and `read` put them together. The reader checks everything before it allocates.
+//! `open` walks the rules of a file's structure, `read` decodes its levels, `prefix` reads a file that
+//! was cut after a level, and `write` puts a file together.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 pub mod json;
 pub mod layout;
 mod mask;
 mod network;
+mod open;
+mod prefix;
 mod read;
 mod rules;
 mod runs;
 mod write;
 
-pub use read::{Container, is_container, starts_container};
+pub use open::{Container, is_container, starts_container};
+pub use prefix::Prefix;
 pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, frames_per_run};
 pub use write::{EncodedLevel, Head, write};

@@ -1,148 +1,44 @@
-//! A container from its file.
-//!
-//! One walk serves the strict reader and the validator: it reports what breaks the specification
-//! and goes on where it can. Nothing is allocated before its size was held against the file's
-//! length or the limits.
+//! Levels and other chunks of an open container.
 
-use std::sync::Arc;
-
+use super::Container;
 use super::json::from_canonical;
-use super::layout::{
-    ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, KNOWN_FEATURES, MASK, META,
-    PROVENANCE, TABLE, VMLP, read_directory,
-};
-use super::runs;
-use super::{mask, network, rules};
-use crate::base::bytes::{ByteReader, SourceFile};
-use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::finding::{Code, Finding, Report, checked, strict};
-use crate::base::limits::{self, Budget, Limits};
+use super::layout::{ATLASES, ChunkKind, Entry, MASK, PROVENANCE, TABLE, VMLP};
+use super::{mask, network, rules, runs};
+use crate::base::bytes::ByteReader;
+use crate::base::error::{Error, Place, Result};
+use crate::base::finding::{Code, Report, checked, strict};
+use crate::base::limits::{self, Budget};
 use crate::codec::quantize::{Filler, FrameShape};
-use crate::model::baked::{
-    BakedField, BakedLevel, Codes, Group, LevelMetadata, Metadata, Occupancy, Table,
-};
+use crate::model::baked::{BakedField, BakedLevel, Codes, Group, LevelMetadata, Occupancy, Table};
 use crate::model::field::FreeSpace;
 use crate::model::view_mlp::ViewMlp;
 
-/// An open container: its directory and metadata, checked; levels are read on demand.
-#[derive(Debug)]
-pub struct Container {
-    file: Arc<SourceFile>,
-    header: Header,
-    entries: Vec<Entry>,
-    metadata: Metadata,
-    limits: Limits,
-    /// Pointer to the value of a document that holds the container, and where it starts in its file.
-    inside: Option<(String, u64)>,
-}
-
-/// Whether a file starts like a container.
-pub fn is_container(file: &SourceFile) -> bool {
-    let mut start = [0; 8];
-    file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
-}
-
-/// Whether a file is meant as a container, though the signature may be damaged: half of its bytes are there.
-pub fn starts_container(file: &SourceFile) -> bool {
-    let mut start = [0; 8];
-    let read = file.read_into(0, &mut start).is_ok();
-    read && start.iter().zip(super::layout::SIGNATURE).filter(|&(&a, b)| a == b).count() >= 4
-}
-
 impl Container {
-    /// Bounds on what the file may ask for.
-    pub fn limits(&self) -> &Limits {
-        &self.limits
-    }
-
-    /// Opens a whole container and checks its structure and metadata, not yet its levels.
-    ///
-    /// # Errors
-    /// The first thing that breaks the specification; every proper prefix of a container does.
-    pub fn open(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
-        let path = file.path().to_owned();
-        let opened = Self::walk(file, limits, &mut strict).map_err(|error| error.in_file(&path))?;
-        // A strict walk ends with an error or a container.
-        opened.ok_or_else(|| Error::malformed(Place::File, "no metadata", "a container"))
-    }
-
-    /// Opens a container, reporting everything that is wrong with its structure and metadata.
-    /// `None` where too little is right to go on.
-    pub fn walk(
-        file: Arc<SourceFile>,
-        limits: &Limits,
-        report: &mut Report,
-    ) -> Result<Option<Self>> {
-        let head = file.read(0, HEADER_BYTES.min(file.length()), HEADER_BYTES);
-        let header = head.and_then(|bytes| Header::read(&bytes));
-        let Some(header) = checked(header, Code::Header, report)? else { return Ok(None) };
-        rules::header(&header, file.length(), report)?;
-        let entries = read_entries(&file, &header, limits);
-        let Some(entries) = checked(entries, Code::Directory, report)? else { return Ok(None) };
-        rules::chunks(&entries, header.file_length, report)?;
-        rules::padding(&file, &entries, report)?;
-        let Some(meta) = entries.iter().find(|entry| entry.kind == META) else {
-            let error = Error::malformed(Place::File, "no chunk META", "one");
-            report(Finding { code: Code::ChunkMissing, error })?;
-            return Ok(None);
-        };
-        let bytes = chunk_bytes(&file, meta, limits.header_bytes, report)?;
-        let metadata = bytes.map(|bytes| from_canonical::<Metadata>(&bytes, &meta.place()));
-        let Some(metadata) = metadata else { return Ok(None) };
-        let Some(metadata) = checked(metadata, Code::Metadata, report)? else { return Ok(None) };
-        if !rules::metadata(&metadata, limits, &meta.place(), report)? {
-            return Ok(None);
-        }
-        rules::features(&header, &metadata, report)?;
-        rules::contents(&entries, &metadata, header.file_length, report)?;
-        let limits = limits.clone();
-        Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
-    }
-
-    /// Says that a value of a document holds this container, `offset` bytes from its file's start: errors of
-    /// strict reads tell places in that file.
-    #[must_use]
-    pub fn inside(mut self, pointer: &str, offset: u64) -> Self {
-        self.inside = Some((pointer.to_owned(), offset));
-        self
-    }
-
-    /// The header.
-    pub fn header(&self) -> &Header {
-        &self.header
-    }
-
-    /// The file.
-    pub fn file(&self) -> &SourceFile {
-        &self.file
-    }
-
-    /// Every chunk, in the order of the file.
-    pub fn entries(&self) -> &[Entry] {
-        &self.entries
-    }
-
-    /// All that is not bulk.
-    pub fn metadata(&self) -> &Metadata {
-        &self.metadata
-    }
-
     /// Reads and decodes everything.
     pub fn read(&self) -> Result<BakedField> {
+        self.read_from(0)
+    }
+
+    /// Reads and decodes all levels from `finest` on; finer ones have no blocks.
+    pub(super) fn read_from(&self, finest: usize) -> Result<BakedField> {
         let read = || {
             let mut budget = Budget::new(&self.limits);
             let (view_mlp, free_space) = self.head(&mut budget, &mut strict)?;
+            let mut metadata = self.metadata.clone();
             let mut levels = Vec::<BakedLevel>::new();
-            for level in (0..self.metadata.levels.len()).rev() {
-                let read = self.level(level, levels.last(), &mut budget, &mut strict)?;
-                levels.extend(read);
+            for (number, level) in metadata.levels.iter_mut().enumerate().rev() {
+                levels.push(if number < finest {
+                    (level.blocks_stored, level.blocks_filled) = (0, 0);
+                    empty_level(level, &mut budget)?
+                } else {
+                    let read = self.level(number, levels.last(), &mut budget, &mut strict)?;
+                    let missing =
+                        || Error::malformed(Place::File, "missing chunks", "a whole container");
+                    read.ok_or_else(missing)?
+                });
             }
             levels.reverse();
-            if levels.len() < self.metadata.levels.len() {
-                return Err(Error::malformed(Place::File, "missing chunks", "a whole container"));
-            }
-            let metadata = self.metadata.clone();
-            Ok(BakedField { metadata, view_mlp, free_space, levels })
+            Ok(BakedField { metadata, view_mlp, free_space, levels, finest })
         };
         self.in_file(read())
     }
@@ -159,7 +55,8 @@ impl Container {
     }
 
     /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that
-    /// only one is in memory, and the coarser one that filled blocks need. Chunks outside the levels are verified first.
+    /// only one is in memory, beside the coarser one that filled blocks need. Chunks of no level are not
+    /// read: [`Self::read_head`] does.
     pub fn for_each_level(
         &self,
         mut visit: impl FnMut(usize, &BakedLevel) -> Result<()>,
@@ -206,16 +103,6 @@ impl Container {
         self.in_file(bytes.map(|bytes| from_canonical(&bytes, &entry.place())).transpose())
     }
 
-    fn in_file<T>(&self, result: Result<T>) -> Result<T> {
-        result.map_err(|error| {
-            let error = error.in_file(self.file.path());
-            match &self.inside {
-                Some((pointer, offset)) => error.within(pointer, *offset),
-                None => error,
-            }
-        })
-    }
-
     fn head(
         &self,
         budget: &mut Budget,
@@ -223,25 +110,33 @@ impl Container {
     ) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         let (mut view_mlp, mut free_space) = (None, None);
         let bulk = |entry: &&Entry| entry.level.is_some() && rules::is_known(entry.kind);
-        for entry in self.entries.iter().filter(|entry| !bulk(entry)) {
-            let Some(bytes) = self.chunk(entry, report)? else { continue };
-            let mut reader = ByteReader::new(&bytes, entry.offset);
+        // A prefix may lack ancillary chunks. A whole file was held to its length.
+        let is_cut = |entry: &&Entry| {
+            self.file.length() < self.header.file_length
+                && !entry.is_critical()
+                && entry.padded_end() > self.file.length()
+        };
+        for entry in self.entries.iter().filter(|entry| !bulk(entry) && !is_cut(entry)) {
             let place = entry.place();
-            match (entry.kind, &self.metadata.view) {
-                (VMLP, Some(view)) => {
-                    let read = network::read(view, &self.metadata, &mut reader, &place);
-                    view_mlp = checked(read, Code::Network, report)?;
+            self.with_chunk(entry, budget, report, |bytes, budget, report| {
+                let mut reader = ByteReader::new(bytes, entry.offset);
+                match (entry.kind, &self.metadata.view) {
+                    (VMLP, Some(view)) => {
+                        let read = network::read(view, &self.metadata, &mut reader, &place);
+                        view_mlp = checked(read, Code::Network, report)?;
+                    }
+                    (MASK, _) => {
+                        let read = mask::read(&mut reader, &place, &self.limits, budget);
+                        free_space = checked(read, Code::FreeSpace, report)?;
+                    }
+                    (PROVENANCE, _) => {
+                        let read = from_canonical::<serde_json::Value>(bytes, &place);
+                        checked(read, Code::Provenance, report)?;
+                    }
+                    _ => {}
                 }
-                (MASK, _) => {
-                    let read = mask::read(&mut reader, &place, &self.limits, budget);
-                    free_space = checked(read, Code::FreeSpace, report)?;
-                }
-                (PROVENANCE, _) => {
-                    let read = from_canonical::<serde_json::Value>(&bytes, &place);
-                    checked(read, Code::Provenance, report)?;
-                }
-                _ => {}
-            }
+                Ok(Some(()))
+            })?;
         }
         Ok((view_mlp, free_space))
     }
@@ -256,11 +151,13 @@ impl Container {
     ) -> Result<Option<BakedLevel>> {
         let Some(level) = self.metadata.levels.get(number) else { return Ok(None) };
         let Some(entry) = self.entry(TABLE, Some(number)) else { return Ok(None) };
-        let Some(bytes) = self.chunk(entry, report)? else { return Ok(None) };
         let (asked, place) = (level.grid().total() as u64, entry.place());
-        let table = limits::check("blocks", asked, self.limits.blocks, &place)
-            .and_then(|()| read_table(level, &bytes, &place, budget));
-        let Some(table) = checked(table, Code::Table, report)? else { return Ok(None) };
+        let table = self.with_chunk(entry, budget, report, |bytes, budget, report| {
+            let table = limits::check("blocks", asked, self.limits.blocks, &place)
+                .and_then(|()| read_table(level, bytes, &place, budget));
+            checked(table, Code::Table, report)
+        })?;
+        let Some(table) = table else { return Ok(None) };
         let mut atlases = [None, None, None];
         let mut whole = true;
         for ((group, kind), atlas) in Group::ALL.into_iter().zip(ATLASES).zip(&mut atlases) {
@@ -291,15 +188,16 @@ impl Container {
             return Ok(None);
         };
         let Some(entry) = self.entry(kind, Some(number)) else { return Ok(None) };
-        let Some(bytes) = self.chunk(entry, report)? else { return Ok(None) };
         let shape = FrameShape {
             number: encoding.number,
             channels: group.channels(self.metadata.features),
             edge: level.block_size,
         };
-        let codes =
-            runs::decode(shape, encoding, frames, &bytes, &entry.place(), entry.offset, budget);
-        checked(codes, Code::Atlas, report)
+        self.with_chunk(entry, budget, report, |bytes, budget, report| {
+            let (place, offset) = (entry.place(), entry.offset);
+            let codes = runs::decode(shape, encoding, frames, bytes, &place, offset, budget);
+            checked(codes, Code::Atlas, report)
+        })
     }
 
     /// The codes of all blocks from those of the ones that are stored; none where the coarser level is missing.
@@ -324,43 +222,15 @@ impl Container {
         let filler = Filler::new(level, (of_coarser, coarser), group, channels);
         Ok(filler.map(|filler| filler.fill(table, stored)))
     }
-
-    fn entry(&self, kind: ChunkKind, level: Option<usize>) -> Option<&Entry> {
-        self.entries
-            .iter()
-            .find(|entry| entry.kind == kind && entry.level.map(|level| level as usize) == level)
-    }
-
-    fn chunk(&self, entry: &Entry, report: &mut Report) -> Result<Option<Vec<u8>>> {
-        chunk_bytes(&self.file, entry, self.limits.memory, report)
-    }
 }
 
-fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<Vec<Entry>> {
-    let place = Place::Offset(HEADER_BYTES);
-    limits::check("chunks", header.entries.into(), limits.chunks, &place)?;
-    let length = HEADER_BYTES + ENTRY_BYTES * u64::from(header.entries);
-    let bytes = file.read(0, length, length)?;
-    read_directory(header, &bytes)
-}
-
-/// A chunk's bytes, held against their checksum.
-fn chunk_bytes(
-    file: &SourceFile,
-    entry: &Entry,
-    allowed: u64,
-    report: &mut Report,
-) -> Result<Option<Vec<u8>>> {
-    let bytes = file.read(entry.offset, entry.length, allowed);
-    let Some(bytes) = checked(bytes, Code::ChunkBounds, report)? else { return Ok(None) };
-    let found = crc32fast::hash(&bytes);
-    if found == entry.checksum {
-        return Ok(Some(bytes));
-    }
-    let kind =
-        ErrorKind::Checksum { what: "the chunk".to_owned(), found, expected: entry.checksum };
-    report(Finding { code: Code::ChunkChecksum, error: Error::new(kind, entry.place()) })?;
-    Ok(None)
+/// A level without blocks.
+fn empty_level(level: &LevelMetadata, budget: &mut Budget) -> Result<BakedLevel> {
+    let total = level.grid().total();
+    budget.spend(total as u64, "bytes of tables", &Place::File)?;
+    let table = Table::new(level.grid(), vec![Occupancy::Empty; total])?;
+    let codes = |group| level.encoding(group).map(|encoding| Codes::zeroed(encoding.number, 0));
+    Ok(BakedLevel { table, atlases: Group::ALL.map(codes) })
 }
 
 fn read_table(
@@ -379,20 +249,11 @@ fn read_table(
             Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (filled)")
         })?);
     }
-    let table = Table::new(grid, occupancy);
+    let table = Table::new(grid, occupancy)?;
     if table.frames() == level.blocks_stored && table.filled() == level.blocks_filled {
         return Ok(table);
     }
     let found = format!("{} stored blocks, {} of them filled", table.frames(), table.filled());
     let expected = format!("{}, {} of them filled", level.blocks_stored, level.blocks_filled);
     Err(Error::malformed(place.clone(), found, expected))
-}
-
-/// Refuses features that this build does not know.
-pub(super) fn unknown_features(header: &Header) -> Option<Error> {
-    let unknown = header.features & !KNOWN_FEATURES;
-    (unknown != 0).then(|| {
-        let found = format!("required features {unknown:#x}");
-        Error::unsupported(Place::Offset(16), found, "bit 0 (filled blocks) or none")
-    })
 }

@@ -1,17 +1,17 @@
 //! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
 
-use std::fmt;
-
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
-    META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header,
+    KNOWN_FEATURES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
-use super::read::unknown_features;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::base::limits::{self, Limits};
-use crate::model::baked::{Blend, Decode, Encoding, Group, LevelMetadata, Metadata, NumberType};
+use crate::model::baked::{
+    Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
+};
+use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
 /// Nodes along a block's edge, at most.
@@ -22,11 +22,25 @@ pub fn is_known(kind: ChunkKind) -> bool {
     [META, VMLP, MASK, PROVENANCE, TABLE].contains(&kind) || ATLASES.contains(&kind)
 }
 
-/// Features, length and the directory's place.
-pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
-    if let Some(error) = unknown_features(header) {
+/// Features and the directory's place.
+pub fn header(header: &Header, report: &mut Report) -> Result<()> {
+    let unknown = header.features & !KNOWN_FEATURES;
+    if unknown != 0 {
+        let found = format!("required features {unknown:#x}");
+        let expected = "bit 0 (filled blocks) or none";
+        let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
+    if header.directory_offset != HEADER_BYTES {
+        let found = format!("a directory at byte {}", header.directory_offset);
+        let error = Error::malformed(Place::Offset(32), found, "one right after the header");
+        report(Finding { code: Code::Directory, error })?;
+    }
+    Ok(())
+}
+
+/// The file is as long as its header says.
+pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
     if header.file_length > file_length {
         let kind = ErrorKind::Truncated { wanted: header.file_length, left: file_length };
         report(Finding { code: Code::Length, error: Error::new(kind, Place::File) })?;
@@ -35,11 +49,6 @@ pub fn header(header: &Header, file_length: u64, report: &mut Report) -> Result<
         let place = Place::Offset(header.file_length);
         let error = Error::malformed(place, found, "nothing there");
         report(Finding { code: Code::Length, error })?;
-    }
-    if header.directory_offset != HEADER_BYTES {
-        let found = format!("a directory at byte {}", header.directory_offset);
-        let error = Error::malformed(Place::Offset(32), found, "one right after the header");
-        report(Finding { code: Code::Directory, error })?;
     }
     Ok(())
 }
@@ -80,6 +89,9 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     for entry in entries {
         let start = entry.offset.saturating_add(entry.length);
         let count = entry.padded_end().min(file.length()).saturating_sub(start);
+        if count == 0 {
+            continue;
+        }
         let bytes = file.read(start, count, ALIGNMENT);
         let Some(bytes) = checked(bytes, Code::ChunkBounds, report)? else { continue };
         if let Some(at) = bytes.iter().position(|&byte| byte != 0) {
@@ -103,55 +115,6 @@ pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Re
     report(Finding { code: Code::Header, error })
 }
 
-/// Holds values of the metadata to their rules.
-struct Judge<'a, 'b> {
-    /// Whether all were kept so far.
-    sound: bool,
-    report: &'a mut Report<'b>,
-}
-
-impl Judge<'_, '_> {
-    fn refuse(&mut self, key: &str, kind: ErrorKind) -> Result<()> {
-        self.sound = false;
-        let error = Error::new(kind, Place::Key(key.to_owned()));
-        (self.report)(Finding { code: Code::MetadataValue, error })
-    }
-
-    fn require(
-        &mut self,
-        key: &str,
-        holds: bool,
-        found: &dyn fmt::Debug,
-        expected: &str,
-    ) -> Result<()> {
-        if holds {
-            return Ok(());
-        }
-        let (found, expected) = (format!("{found:?}"), expected.to_owned());
-        self.refuse(key, ErrorKind::Malformed { found, expected })
-    }
-
-    fn positive(&mut self, key: &str, value: f32) -> Result<()> {
-        self.require(key, is_positive(value), &value, "a positive number")
-    }
-
-    fn share(&mut self, key: &str, value: f32) -> Result<()> {
-        self.require(key, (0.0..1.0).contains(&value), &value, "0 to below 1")
-    }
-
-    /// A count that the caller's limits bound: one above is over that limit, and not malformed.
-    fn limited<T>(&mut self, key: &str, checked: Result<T>) -> Result<Option<T>> {
-        match checked {
-            Ok(value) => Ok(Some(value)),
-            Err(error) => self.refuse(key, error.into_kind()).map(|()| None),
-        }
-    }
-}
-
-fn is_positive(value: f32) -> bool {
-    value > 0.0 && value.is_finite()
-}
-
 /// Values of the metadata are in range and agree. `false` where levels could not be read by them.
 pub fn metadata(
     metadata: &Metadata,
@@ -159,104 +122,164 @@ pub fn metadata(
     place: &Place,
     report: &mut Report,
 ) -> Result<bool> {
-    let mut judge = Judge { sound: true, report };
-    let march = &metadata.march;
-    let (bounds, activation) = (&metadata.bounds, &metadata.activation);
-    let (shift, interval) = (activation.shift, activation.interval);
-    judge.require(
-        "bounds",
-        bounds.check(place).is_ok(),
-        bounds,
-        "finite corners, min below max",
-    )?;
-    judge.require("activation.shift", shift.is_finite(), &shift, "a finite number")?;
-    judge.positive("activation.interval", interval)?;
-    judge.positive("march.stepsize", march.stepsize)?;
-    judge.positive("march.voxel_size", march.voxel_size)?;
-    let near_fits = march.near >= 0.0 && march.near.is_finite();
-    judge.require("march.near", near_fits, &march.near, "a number from 0")?;
-    let far_fits = march.far.is_none_or(|far| far.is_finite() && far > march.near);
-    judge.require("march.far", far_fits, &march.far, "a number above near, or null")?;
-    judge.share("march.color_threshold", march.color_threshold)?;
-    judge.share("march.alpha_threshold", march.alpha_threshold)?;
-    judge.share("alpha_threshold", metadata.alpha_threshold)?;
-    let finite = metadata.background.iter().all(|value| value.is_finite());
-    judge.require("background", finite, &metadata.background, "finite numbers")?;
-    let lod = &metadata.level_of_detail;
-    let lod_fits = is_positive(lod.factor)
-        && lod.bias.is_finite()
-        && lod.most.is_none_or(|most| most >= 0.0 && most.is_finite());
-    judge.require(
-        "level_of_detail",
-        lod_fits,
-        lod,
-        "a positive factor, a finite bias and bound",
-    )?;
-    let channels = (metadata.features as u64).saturating_add(3);
-    let fits = limits::check("channels", channels, limits.channels, place);
-    judge.limited("features", fits)?;
-    let layers = metadata.view.as_ref().map(|view| &view.widths);
-    let wide = layers.is_none_or(|w| (2..=32).contains(&w.len()) && w.iter().all(|&w| w <= 4096));
-    judge.require("view.widths", wide, &layers, "2 to 32 widths of at most 4096")?;
-    let octaves = metadata.view.as_ref().map(|view| view.frequencies);
-    judge.require("view.frequencies", octaves.is_none_or(|o| o <= 32), &octaves, "at most 32")?;
+    let mut rules = Rules { sound: true, report };
+    scene(metadata, place, &mut rules)?;
+    let features = metadata.features as u64;
+    let most = limits.channels.saturating_sub(3);
+    rules.hold("features", |place| limits::check("features", features, most, place))?;
+    if let Some(view) = &metadata.view {
+        let count = view.widths.len();
+        let found = format!("{count} widths");
+        rules.require((2..=32).contains(&count), "view.widths", found, "2 to 32 widths")?;
+        let widest = view.widths.iter().copied().max().unwrap_or(0);
+        rules.require(widest <= 4096, "view.widths", widest, "widths of at most 4096")?;
+        let octaves = view.frequencies;
+        rules.require(octaves <= 32, "view.frequencies", octaves, "at most 32")?;
+    }
     let count = metadata.levels.len();
-    judge.require("levels", (1..=32).contains(&count), &count, "1 to 32 levels")?;
-    let mut finer: Option<[usize; 3]> = None;
-    for (number, level) in metadata.levels.iter().enumerate() {
-        let key = |name: &str| format!("levels[{number}].{name}");
-        let nodes = Nodes::checked(level.dimensions.map(|size| size as u64), limits, place);
-        let shrinks = finer.is_none_or(|finer| {
-            level.dimensions.iter().zip(finer).all(|(&size, finer)| size <= finer)
-        });
-        let sizes_fit = judge.limited(&key("dimensions"), nodes)?.is_some() && shrinks;
-        let sizes = &level.dimensions;
-        judge.require(&key("dimensions"), shrinks, sizes, "no more than the finer level")?;
-        let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
-        judge.require(&key("block_size"), block, &level.block_size, "1 to 64")?;
-        let stored = block && sizes_fit && level.blocks_stored <= level.grid().total();
-        judge.require(&key("blocks_stored"), stored, &level.blocks_stored, "at most all blocks")?;
-        let fills = metadata.levels.get(number + 1).is_some_and(LevelMetadata::has_integer_colors)
-            && level.has_integer_colors()
-            && level.blocks_filled <= level.blocks_stored;
-        judge.require(
-            &key("blocks_filled"),
-            level.blocks_filled == 0 || fills,
-            &level.blocks_filled,
-            "at most the stored blocks, of a level with a coarser one, both with colours in integers",
-        )?;
-        judge.require(&key("diffuse"), level.diffuse.is_some(), &level.diffuse, "an encoding")?;
-        let has_features = level.features.is_some() == (metadata.features > 0);
-        judge.require(
-            &key("features"),
-            has_features,
-            &level.features,
-            "an encoding just where there are features",
-        )?;
-        for group in Group::ALL {
-            let Some(encoding) = level.encoding(group) else { continue };
-            judge.require(
-                &key(group.name()),
-                encoding_is_sound(encoding) && decodes(metadata.blend, group, encoding.decode),
-                encoding,
-                "a type with as many bits, a finite range",
-            )?;
-        }
-        finer = Some(level.dimensions);
+    rules.require((1..=32).contains(&count), "levels", count, "1 to 32 levels")?;
+    let mut finer = None;
+    for (number, own) in metadata.levels.iter().enumerate() {
+        level(metadata, number, own, finer, limits, &mut rules)?;
+        finer = Some(own.dimensions);
+    }
+    if let Some(finest) = metadata.levels.first().filter(|_| rules.sound) {
+        rules.report(Code::RaySamples, metadata.march.check(Nodes(finest.dimensions)))?;
     }
     // Optical depths can only be mixed where every level has its own.
     let own = metadata.levels.iter().all(|level| level.density.is_some());
     let mixed = metadata.blend == Blend::BeforeActivation || own;
-    judge.require(
-        "blend",
+    rules.require(
         mixed,
-        &metadata.blend,
+        "blend",
+        "after_activation",
         "before_activation where a level has no density",
     )?;
-    let first = metadata.levels.first().map(|level| &level.density);
-    let present = first.is_none_or(Option::is_some);
-    judge.require("levels[0].density", present, &first, "an encoding")?;
-    Ok(judge.sound)
+    let first = metadata.levels.first().is_none_or(|level| level.density.is_some());
+    rules.require(first, "levels[0].density", "null", "an encoding")?;
+    Ok(rules.sound)
+}
+
+/// Rules of the metadata as they are held.
+struct Rules<'a, 'r> {
+    sound: bool,
+    report: &'a mut Report<'r>,
+}
+
+impl Rules<'_, '_> {
+    /// Reports a value that breaks a rule.
+    fn require(
+        &mut self,
+        holds: bool,
+        key: &str,
+        found: impl std::fmt::Display,
+        expected: &str,
+    ) -> Result<()> {
+        self.hold(key, |place| match holds {
+            true => Ok(()),
+            false => Err(Error::malformed(place.clone(), found.to_string(), expected)),
+        })
+    }
+
+    /// Reports the error of a rule that knows what it found.
+    fn hold(&mut self, key: &str, rule: impl FnOnce(&Place) -> Result<()>) -> Result<()> {
+        let checked = rule(&Place::Key(key.to_owned()));
+        self.report(Code::MetadataValue, checked)
+    }
+
+    fn report(&mut self, code: Code, rule: Result<()>) -> Result<()> {
+        self.sound &= rule.is_ok();
+        checked(rule, code, self.report).map(|_| ())
+    }
+}
+
+/// Rules of everything but levels.
+fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
+    let (march, activation) = (&metadata.march, &metadata.activation);
+    let positive = |value: f32| value > 0.0 && value.is_finite();
+    let boxed = metadata.bounds.check(place);
+    let found = boxed.err().map(|error| error.to_string()).unwrap_or_default();
+    rules.require(found.is_empty(), "bounds", found, "finite corners, min below max")?;
+    let Activation { shift, interval, .. } = *activation;
+    rules.require(shift.is_finite(), "activation.shift", shift, "a finite number")?;
+    rules.require(positive(interval), "activation.interval", interval, "a positive number")?;
+    let lengths = [("march.stepsize", march.stepsize), ("march.voxel_size", march.voxel_size)];
+    for (key, length) in lengths {
+        rules.require(positive(length), key, length, "a positive number")?;
+    }
+    let near = march.near >= 0.0 && march.near.is_finite();
+    rules.require(near, "march.near", march.near, "a number from 0")?;
+    let far = march.far.unwrap_or(f32::INFINITY);
+    let far_fits = march.far.is_none_or(f32::is_finite) && far > march.near;
+    rules.require(far_fits, "march.far", far, "a number above near, or null")?;
+    for (key, share) in [
+        ("march.color_threshold", march.color_threshold),
+        ("march.alpha_threshold", march.alpha_threshold),
+        ("alpha_threshold", metadata.alpha_threshold),
+    ] {
+        rules.require((0.0..1.0).contains(&share), key, share, "0 to below 1")?;
+    }
+    let background = metadata.background;
+    let finite = background.iter().all(|value| value.is_finite());
+    rules.require(finite, "background", format!("{background:?}"), "finite numbers")?;
+    let lod = &metadata.level_of_detail;
+    let most = lod.most.unwrap_or(0.0);
+    let fits = positive(lod.factor) && lod.bias.is_finite() && (0.0..f32::INFINITY).contains(&most);
+    let found = format!("factor {}, bias {}, most {most}", lod.factor, lod.bias);
+    let expected = "a positive factor, a finite bias and bound";
+    rules.require(fits, "level_of_detail", found, expected)
+}
+
+/// Rules of one level; `finer` are the dimensions of the next finer one.
+fn level(
+    metadata: &Metadata,
+    number: usize,
+    level: &LevelMetadata,
+    finer: Option<[usize; 3]>,
+    limits: &Limits,
+    rules: &mut Rules,
+) -> Result<()> {
+    let key = |name: &str| format!("levels[{number}].{name}");
+    let sizes = level.dimensions;
+    let sized = |place: &Place| {
+        Nodes::checked(sizes.map(|size| size as u64), limits, place)?;
+        match finer {
+            Some(finer) if sizes.iter().zip(finer).any(|(&size, finer)| size > finer) => {
+                let expected = format!("at most the finer level's {finer:?}");
+                Err(Error::malformed(place.clone(), format!("{sizes:?}"), expected))
+            }
+            _ => Ok(()),
+        }
+    };
+    let sizes_fit = sized(&Place::File).is_ok();
+    rules.hold(&key("dimensions"), sized)?;
+    let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
+    rules.require(block, &key("block_size"), level.block_size, "1 to 64")?;
+    let (stored, filled) = (level.blocks_stored, level.blocks_filled);
+    let fits = block && sizes_fit && stored <= level.grid().total();
+    rules.require(fits, &key("blocks_stored"), stored, "at most all blocks")?;
+    let coarser = metadata.levels.get(number + 1);
+    let inherits = coarser.is_some_and(LevelMetadata::has_integer_colors)
+        && level.has_integer_colors()
+        && filled <= stored;
+    rules.require(
+        filled == 0 || inherits,
+        &key("blocks_filled"),
+        filled,
+        "at most the stored blocks, of a level with a coarser one, both with colours in integers",
+    )?;
+    rules.require(level.diffuse.is_some(), &key("diffuse"), "null", "an encoding")?;
+    let has_features = level.features.is_some() == (metadata.features > 0);
+    let found = if level.features.is_some() { "an encoding" } else { "null" };
+    rules.require(has_features, &key("features"), found, "an encoding where there are features")?;
+    for group in Group::ALL {
+        let Some(encoding) = level.encoding(group) else { continue };
+        let sound = encoding_is_sound(encoding) && decodes(metadata.blend, group, encoding.decode);
+        let found = format!("{:?} with {} bits", encoding.decode, encoding.bits);
+        let expected = "a meaning of the group, a type with as many bits, a finite range";
+        rules.require(sound, &key(group.name()), found, expected)?;
+    }
+    Ok(())
 }
 
 /// [`metadata`] for strict readers: the first thing that is wrong is the error.
@@ -264,12 +287,12 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-/// Whether values of a group can mean this. Levels that are mixed before they are activated must mean
-/// the same.
+/// Whether values of a group can mean this. Levels that are mixed before activation must mean the
+/// same.
 fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
     match (group, blend) {
-        (Group::Density, Blend::BeforeActivation) => decode == Decode::RawDensity,
-        (Group::Density, Blend::AfterActivation) => decode.is_density(),
+        (Group::Density, Blend::BeforeActivation) => decode == Decode::Density(DensityDomain::Raw),
+        (Group::Density, Blend::AfterActivation) => decode.density().is_some(),
         (Group::Diffuse | Group::Features, _) => decode == Decode::Logit,
     }
 }
@@ -316,8 +339,8 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that; of levels that there are. Critical ones that nobody
-    // knows were reported.
+    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown critical ones
+    // were reported.
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),

@@ -22,7 +22,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::base::parallel;
 use crate::codec::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
-use crate::model::baked::{Codes, Encoding, NumberType};
+use crate::model::baked::{Codes, Encoding, with_codes};
 
 /// Bytes of codes in a full run, about: small enough for many at once, large enough for several modes.
 const RUN_BYTES: usize = 512 << 10;
@@ -224,25 +224,20 @@ pub fn decode(
         place,
     )?;
     budget.spend(values as u64 * shape.number.bytes() as u64, "bytes of codes", place)?;
-    Ok(match shape.number {
-        NumberType::U8 => Codes::U8(decode_runs(shape, encoding, &runs, values, place)?),
-        NumberType::U16 | NumberType::F16 => {
-            Codes::U16(decode_runs(shape, encoding, &runs, values, place)?)
-        }
-        NumberType::F32 => Codes::U32(decode_runs(shape, encoding, &runs, values, place)?),
-    })
+    let mut codes = Codes::zeroed(shape.number, values);
+    with_codes!(&mut codes, codes => decode_runs(shape, encoding, &runs, codes, place))?;
+    Ok(codes)
 }
 
 fn decode_runs<T: Code>(
     shape: FrameShape,
     encoding: &Encoding,
     runs: &[Run],
-    values: usize,
+    codes: &mut [T],
     place: &Place,
-) -> Result<Vec<T>> {
+) -> Result<()> {
     let allowed = encoding.codes();
     let (least, most) = (T::narrow(*allowed.start()), T::narrow(*allowed.end()));
-    let mut codes = vec![T::default(); values];
     let full = runs.first().map_or(1, |run| run.frames * shape.channels * shape.nodes());
     let mut parts: Vec<&mut [T]> = codes.chunks_mut(full.max(1)).collect();
     parallel::map_mut(&mut parts, |i, codes| {
@@ -267,7 +262,7 @@ fn decode_runs<T: Code>(
             format!("codes from {} to {}", allowed.start(), allowed.end()),
         ))
     })?;
-    Ok(codes)
+    Ok(())
 }
 
 struct Run<'a> {

@@ -37,6 +37,8 @@ pub struct Head<'a> {
     pub provenance: &'a serde_json::Value,
     /// Compression level of zstd.
     pub zstd_level: i32,
+    /// Limits that the metadata must keep.
+    pub limits: &'a Limits,
 }
 
 struct Chunk<'a> {
@@ -98,7 +100,7 @@ pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Resul
 
 /// Refuses what a reader would refuse: values of inputs and options meet here.
 fn check(head: &Head) -> Result<()> {
-    check_metadata(head.metadata, &Limits::default(), &Place::File)?;
+    check_metadata(head.metadata, head.limits, &Place::File)?;
     let layers = head.view_mlp.iter().flat_map(|network| &network.layers);
     let mut weights = layers.flat_map(|layer| layer.weights.iter().chain(&layer.bias));
     if weights.any(|weight| !weight.is_finite()) {

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use super::coarsen::{Coarsener, Coarsening};
 use super::code::{Quantizer, decode_values};
+use super::code_word::Code;
+use super::frame::{Frame, FrameShape};
 use super::planes::CodeSlab;
-use super::run::{Frame, FrameShape, Typed, each_width};
-use crate::model::baked::{Codes, Encoding, NumberType};
+use crate::model::baked::{Codes, DensityDomain, Encoding, with_codes};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
 
@@ -41,7 +42,7 @@ impl<'a> BlockSource<'a> {
     }
 
     /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
-    fn copy<T: Typed>(&self, edge: usize, channel: usize, codes: &mut [T]) {
+    fn copy<T: Code>(&self, edge: usize, channel: usize, codes: &mut [T]) {
         let [_, _, zs] = self.span(edge);
         let nz = self.needed.nodes().0[2];
         for (x, y, at) in self.places(edge) {
@@ -66,7 +67,7 @@ impl<'a> BlockSource<'a> {
 pub struct BlockEncoder {
     encoding: Encoding,
     shape: FrameShape,
-    unneeded_limit: u32,
+    dont_care_max: u32,
     coarsener: Option<Coarsener>,
 }
 
@@ -76,9 +77,10 @@ impl BlockEncoder {
     pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
         let shape = FrameShape { number: encoding.number, channels, edge };
         let coarsener = Coarsener::new(&encoding, activation);
-        let unneeded = encoding.decode.unseen(activation);
-        let unneeded_limit = highest_code_up_to(&encoding, unneeded);
-        Self { encoding, shape, unneeded_limit, coarsener }
+        let invisible = |domain: DensityDomain| domain.unseen(activation);
+        let limit = encoding.decode.density().map_or(f32::MAX, invisible);
+        let dont_care_max = highest_code_up_to(&encoding, limit);
+        Self { encoding, shape, dont_care_max, coarsener }
     }
 
     /// The encoding of every block.
@@ -92,8 +94,8 @@ impl BlockEncoder {
     }
 
     /// The highest code of nodes that nobody needs: they must not become visible.
-    pub fn unneeded_limit(&self) -> u32 {
-        self.unneeded_limit
+    pub fn dont_care_max(&self) -> u32 {
+        self.dont_care_max
     }
 
     /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
@@ -106,29 +108,22 @@ impl BlockEncoder {
         first_channel: usize,
         coarsening: Option<Coarsening>,
     ) -> (Frame, f64) {
-        let mut codes = match self.shape.number {
-            NumberType::U8 => Codes::U8(self.codes(source, first_channel)),
-            NumberType::U16 | NumberType::F16 => Codes::U16(self.codes(source, first_channel)),
-            NumberType::F32 => Codes::U32(self.codes(source, first_channel)),
-        };
+        let FrameShape { number, channels, edge } = self.shape;
+        let nodes = self.shape.nodes();
+        let mut codes = Codes::zeroed(number, channels * nodes);
+        with_codes!(&mut codes, codes => {
+            for (channel, codes) in (first_channel..).zip(codes.chunks_exact_mut(nodes)) {
+                source.copy(edge, channel, codes);
+            }
+        });
         let mut moved = 0.0;
         if let (Some(coarsener), Some(coarsening)) = (&self.coarsener, coarsening) {
-            let limit = self.unneeded_limit;
-            moved = each_width!(&mut codes, codes => {
+            let limit = self.dont_care_max;
+            moved = with_codes!(&mut codes, codes => {
                 coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
             });
         }
         (Frame { codes, needed }, moved)
-    }
-
-    /// Codes of all channels, channel by channel.
-    fn codes<T: Typed>(&self, source: BlockSource, first_channel: usize) -> Vec<T> {
-        let nodes = self.shape.nodes();
-        let mut codes = vec![T::default(); self.shape.channels * nodes];
-        for (channel, codes) in (first_channel..).zip(codes.chunks_exact_mut(nodes)) {
-            source.copy(self.shape.edge, channel, codes);
-        }
-        codes
     }
 }
 

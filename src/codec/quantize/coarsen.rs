@@ -7,9 +7,9 @@
 //! in codes, not in colours: what is interpolated is what codes stand for, and beside a node where the activation
 //! is flat may be one where it is steep.
 
+use super::code_word::Code;
+use super::frame::FrameShape;
 use super::predict::{for_each_node, mean};
-use super::run::FrameShape;
-use super::wide::Code;
 use crate::model::baked::Encoding;
 use crate::model::field::Activation;
 
@@ -39,14 +39,14 @@ impl Coarsener {
     }
 
     /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are going to be:
-    /// their mean, or `unneeded_limit` where that is lower. Returns the most that a needed node's colour or
+    /// their mean, or `dont_care_max` where that is lower. Returns the most that a needed node's colour or
     /// opacity is moved by.
     pub fn coarsen<T: Code>(
         &self,
         shape: FrameShape,
         codes: &mut [T],
         needed: &[bool],
-        unneeded_limit: u32,
+        dont_care_max: u32,
         coarsening: Coarsening,
     ) -> f64 {
         let origin = T::origin(shape.number);
@@ -67,7 +67,7 @@ impl Coarsener {
             let limit = match needed[at.node] {
                 true if far * far * coarsening.importance[at.node] > most_square => return,
                 true => u32::MAX,
-                false => unneeded_limit,
+                false => dont_care_max,
             };
             if needed[at.node] {
                 most = most.max(moved);

@@ -1,9 +1,8 @@
 //! Values to codes and back, row by row.
 
+use super::code_word::Code;
 use super::nearest::Nearest;
-use super::run::each_width;
-use super::wide::Code;
-use crate::model::baked::{Codes, Encoding, NumberType};
+use crate::model::baked::{Codes, Encoding, NumberType, with_codes};
 
 /// Finds codes of values: the nearest for integers, emptiness being one of the candidates where it
 /// has a code; the ordered bits for floats ([`float_code`]).
@@ -68,7 +67,7 @@ pub fn decode_codes(
     run: std::ops::Range<usize>,
     values: &mut [f32],
 ) {
-    each_width!(codes, codes => {
+    with_codes!(codes, codes => {
         decode_values(encoding, codes[run].iter().map(|code| code.code()), values);
     });
 }
@@ -92,7 +91,7 @@ pub fn float_from_code(code: u32, width: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::codec::quantize::{Bits, color_encoding, density_encoding};
-    use crate::model::baked::Decode;
+    use crate::model::baked::DensityDomain;
     use crate::model::field::{Activation, ActivationOrder};
 
     fn round_trip(encoding: &Encoding, value: f32) -> (u32, f32) {
@@ -120,9 +119,8 @@ mod tests {
     }
 
     fn encodings(bits: Bits) -> [Encoding; 4] {
-        let density = |decode| density_encoding(bits, decode, &activation());
-        let [raw, depth, opacity] =
-            [Decode::RawDensity, Decode::SqrtOpticalDepth, Decode::Opacity].map(density);
+        let density = |domain| density_encoding(bits, domain, &activation());
+        let [raw, depth, opacity] = DensityDomain::ALL.map(density);
         [raw, depth, opacity, color_encoding(bits)]
     }
 
@@ -159,7 +157,7 @@ mod tests {
                 }
             }
         }
-        let density = density_encoding(Bits::Integer(8), Decode::RawDensity, &activation());
+        let density = density_encoding(Bits::Integer(8), DensityDomain::Raw, &activation());
         assert_eq!(round_trip(&density, -1e30), (0, -100.0));
         assert_eq!(round_trip(&density, -100.05), (0, -100.0));
         assert_eq!(round_trip(&density, 1e30).0, 255);

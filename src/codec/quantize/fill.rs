@@ -6,10 +6,12 @@
 //! order: `formats/mipvog.md`, section 5.
 
 use crate::base::parallel;
-use crate::model::baked::{BakedLevel, Codes, Encoding, Group, LevelMetadata, Occupancy, Table};
+use crate::model::baked::{
+    BakedLevel, Codes, Encoding, Group, LevelMetadata, NumberType, Occupancy, Table, with_codes,
+};
 use crate::model::grid::BlockGrid;
 
-use super::wide::Code;
+use super::code_word::Code;
 
 /// Marks blocks without a frame.
 const NO_FRAME: u32 = u32::MAX;
@@ -18,6 +20,7 @@ const NO_FRAME: u32 = u32::MAX;
 pub struct Filler<'a> {
     grid: BlockGrid,
     channels: usize,
+    number: NumberType,
     /// Halfway between the values of neighbouring codes of the level that is filled.
     borders: Vec<f64>,
     coarser: BlockGrid,
@@ -42,8 +45,8 @@ impl<'a> Filler<'a> {
         channels: usize,
     ) -> Option<Self> {
         let [own, other] = [level, of_coarser].map(|of| of.encoding(group).filter(is_integer));
-        let values: Vec<f64> = own?.values().map(f64::from).collect();
-        let other = other?;
+        let (own, other) = (own?, other?);
+        let values: Vec<f64> = own.values().map(f64::from).collect();
         let mut frames = vec![NO_FRAME; coarser.table.grid().total()];
         let mut next = 0;
         for (frame, occupancy) in frames.iter_mut().zip(coarser.table.occupancy()) {
@@ -55,6 +58,7 @@ impl<'a> Filler<'a> {
         Some(Self {
             grid: level.grid(),
             channels,
+            number: own.number,
             borders: values.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0).collect(),
             coarser: of_coarser.grid(),
             frames,
@@ -126,27 +130,20 @@ impl<'a> Filler<'a> {
         let [x, y, z] = node.map(|at| at % edge);
         let inside = (x * edge + y) * edge + z;
         let at = (frame as usize * self.channels + channel) * edge.pow(3) + inside;
-        let code = match self.codes {
-            Codes::U8(codes) => codes[at].into(),
-            Codes::U16(codes) => codes[at].into(),
-            Codes::U32(codes) => codes[at],
-        };
-        self.values[code as usize]
+        self.values[self.codes.code(at) as usize]
     }
 
     /// Codes of every block of `table` that has a frame, from the codes of those that are stored.
     pub fn fill(&self, table: &Table, stored: &Codes) -> Codes {
-        match stored {
-            Codes::U8(codes) => Codes::U8(self.fill_codes(table, codes)),
-            Codes::U16(codes) => Codes::U16(self.fill_codes(table, codes)),
-            Codes::U32(codes) => Codes::U32(self.fill_codes(table, codes)),
-        }
+        let count = table.frames() * self.channels * self.grid.block_nodes();
+        let mut codes = Codes::zeroed(self.number, count);
+        with_codes!(&mut codes, codes => self.fill_codes(table, stored, codes));
+        codes
     }
 
-    fn fill_codes<T: Code>(&self, table: &Table, stored: &[T]) -> Vec<T> {
-        let size = self.channels * self.grid.edge.pow(3);
-        let mut codes = vec![T::default(); table.frames() * size];
-        let mut next = stored.chunks_exact(size);
+    fn fill_codes<T: Code>(&self, table: &Table, stored: &Codes, codes: &mut [T]) {
+        let size = self.channels * self.grid.block_nodes();
+        let mut next = T::of(stored).chunks_exact(size);
         let mut filled = Vec::new();
         for (place, to) in table.stored().zip(codes.chunks_exact_mut(size)) {
             match table.is_filled(place) {
@@ -161,7 +158,6 @@ impl<'a> Filler<'a> {
             Ok(())
         });
         debug_assert!(done.is_ok(), "filling cannot fail");
-        codes
     }
 }
 

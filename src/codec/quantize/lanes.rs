@@ -5,7 +5,7 @@
 
 use multiversion::multiversion;
 
-use super::wide::Code;
+use super::code_word::Code;
 
 /// Nodes of a tile.
 const TILE: usize = 8;

@@ -3,16 +3,18 @@
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`search`] the one with the
 //! fewest bits within an error, [`code`] turns
 //! values into integer codes and back ([`nearest`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`] gives up some of them where little is seen, [`fill`] makes them from the next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back ([`write_run`],
-//! [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it ([`fit`]). Nodes that nobody needs hold what costs least, the mean of
+//! [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it ([`least_squares`]). Nodes that nobody needs hold what costs least, the mean of
 //! their neighbours, but density
 //! far below the opacity threshold ([`crate::model::field::Activation::unseen_raw`]).
 
 mod block;
 mod coarsen;
 mod code;
+mod code_word;
 mod fill;
-mod fit;
+mod frame;
 mod lanes;
+mod least_squares;
 mod nearest;
 mod planes;
 mod predict;
@@ -20,15 +22,15 @@ mod range;
 mod read_run;
 mod run;
 mod search;
-mod wide;
 mod write_run;
 
 pub use block::{BlockEncoder, BlockSource};
 pub use coarsen::Coarsening;
 pub use code::decode_codes;
+pub use code_word::Code;
 pub use fill::Filler;
+pub use frame::{Frame, FrameShape, RunBytes};
 pub use planes::{CodePlanes, CodeSlab, Moved};
 pub use range::{Bits, color_encoding, density_encoding};
-pub use run::{Frame, FrameShape, RunBytes, run_bytes, run_codes};
-pub use search::{ValueSpan, encoding_within};
-pub use wide::Code;
+pub use run::{run_bytes, run_codes};
+pub use search::{ValueRange, encoding_within};

@@ -8,7 +8,7 @@
 
 use multiversion::multiversion;
 
-use super::wide::Code;
+use super::code_word::Code;
 use crate::model::baked::Encoding;
 use crate::model::grid::row::LANES;
 
@@ -188,7 +188,7 @@ fn nearest<const STEPS: usize>(
 mod tests {
     use super::*;
     use crate::codec::quantize::{Bits, color_encoding, density_encoding};
-    use crate::model::baked::Decode;
+    use crate::model::baked::DensityDomain;
     use crate::model::field::{Activation, ActivationOrder};
 
     /// Holds codes to a search through all borders, for values on and around each and far from all.
@@ -214,8 +214,8 @@ mod tests {
         let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
         for bits in 4..=16 {
             let bits = Bits::Integer(bits);
-            for decode in [Decode::RawDensity, Decode::SqrtOpticalDepth, Decode::Opacity] {
-                hold(&density_encoding(bits, decode, &activation));
+            for domain in DensityDomain::ALL {
+                hold(&density_encoding(bits, domain, &activation));
             }
             hold(&color_encoding(bits));
         }

@@ -7,9 +7,8 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::code::{Quantizer, decode_codes};
-use super::run::each_width;
-use super::wide::Code;
-use crate::model::baked::{Codes, Encoding, NumberType};
+use super::code_word::Code;
+use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
 
@@ -86,12 +85,9 @@ impl<'a> CodePlanes<'a> {
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, spare } = &self.channels[channel];
         let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut codes = used.unwrap_or_else(|| match quantizer.encoding().number {
-            NumberType::U8 => Codes::U8(vec![0; values.len()]),
-            NumberType::U16 | NumberType::F16 => Codes::U16(vec![0; values.len()]),
-            NumberType::F32 => Codes::U32(vec![0; values.len()]),
-        });
-        each_width!(&mut codes, codes => self.quantize(x, quantizer, values, codes));
+        let number = quantizer.encoding().number;
+        let mut codes = used.unwrap_or_else(|| Codes::zeroed(number, values.len()));
+        with_codes!(&mut codes, codes => self.quantize(x, quantizer, values, codes));
         let moved = bound.and_then(|bound| self.moved(x, quantizer, values, &codes, bound));
         *self.planes[x][channel].lock().unwrap_or_else(PoisonError::into_inner) = codes;
         moved

@@ -15,7 +15,7 @@
 
 use multiversion::multiversion;
 
-use super::wide::{Code, Wide};
+use super::code_word::{Code, Wide};
 
 /// Channels before one that its predictions look at.
 pub const CHANNELS_BEFORE: usize = 3;
@@ -301,7 +301,7 @@ pub fn sums<T: Code, const L: usize>(
 mod tests {
     use std::iter::repeat_with;
 
-    use super::super::wide::Wide;
+    use super::super::code_word::Wide;
     use super::*;
 
     const L: usize = 4;

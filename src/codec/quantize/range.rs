@@ -2,7 +2,7 @@
 //!
 //! Nodes far below the opacity threshold, and far inside matter, still shape surfaces by
 //! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB. So
-//! codes reach down to -100, what unseen nodes hold, and as far up; they are dense where opacity
+//! codes extent down to -100, what unseen nodes hold, and as far up; they are dense where opacity
 //! changes and sparse elsewhere ([`Encoding`]). Emptiness has a code of its own, so that it stays
 //! exactly what it was. Colour likewise reaches far into saturation.
 //!
@@ -16,7 +16,7 @@
 
 use super::nearest::border;
 use crate::model::activate;
-use crate::model::baked::{Decode, Encoding, NumberType};
+use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
 use crate::model::field::{Activation, EMPTY_DENSITY};
 
 /// How many bits codes have.
@@ -64,40 +64,41 @@ impl std::fmt::Display for Bits {
 const OPACITY_ERROR: f64 = 0.0108;
 /// How far a colour moves at 8 bits where the sigmoid is steepest.
 const COLOR_ERROR: f64 = 0.0082;
-/// Raw colour that codes reach: the sigmoid ends 1e-14 before.
-const COLOR_REACH: f64 = 32.0;
+/// Raw colour that codes extent: the sigmoid ends 1e-14 before.
+const COLOR_EXTENT: f64 = 32.0;
 
-/// Square root of the largest optical depth that codes reach: opacity 1 - 1e-7 over one interval.
-const SQRT_DEPTH_REACH: f64 = 4.0;
+/// Square root of the largest optical depth that codes extent: opacity 1 - 1e-7 over one interval.
+const SQRT_DEPTH_EXTENT: f64 = 4.0;
 
 /// The encoding of a level's density.
-pub fn density_encoding(bits: Bits, decode: Decode, activation: &Activation) -> Encoding {
-    let activated = |value| decode.activated(value, activation);
-    match decode {
-        Decode::SqrtOpticalDepth => {
-            // The slope of 1 - exp(-q^2) times q is at most 2 / e.
-            linear_encoding(bits, decode, SQRT_DEPTH_REACH, 2.0 / std::f64::consts::E, activated)
+pub fn density_encoding(bits: Bits, domain: DensityDomain, activation: &Activation) -> Encoding {
+    match domain {
+        // The slope of 1 - exp(-q^2) times q is at most 2 / e.
+        DensityDomain::SqrtOpticalDepth => {
+            linear_encoding(bits, domain, SQRT_DEPTH_EXTENT, 2.0 / std::f64::consts::E, activation)
         }
-        Decode::Opacity => linear_encoding(bits, decode, 1.0, 1.0, activated),
-        Decode::RawDensity | Decode::Logit => raw_density_encoding(bits, activation),
+        DensityDomain::Opacity => linear_encoding(bits, domain, 1.0, 1.0, activation),
+        DensityDomain::Raw => raw_density_encoding(bits, activation),
     }
 }
 
-/// Codes from 0, which is empty, in equal steps up to a step below `reach`.
+/// Codes from 0, which is empty, in equal steps up to a step below `extent`.
 fn linear_encoding(
     bits: Bits,
-    decode: Decode,
-    reach: f64,
+    domain: DensityDomain,
+    extent: f64,
     slope_times_value: f64,
-    activation: impl Fn(f64) -> f64,
+    activation: &Activation,
 ) -> Encoding {
-    let mut encoding = float_encoding(bits, decode, 0.0, slope_times_value, &activation);
+    let decode = Decode::Density(domain);
+    let opacity = |value| domain.opacity(value, activation);
+    let mut encoding = float_encoding(bits, decode, 0.0, slope_times_value, opacity);
     if let Bits::Integer(bits) = bits {
         // A power of two, so that code 0 is exactly 0.
-        let step = reach / f64::from(1u32 << bits);
+        let step = extent / f64::from(1u32 << bits);
         encoding.step = step as f32;
-        encoding.center = (reach / 2.0) as f32;
-        encoding.max_error = bound(&encoding, [0.0, activation(f64::MAX)], activation);
+        encoding.center = (extent / 2.0) as f32;
+        encoding.max_error = bound(&encoding, [0.0, opacity(f64::MAX)], opacity);
     }
     encoding
 }
@@ -110,21 +111,21 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     // where sigma >= x, and (1 + max(0, ln interval)) / e below.
     let slope_times_value =
         (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope;
-    let opacity = |raw| Decode::RawDensity.activated(raw, activation);
-    let mut encoding =
-        float_encoding(bits, Decode::RawDensity, EMPTY_DENSITY, slope_times_value, opacity);
+    let opacity = |raw| DensityDomain::Raw.opacity(raw, activation);
+    let decode = Decode::Density(DensityDomain::Raw);
+    let mut encoding = float_encoding(bits, decode, EMPTY_DENSITY, slope_times_value, opacity);
     if let Bits::Integer(_) = bits {
-        let (center, reach) = raw_density_reach(activation);
-        set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, reach);
+        let (center, extent) = raw_density_extent(activation);
+        set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, extent);
         encoding.empty_code = true;
-        encoding.empty = emptiness(center, reach);
+        encoding.empty = emptiness(center, extent);
         encoding.max_error = bound(&encoding, [0.0, opacity(f64::MAX)], opacity);
     }
     encoding
 }
 
-/// Where opacity is steepest over raw density, and how far from there codes reach.
-fn raw_density_reach(activation: &Activation) -> (f64, f64) {
+/// Where opacity is steepest over raw density, and how far from there codes extent.
+fn raw_density_extent(activation: &Activation) -> (f64, f64) {
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
     let center = -libm::log(interval) - shift;
@@ -134,19 +135,19 @@ fn raw_density_reach(activation: &Activation) -> (f64, f64) {
 }
 
 /// What raw density reads as where nothing is: below the lowest code.
-fn emptiness(center: f64, reach: f64) -> f32 {
-    EMPTY_DENSITY.min((center - reach - 1.0) as f32)
+fn emptiness(center: f64, extent: f64) -> f32 {
+    EMPTY_DENSITY.min((center - extent - 1.0) as f32)
 }
 
 /// Lays codes around `center`: there `step` apart at 8 bits (in proportion at others), at the ends
-/// `reach` away.
-fn set_codes(encoding: &mut Encoding, center: f64, step: f64, reach: f64) {
+/// `extent` away.
+fn set_codes(encoding: &mut Encoding, center: f64, step: f64, extent: f64) {
     let half = f64::from((1u32 << (encoding.bits - 1)) - 1);
     // Where codes are plenty they are equally far apart.
-    let step = (step * 127.0 / half).min(reach / half);
+    let step = (step * 127.0 / half).min(extent / half);
     encoding.center = center as f32;
     encoding.step = step as f32;
-    encoding.curve = ((reach - step * half) / (half * half * half)) as f32;
+    encoding.curve = ((extent - step * half) / (half * half * half)) as f32;
 }
 
 /// Where values of one meaning count.
@@ -166,18 +167,20 @@ impl Domain {
     /// Of values that mean this.
     pub fn of(decode: Decode, activation: &Activation) -> Self {
         match decode {
-            Decode::RawDensity => {
-                let (steepest, reach) = raw_density_reach(activation);
-                let empty = emptiness(steepest, reach);
-                Self { steepest, floor: steepest - reach, ceiling: steepest + reach, empty }
+            Decode::Density(DensityDomain::Raw) => {
+                let (steepest, extent) = raw_density_extent(activation);
+                let empty = emptiness(steepest, extent);
+                Self { steepest, floor: steepest - extent, ceiling: steepest + extent, empty }
             }
-            Decode::SqrtOpticalDepth => {
+            Decode::Density(DensityDomain::SqrtOpticalDepth) => {
                 let steepest = std::f64::consts::FRAC_1_SQRT_2;
-                Self { steepest, floor: 0.0, ceiling: SQRT_DEPTH_REACH, empty: 0.0 }
+                Self { steepest, floor: 0.0, ceiling: SQRT_DEPTH_EXTENT, empty: 0.0 }
             }
-            Decode::Opacity => Self { steepest: 0.5, floor: 0.0, ceiling: 1.0, empty: 0.0 },
+            Decode::Density(DensityDomain::Opacity) => {
+                Self { steepest: 0.5, floor: 0.0, ceiling: 1.0, empty: 0.0 }
+            }
             Decode::Logit => {
-                Self { steepest: 0.0, floor: -COLOR_REACH, ceiling: COLOR_REACH, empty: 0.0 }
+                Self { steepest: 0.0, floor: -COLOR_EXTENT, ceiling: COLOR_EXTENT, empty: 0.0 }
             }
         }
     }
@@ -215,7 +218,7 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     // The sigmoid's slope times its argument is at most 0.224.
     let mut encoding = float_encoding(bits, Decode::Logit, 0.0, 0.224, activate::sigmoid);
     if let Bits::Integer(_) = bits {
-        set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_REACH);
+        set_codes(&mut encoding, 0.0, 2.0 * COLOR_ERROR / 0.25, COLOR_EXTENT);
         encoding.max_error = bound(&encoding, [0.0, 1.0], activate::sigmoid);
     }
     encoding

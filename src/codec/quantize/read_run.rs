@@ -1,9 +1,9 @@
 //! The bytes of a run to codes.
 
+use super::code_word::Code;
+use super::frame::{FrameShape, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::predict::{self, CHANNELS_BEFORE, Channel, Lanes, WEIGHTS};
-use super::run::{FrameShape, before, lane_weights, terms};
-use super::wide::Code;
 
 /// For each byte of live bits, how many are set below each: where the residual of a live node is among those of eight.
 const PLACES: [[u8; 8]; 256] = places();

@@ -1,7 +1,7 @@
 //! The fewest bits that keep an error.
 //!
 //! What is wanted is the largest error; what is known is the lowest and the highest of the values
-//! ([`ValueSpan`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a few
+//! ([`ValueRange`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a few
 //! hundred ways: with their center anywhere from where the activation is steepest to the middle
 //! between both, and with equal steps or steps that are up to a thousandth as wide at the center as
 //! equal ones would be and grow towards the ends. The first way whose proved bound ([`super::range`])
@@ -16,20 +16,20 @@
 
 use super::range::{self, Bits, Domain, code_error, round_up};
 use crate::model::activate;
-use crate::model::baked::{Decode, Encoding, NumberType};
+use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
 use crate::model::field::Activation;
 
 /// Centers that are tried, from where the activation is steepest to the middle.
 const CENTERS: u32 = 5;
 /// Halvings of the step at the center that are tried, and how many ways there are on each.
 const HALVINGS: u32 = 10;
-const WAYS_EACH: u32 = 8;
+const CURVES_PER_HALVING: u32 = 8;
 /// Codes whose errors are looked at first; where one is too large, the others do not matter.
-const LOOKED_AT_FIRST: u32 = 256;
+const PROBED_FIRST: u32 = 256;
 
 /// The lowest and the highest of some values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ValueSpan {
+pub struct ValueRange {
     /// Lowest of them; above `high` where there are none.
     low: f32,
     high: f32,
@@ -37,12 +37,12 @@ pub struct ValueSpan {
     empty: f32,
 }
 
-impl ValueSpan {
+impl ValueRange {
     /// Of no values yet, which will mean `decode`.
     pub fn new(decode: Decode, activation: &Activation) -> Self {
         let empty = match decode {
             Decode::Logit => f32::NEG_INFINITY,
-            _ => Domain::of(decode, activation).empty,
+            Decode::Density(_) => Domain::of(decode, activation).empty,
         };
         Self { low: f32::INFINITY, high: f32::NEG_INFINITY, empty }
     }
@@ -73,12 +73,12 @@ pub fn encoding_within(
     max_error: f32,
     decode: Decode,
     activation: &Activation,
-    span: &ValueSpan,
+    span: &ValueRange,
 ) -> Encoding {
     let search = Search::new(max_error, decode, activation, span);
     (4..=16).find_map(|bits| search.with_bits(bits)).unwrap_or_else(|| match decode {
         Decode::Logit => range::color_encoding(Bits::F32),
-        _ => range::density_encoding(Bits::F32, decode, activation),
+        Decode::Density(domain) => range::density_encoding(Bits::F32, domain, activation),
     })
 }
 
@@ -95,7 +95,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(max_error: f32, decode: Decode, activation: &'a Activation, span: &ValueSpan) -> Self {
+    fn new(max_error: f32, decode: Decode, activation: &'a Activation, span: &ValueRange) -> Self {
         let domain = Domain::of(decode, activation);
         let activated = |value: f32| decode.activated(value.into(), activation);
         // Without values any will do.
@@ -104,7 +104,7 @@ impl<'a> Search<'a> {
             false => (domain.steepest as f32, domain.steepest as f32),
         };
         let mut ceiling = domain.ceiling;
-        if decode == Decode::RawDensity {
+        if decode == Decode::Density(DensityDomain::Raw) {
             // Over short intervals opacity goes on for long.
             let almost = 1.0 - f64::from(max_error);
             let (shift, interval) = (activation.shift.into(), activation.interval.into());
@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
     /// Codes of so many bits from the lowest to the highest value, with their widest steps.
     fn ways(&self, bits: u32) -> Vec<(f64, Encoding)> {
         let (mut low, high) = (self.low, self.high);
-        let empty_code = self.decode.is_density();
+        let empty_code = self.decode.density().is_some();
         // Codes below and above the center.
         let above = f64::from((1u32 << (bits - 1)) - 1);
         let mut below = above + 1.0;
@@ -160,8 +160,8 @@ impl<'a> Search<'a> {
             // Codes must differ as f32 numbers, even where all values are the same.
             let least = (center.abs() + 1.0) / f64::from(1u32 << 20);
             let equal = sides.iter().fold(least, |most, (reach, codes)| most.max(reach / codes));
-            for j in 0..=HALVINGS * WAYS_EACH {
-                let step = equal * libm::exp2(-f64::from(j) / f64::from(WAYS_EACH));
+            for j in 0..=HALVINGS * CURVES_PER_HALVING {
+                let step = equal * libm::exp2(-f64::from(j) / f64::from(CURVES_PER_HALVING));
                 let curve = |(reach, codes): (f64, f64)| (reach - step * codes) / codes.powi(3);
                 let curve = curve(sides[0]).max(curve(sides[1])).max(0.0);
                 let widest = step + 3.0 * curve * below * below;
@@ -188,7 +188,7 @@ impl<'a> Search<'a> {
         let error = |code| code_error(&encoding, code, self.seen, &activated);
         let count = encoding.last_code() + 1;
         let most = f64::from(self.max_error);
-        let stride = count.div_ceil(LOOKED_AT_FIRST) as usize;
+        let stride = count.div_ceil(PROBED_FIRST) as usize;
         if (0..count).step_by(stride).any(|code| error(code) > most) {
             return None;
         }
@@ -213,8 +213,8 @@ mod tests {
         Activation { shift: -4.595_12, interval, order: ActivationOrder::Raw }
     }
 
-    fn span(decode: Decode, activation: &Activation, values: &[f32]) -> ValueSpan {
-        let mut span = ValueSpan::new(decode, activation);
+    fn span(decode: Decode, activation: &Activation, values: &[f32]) -> ValueRange {
+        let mut span = ValueRange::new(decode, activation);
         span.take(values);
         span
     }
@@ -224,7 +224,7 @@ mod tests {
         let ranges = [[0.001, 0.02], [0.3, 0.31], [1e-4, 1.0], [0.4, 1.0], [1.0, 1.0]];
         let wide = [[-90.0, 80.0], [-8.0, 9.0], [-50.0, -3.0], [2.0, 31.0], [-99.0, 1e30]];
         for decode in Decode::ALL {
-            let is_raw = matches!(decode, Decode::RawDensity | Decode::Logit);
+            let is_raw = matches!(decode, Decode::Density(DensityDomain::Raw) | Decode::Logit);
             for ([low, high], interval) in [ranges, wide][usize::from(is_raw)]
                 .into_iter()
                 .flat_map(|r| [0.05, 0.5, 2.0].map(|i| (r, i)))
@@ -267,7 +267,9 @@ mod tests {
         for bits in 4..=12 {
             let fixed = |decode| match decode {
                 Decode::Logit => range::color_encoding(Bits::Integer(bits)),
-                _ => range::density_encoding(Bits::Integer(bits), decode, &activation),
+                Decode::Density(domain) => {
+                    range::density_encoding(Bits::Integer(bits), domain, &activation)
+                }
             };
             for decode in Decode::ALL {
                 let fixed = fixed(decode);

@@ -1,10 +1,10 @@
 //! Frames to the bytes of a run.
 
-use super::fit;
+use super::code_word::Code;
+use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
+use super::least_squares;
 use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
-use super::run::{Frame, FrameShape, RunBytes, Typed, before, lane_weights, terms};
-use super::wide::Code;
 
 /// Frames that a mode has at least, so that its weights and tables pay.
 const FRAMES_OF_A_MODE: usize = 24;
@@ -26,7 +26,7 @@ pub struct Encoder<T: Code, const L: usize> {
     live: Vec<Vec<u8>>,
 }
 
-impl<T: Typed, const L: usize> Encoder<T, L> {
+impl<T: Code, const L: usize> Encoder<T, L> {
     /// Takes frames, and gives codes that nobody needs their mean, or `most` where that is lower.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
         let nodes = shape.nodes();
@@ -146,7 +146,7 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
     /// The weights of each mode's channels.
     fn weights(&self, sums: &[Vec<Sums<L>>], modes: &[u8], count: u8) -> Vec<Vec<[i8; WEIGHTS]>> {
         let mut products =
-            vec![vec![[0.0; fit::PRODUCTS]; self.shape.channels]; usize::from(count)];
+            vec![vec![[0.0; least_squares::PRODUCTS]; self.shape.channels]; usize::from(count)];
         for (frame, &mode) in modes.iter().enumerate() {
             for (total, sums) in products[usize::from(mode)].iter_mut().zip(&sums[frame / L]) {
                 for (total, lanes) in total.iter_mut().zip(&sums.products) {
@@ -154,9 +154,10 @@ impl<T: Typed, const L: usize> Encoder<T, L> {
                 }
             }
         }
-        let of_mode = |products: Vec<[f64; fit::PRODUCTS]>| {
+        let of_mode = |products: Vec<[f64; least_squares::PRODUCTS]>| {
             let all = products.iter().enumerate();
-            all.map(|(channel, products)| fit::weights(products, terms(channel))).collect()
+            all.map(|(channel, products)| least_squares::weights(products, terms(channel)))
+                .collect()
         };
         products.into_iter().map(of_mode).collect()
     }

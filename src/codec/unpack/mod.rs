@@ -4,68 +4,13 @@
 //! [`tensors`] writes one safetensors file, which bakes again to the same atlases; [`slices`]
 //! writes pictures of every x plane. Both go plane by plane: memory is one level's codes.
 
+mod planes;
 mod read;
 mod slices;
 mod tensors;
 
+use planes::check_levels;
+pub(crate) use planes::fill_plane;
 pub use read::{Unpacked, UnpackedLevel, metadata_text};
 pub use slices::{SliceFormat, write_slices};
 pub use tensors::write_tensors;
-
-use crate::base::error::{Error, Result};
-use crate::codec::container::Container;
-use crate::codec::quantize::decode_codes;
-use crate::model::baked::{BakedLevel, Codes, Group, LevelMetadata};
-
-/// Refuses levels that a container does not have.
-fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
-    let count = container.metadata().levels.len();
-    match levels.iter().find(|&&level| level >= count) {
-        None => Ok(()),
-        Some(beyond) => Err(Error::usage(format!(
-            "--levels asks for level {beyond}, but there are {count} levels from 0"
-        ))),
-    }
-}
-
-/// Fills one x plane, `ny * nz` values, of one channel of a group. `false`, and nothing done,
-/// where the level has no such group.
-pub(crate) fn fill_plane(
-    level: &BakedLevel,
-    metadata: &LevelMetadata,
-    group: Group,
-    channel: usize,
-    x: usize,
-    out: &mut [f32],
-) -> bool {
-    let (Some(codes), Some(encoding)) = (&level.atlases[group as usize], metadata.encoding(group))
-    else {
-        return false;
-    };
-    out.fill(encoding.empty);
-    let grid = metadata.grid();
-    let [_, ny, nz] = grid.nodes.0;
-    let (edge, block_nodes) = (grid.edge, grid.block_nodes());
-    let total: usize = match codes {
-        Codes::U8(codes) => codes.len(),
-        Codes::U16(codes) => codes.len(),
-        Codes::U32(codes) => codes.len(),
-    };
-    let Some(channels) = (total / block_nodes).checked_div(level.table.frames()) else {
-        return true;
-    };
-    let [_, by, bz] = grid.counts();
-    for j in 0..by {
-        for k in 0..bz {
-            let Some(frame) = level.table.frame([x / edge, j, k]) else { continue };
-            let block = (frame * channels + channel) * block_nodes;
-            let count = edge.min(nz - k * edge);
-            for y in j * edge..ny.min((j + 1) * edge) {
-                let at = block + (x % edge * edge + y % edge) * edge;
-                let row = &mut out[y * nz + k * edge..][..count];
-                decode_codes(encoding, codes, at..at + count, row);
-            }
-        }
-    }
-    true
-}

@@ -88,7 +88,7 @@ impl Unpacked {
                 }
                 *volume = Some(found);
             }
-            let table = Table::new(level.grid(), blocks);
+            let table = Table::new(level.grid(), blocks)?;
             let counts =
                 |stored, filled| format!("{stored} occupied blocks, {filled} of them filled");
             if [table.frames(), table.filled()] != [level.blocks_stored, level.blocks_filled] {

@@ -77,6 +77,7 @@ pub(super) fn find(
         // Mip-VoG keeps faint samples, for their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
     };
+    march.check(nodes)?;
     Ok((Activation { shift, interval, order }, march))
 }
 

@@ -15,8 +15,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::activate;
-use crate::model::field::{Activation, UNSEEN_OPACITY};
+use super::Decode;
 
 /// Values that share an encoding and a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,55 +81,6 @@ impl NumberType {
     }
 }
 
-/// What a decoded value means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Decode {
-    /// Raw density: `sigma = softplus(value + shift)`.
-    RawDensity,
-    /// Raw colour: `sigmoid(value)`.
-    Logit,
-    /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
-    SqrtOpticalDepth,
-    /// Opacity over one interval.
-    Opacity,
-}
-
-impl Decode {
-    /// Every meaning.
-    pub const ALL: [Self; 4] =
-        [Self::RawDensity, Self::Logit, Self::SqrtOpticalDepth, Self::Opacity];
-
-    /// What a value comes to: opacity over one interval, or colour from 0 to 1. Errors are counted in
-    /// this. It never falls where values rise.
-    pub fn activated(self, value: f64, activation: &Activation) -> f64 {
-        match self {
-            Self::RawDensity => {
-                activate::opacity(value, activation.shift.into(), activation.interval.into())
-            }
-            Self::SqrtOpticalDepth => -libm::expm1(-value * value),
-            Self::Opacity => value.clamp(0.0, 1.0),
-            Self::Logit => activate::sigmoid(value),
-        }
-    }
-
-    /// The values of a group that can have this meaning.
-    pub const fn is_density(self) -> bool {
-        !matches!(self, Self::Logit)
-    }
-
-    /// The density that nobody sees: see [`Activation::unseen_raw`]. Colours are seen, whatever they
-    /// are.
-    pub fn unseen(self, activation: &Activation) -> f32 {
-        match self {
-            Self::RawDensity => activation.unseen_raw(),
-            Self::SqrtOpticalDepth => UNSEEN_OPACITY.sqrt() as f32,
-            Self::Opacity => UNSEEN_OPACITY as f32,
-            Self::Logit => f32::MAX,
-        }
-    }
-}
-
 /// How the values of one group of one level are stored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -193,15 +143,4 @@ impl Encoding {
         let x = code as f32 - (1u32 << (self.bits - 1)) as f32;
         self.center + x * (self.step + self.curve * (x * x))
     }
-}
-
-/// Codes of one group of one level: `[frame][channel][node]`, z fastest within a block.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Codes {
-    /// Quantized to at most 8 bits.
-    U8(Vec<u8>),
-    /// Quantized to 9 to 16 bits, or the bits of a binary16.
-    U16(Vec<u16>),
-    /// The bits of a binary32.
-    U32(Vec<u32>),
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Encoding, Group};
+use super::{DensityDomain, Encoding, Group};
 use crate::model::field::{Activation, March, nullable};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
 use crate::model::view_mlp::ViewInput;
@@ -76,6 +76,12 @@ impl LevelMetadata {
         BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
     }
 
+    /// The domain of the level's density; raw where it has none, as every file's level 0 may be.
+    pub fn density_domain(&self) -> DensityDomain {
+        let stated = self.density.as_ref().and_then(|density| density.decode.density());
+        stated.unwrap_or(DensityDomain::Raw)
+    }
+
     /// Whether colours are stored in integer codes, as filled blocks need them.
     pub fn has_integer_colors(&self) -> bool {
         let mut colors = [&self.diffuse, &self.features].into_iter().flatten();
@@ -129,10 +135,10 @@ pub enum ColorSpace {
     SrgbDisplay,
 }
 
-/// Which sample of the ray aside a sample's footprint is measured to.
+/// The sample of the neighbouring ray that a sample's footprint is measured to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Aside {
+pub enum FootprintNeighbour {
     /// The one at the same distance: the pixel's size there.
     SameDistance,
     /// The one of the same index, as in the paper and the research code. Where the box is entered
@@ -149,8 +155,9 @@ pub struct LevelOfDetail {
     pub factor: f32,
     /// Added after the factor.
     pub bias: f32,
-    /// Which sample of the ray aside the footprint is measured to.
-    pub aside: Aside,
+    /// The sample of the neighbouring ray that the footprint is measured to.
+    #[serde(rename = "aside")]
+    pub neighbour: FootprintNeighbour,
     /// An upper bound beside the last level, if there is one.
     #[serde(deserialize_with = "nullable")]
     pub most: Option<f32>,

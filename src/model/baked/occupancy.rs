@@ -1,5 +1,6 @@
 //! Which blocks of a level are stored, and where: the indirection table.
 
+use crate::base::error::{Error, Place, Result};
 use crate::model::grid::BlockGrid;
 
 /// How a reader gets a block's values.
@@ -44,9 +45,16 @@ pub struct Table {
 }
 
 impl Table {
-    /// From each block's occupancy, z fastest; as many as the grid has blocks.
-    pub fn new(grid: BlockGrid, occupancy: Vec<Occupancy>) -> Self {
-        assert_eq!(occupancy.len(), grid.total(), "one occupancy for each block");
+    /// From each block's occupancy, z fastest.
+    ///
+    /// # Errors
+    /// `Malformed` where there are not as many as the grid has blocks.
+    pub fn new(grid: BlockGrid, occupancy: Vec<Occupancy>) -> Result<Self> {
+        if occupancy.len() != grid.total() {
+            let found = format!("{} occupancies", occupancy.len());
+            let expected = format!("one for each of {} blocks", grid.total());
+            return Err(Error::malformed(Place::File, found, expected));
+        }
         let mut row_frames = Vec::new();
         let mut frames = 0;
         for row in occupancy.chunks(grid.counts()[2]) {
@@ -54,7 +62,7 @@ impl Table {
             frames += row.iter().filter(|&&block| block != Occupancy::Empty).count();
         }
         let filled = occupancy.iter().filter(|&&block| block == Occupancy::Filled).count();
-        Self { grid, occupancy, row_frames, frames, filled }
+        Ok(Self { grid, occupancy, row_frames, frames, filled })
     }
 
     /// The level's cut into blocks.
@@ -81,6 +89,15 @@ impl Table {
     pub fn is_filled(&self, [i, j, k]: [usize; 3]) -> bool {
         let [_, rows, length] = self.grid.counts();
         self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled
+    }
+
+    /// The same blocks, all with colours of their own.
+    pub fn without_inheritance(&self) -> Result<Self> {
+        let stored = |&block: &Occupancy| match block {
+            Occupancy::Filled => Occupancy::Stored,
+            block => block,
+        };
+        Self::new(self.grid, self.occupancy.iter().map(stored).collect())
     }
 
     /// Frame of a block by its place along each axis, if it has one.
@@ -111,7 +128,7 @@ mod tests {
     fn frames_count_the_stored_blocks_in_order() {
         let grid = BlockGrid { nodes: Nodes([5, 4, 9]), edge: 4 };
         let occupancy = [1, 0, 2, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
-        let table = Table::new(grid, occupancy.to_vec());
+        let table = Table::new(grid, occupancy.to_vec()).expect("as many as blocks");
         assert_eq!((table.frames(), table.filled()), (3, 1));
         assert!(table.is_filled([0, 0, 2]) && !table.is_filled([1, 0, 0]));
         let stored: Vec<_> = table.stored().collect();

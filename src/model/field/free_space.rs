@@ -1,5 +1,6 @@
 //! The free-space mask: outside it training dropped every sample.
 
+use crate::base::error::{Error, Place, Result};
 use crate::model::grid::Nodes;
 
 /// A coarse grid on its own nodes, found by an affine map from world positions.
@@ -32,6 +33,24 @@ pub enum Lookup {
 }
 
 impl FreeSpace {
+    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along an
+    /// axis.
+    ///
+    /// # Errors
+    /// `Malformed`.
+    pub fn check(&self) -> Result<()> {
+        let values = match &self.lookup {
+            Lookup::Nearest(inside) => inside.len(),
+            Lookup::Trilinear { values, .. } => values.len(),
+        };
+        if self.nodes.0.iter().all(|&size| size >= 2) && values == self.nodes.count() {
+            return Ok(());
+        }
+        let found = format!("{values} values on {:?} nodes", self.nodes.0);
+        let place = Place::Key("free-space mask".to_owned());
+        Err(Error::malformed(place, found, "one for each, at least 2 nodes along each axis"))
+    }
+
     /// Whether training kept samples at this world position.
     pub fn contains(&self, world: [f64; 3]) -> bool {
         let at: [f64; 3] =

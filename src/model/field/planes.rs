@@ -1,8 +1,5 @@
-//! Values of a trained field as everything downstream sees them: read by position where somebody
-//! needs them, emptied outside the free-space mask, counted where they are not finite.
-
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+//! Values of a trained field as everything downstream sees them: read by position where they are
+//! required, emptied outside the free-space mask, replaced where they are not finite.
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::field::{RadianceField, Volume};
@@ -25,46 +22,51 @@ pub enum Nonfinite {
     Empty,
 }
 
-/// Reads a field's planes from any thread.
+/// Reads a field's planes from any thread. It keeps no record: each call tells what it read.
 #[derive(Debug)]
 pub struct Planes<'a> {
     field: &'a RadianceField,
     /// Nodes that are no corner of any cell which the free-space mask touches.
     outside: Option<NodeMask>,
     nonfinite: Nonfinite,
-    found: Mutex<Found>,
-    /// Density was read once; what is not finite in it is known.
-    density_is_known: AtomicBool,
 }
 
-/// What one call read.
+/// The record of one call.
 #[derive(Debug, Clone)]
 pub struct PlaneRead {
-    /// Bytes.
+    /// Bytes that were read.
     pub bytes: u64,
     /// CRC-32 of them, in order.
     pub checksum: crc32fast::Hasher,
+    /// Values that were replaced.
+    pub nonfinite: NonfiniteCount,
 }
 
-/// Values that are not finite, among those read.
+/// Values that are not finite, among those that were read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Found {
+pub struct NonfiniteCount {
     /// How many.
     pub count: u64,
     /// The first one's channel, x, y and z; density is channel 0.
     pub first: Option<[usize; 4]>,
 }
 
+impl NonfiniteCount {
+    /// Adds the values of another read.
+    pub fn join(&mut self, other: Self) {
+        self.count += other.count;
+        self.first = match (self.first, other.first) {
+            (Some(own), Some(other)) => Some(own.min(other)),
+            (own, other) => own.or(other),
+        };
+    }
+}
+
 impl<'a> Planes<'a> {
-    /// Planes of `field`; `inside` are the nodes that keep their density.
+    /// Planes of `field`. Nodes in `outside` lose their density. `nonfinite` says whether values that
+    /// are not finite are an error.
     pub fn new(field: &'a RadianceField, outside: Option<NodeMask>, nonfinite: Nonfinite) -> Self {
-        Self {
-            field,
-            outside,
-            nonfinite,
-            found: Mutex::default(),
-            density_is_known: AtomicBool::new(false),
-        }
+        Self { field, outside, nonfinite }
     }
 
     /// The field that is read.
@@ -90,7 +92,11 @@ impl<'a> Planes<'a> {
             return Err(Error::new(ErrorKind::Overflow { what: "channel" }, Place::File));
         };
         let mut scratch = Vec::new();
-        let mut read = PlaneRead { bytes: 0, checksum: crc32fast::Hasher::new() };
+        let mut read = PlaneRead {
+            bytes: 0,
+            checksum: crc32fast::Hasher::new(),
+            nonfinite: NonfiniteCount::default(),
+        };
         let nz = volume.nodes.0[2];
         for run in runs(volume, region) {
             let at = [x, run.start / nz, run.start % nz];
@@ -100,7 +106,7 @@ impl<'a> Planes<'a> {
                 read.bytes += stored.len() as u64;
             })?;
             if !all_finite(values) {
-                self.mend(channel, x, run.start, nz, values);
+                read.nonfinite.join(replace_nonfinite([channel, x], run.start, nz, values));
             }
         }
         if let Some(outside) = self.outside.as_ref().filter(|_| channel == 0) {
@@ -109,42 +115,21 @@ impl<'a> Planes<'a> {
         Ok(read)
     }
 
-    /// What was found since the last call, or the error that it is. All of density must have been
-    /// read before the first call; from then on it is not counted again.
-    pub fn take_nonfinite(&self) -> Result<Found> {
-        self.density_is_known.store(true, Ordering::Relaxed);
-        let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = std::mem::take(&mut *found);
-        match (self.nonfinite, found.first) {
-            (Nonfinite::Refuse, Some(first)) => {
-                let tensor = if first[0] == 0 { "density" } else { "k0" };
-                // Colour counts its own channels.
-                let first = [first[0].saturating_sub(1), first[1], first[2], first[3]];
-                let kind = ErrorKind::NonFinite { count: found.count, first };
-                Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
-            }
-            _ => Ok(found),
-        }
-    }
-
-    /// Replaces and counts values that are not finite.
-    fn mend(&self, channel: usize, x: usize, start: usize, nz: usize, values: &mut [f32]) {
-        let empty = if channel == 0 { EMPTY_DENSITY } else { 0.0 };
-        let mut here = Found::default();
-        for (i, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
-            *value = empty;
-            here.count += 1;
-            here.first.get_or_insert([channel, x, (start + i) / nz, (start + i) % nz]);
-        }
-        if channel == 0 && self.density_is_known.load(Ordering::Relaxed) {
-            return;
-        }
-        let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        found.count += here.count;
-        found.first = match (found.first, here.first) {
-            (Some(old), Some(new)) => Some(old.min(new)),
-            (old, new) => old.or(new),
+    /// The count of values that were replaced, unless such values are refused.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::NonFinite`] with the first value's place.
+    pub fn accepted(&self, found: NonfiniteCount) -> Result<u64> {
+        let Some([channel, x, y, z]) = found.first.filter(|_| self.nonfinite == Nonfinite::Refuse)
+        else {
+            return Ok(found.count);
         };
+        let tensor = if channel == 0 { "density" } else { "k0" };
+        // Colour counts its own channels.
+        let first = [channel.saturating_sub(1), x, y, z];
+        let kind = ErrorKind::NonFinite { count: found.count, first };
+        Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
     }
 
     /// The checksum that the file states of all of density.
@@ -159,6 +144,24 @@ impl<'a> Planes<'a> {
             _ => None,
         }
     }
+}
+
+/// Replaces values that are not finite, and counts them. The first value is that of node number
+/// `start` of the plane.
+fn replace_nonfinite(
+    [channel, x]: [usize; 2],
+    start: usize,
+    nz: usize,
+    values: &mut [f32],
+) -> NonfiniteCount {
+    let empty = if channel == 0 { EMPTY_DENSITY } else { 0.0 };
+    let mut found = NonfiniteCount::default();
+    for (i, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
+        *value = empty;
+        found.count += 1;
+        found.first.get_or_insert([channel, x, (start + i) / nz, (start + i) % nz]);
+    }
+    found
 }
 
 /// Whether no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors do it.

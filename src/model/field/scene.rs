@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::base::error::{Error, Place, Result};
 use crate::model::activate;
 use crate::model::grid::{Bounds, Nodes};
 
@@ -74,9 +75,43 @@ pub struct March {
     pub alpha_threshold: f32,
 }
 
+impl March {
+    /// Samples that a ray may have, at most: `floor(|(Nx+1, Ny+1, Nz+1)| / stepsize)` for level 0's
+    /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
+    /// counts samples in f32, whose whole numbers end at 2^24.
+    pub const MOST_SAMPLES: u32 = 1 << 20;
+
+    /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
+    pub fn last_sample(&self, nodes: Nodes) -> f64 {
+        let [x, y, z] = nodes.0.map(|size| size as f64 + 1.0);
+        ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
+    }
+
+    /// Refuses steps that no ray can take: lengths that are not positive, and those of more than
+    /// [`Self::MOST_SAMPLES`].
+    ///
+    /// # Errors
+    /// `Malformed`, with the key as its place.
+    pub fn check(&self, nodes: Nodes) -> Result<()> {
+        for (key, length) in [("stepsize", self.stepsize), ("voxel_size", self.voxel_size)] {
+            if !(length > 0.0 && length.is_finite()) {
+                let place = Place::Key(format!("march.{key}"));
+                return Err(Error::malformed(place, length.to_string(), "a positive number"));
+            }
+        }
+        let samples = self.last_sample(nodes);
+        if samples <= f64::from(Self::MOST_SAMPLES) {
+            return Ok(());
+        }
+        let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
+        let expected = format!("steps of which a ray takes at most {}", Self::MOST_SAMPLES);
+        Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
+    }
+}
+
 /// A key that must be there, though its value may be null.
 pub(crate) fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from: D,
-) -> Result<Option<T>, D::Error> {
+) -> std::result::Result<Option<T>, D::Error> {
     Option::deserialize(from)
 }

@@ -1,14 +1,13 @@
 //! Sets of nodes, a bit each, and the set algebra of pruning.
 //!
 //! Bits lie in rows along z, 64 to a word; a row ends at a word's end and its unused bits stay
-//! zero. A *cell* has the number of its lowest node, so a set of cells is a [`NodeMask`] whose
-//! last plane, row and bit stay empty.
+//! zero. [`super::CellMask`] is a set of cells.
 
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::model::grid::{BlockGrid, Nodes, row};
+use crate::model::grid::{BlockGrid, CellMask, Nodes, row};
 
-/// A set of nodes (or cells) of a grid.
+/// A set of nodes of a grid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeMask {
     nodes: Nodes,
@@ -69,6 +68,12 @@ impl NodeMask {
         self.bits[first * length..].chunks_exact_mut(length).collect()
     }
 
+    /// The rows of one x plane.
+    pub fn plane_mut(&mut self, x: usize) -> &mut [u64] {
+        let length = self.nodes.0[1] * self.words;
+        &mut self.bits[x * length..][..length]
+    }
+
     /// The grid's size.
     pub fn nodes(&self) -> Nodes {
         self.nodes
@@ -107,8 +112,8 @@ impl NodeMask {
     }
 
     /// The cells that have a corner in this set.
-    pub fn cells_with_a_corner(&self) -> Result<Self> {
-        self.per_plane(|x, plane| {
+    pub fn cells_with_a_corner(&self) -> Result<CellMask> {
+        let lowest = self.per_plane(|x, plane| {
             let [nx, ny, _] = self.nodes.0;
             if x + 1 == nx {
                 return;
@@ -121,22 +126,8 @@ impl NodeMask {
                 row::or_shifted_down(row);
                 row::clear_from(row, self.nodes.0[2] - 1);
             }
-        })
-    }
-
-    /// The corners of the cells in this set.
-    pub fn corners(&self) -> Result<Self> {
-        self.per_plane(|x, plane| {
-            for y in 0..self.nodes.0[1] {
-                let row = &mut plane[y * self.words..][..self.words];
-                for i in x.saturating_sub(1)..=x {
-                    for j in y.saturating_sub(1)..=y {
-                        row::or_into(row, self.row(i, j));
-                    }
-                }
-                row::or_shifted_up(row);
-            }
-        })
+        });
+        lowest.map(CellMask::of_lowest_nodes)
     }
 
     /// What is in both sets.

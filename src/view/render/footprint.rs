@@ -14,21 +14,23 @@ pub struct Footprint {
     sides: [[[f64; 3]; 2]; 2],
     factor: f32,
     bias: f32,
+    finest: f32,
     last: f32,
 }
 
 impl Footprint {
-    /// From the sides' offsets in voxels for a whole pixel: `[x or y][at index 0, a step]`.
-    pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: usize) -> Self {
-        let last = (levels - 1) as f32;
-        let last = rule.most.map_or(last, |most| most.min(last));
-        Self { sides, factor: rule.factor, bias: rule.bias, last }
+    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, a step]`; `levels` are the
+    /// finest and the coarsest that may be read.
+    pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
+        let [finest, coarsest] = levels.map(|level| level as f32);
+        let last = rule.most.map_or(coarsest, |most| most.min(coarsest)).max(finest);
+        Self { sides, factor: rule.factor, bias: rule.bias, finest, last }
     }
 
     /// A level that does not depend on the footprint.
     pub fn fixed(level: usize) -> Self {
         let bias = level as f32;
-        Self { sides: [[[0.0; 3]; 2]; 2], factor: 0.0, bias, last: bias }
+        Self { sides: [[[0.0; 3]; 2]; 2], factor: 0.0, bias, finest: bias, last: bias }
     }
 
     /// The fractional level of sample `k`.
@@ -61,6 +63,6 @@ impl Footprint {
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
         let log = 0.5 * libm::log2(square.max(f64::MIN_POSITIVE)) as f32;
-        (self.factor * log + self.bias).clamp(0.0, self.last)
+        (self.factor * log + self.bias).clamp(self.finest, self.last)
     }
 }

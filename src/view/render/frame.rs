@@ -2,15 +2,16 @@
 
 use glam::DVec3;
 
+use super::field::{Field, with_values};
 use super::march::{Gathered, march};
-use super::view::{Field, View};
+use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::picture::box_means;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Step};
 use crate::model::camera::{Camera, Lens};
 use crate::model::view_mlp::RAYS;
-use crate::view::sample::{Sample, Stored};
+use crate::view::sample::Sample;
 
 /// Pixels along a tile's edge. Neighbouring rays read the same blocks.
 const TILE: usize = 16;
@@ -53,7 +54,7 @@ pub struct Frame {
     pub transmittance: Vec<f32>,
     /// Expected distance in world units; what is left behind the field counts at `far`, if there is one.
     pub distance: Vec<f32>,
-    /// Weighted mean level of the samples, 0 where there are none.
+    /// Weighted mean level of the samples; 0 where there are none.
     pub level: Vec<f32>,
     /// Diffuse colour and features, `channels` a pixel.
     pub accumulated: Vec<f32>,
@@ -94,12 +95,11 @@ pub fn render(
         return Err(Error::cancelled());
     }
     let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
-    let frame = match field {
-        Field::Lanes4(view, stored) => render_lanes(view, stored, &fine, options)?,
-        Field::Lanes8(view, stored) => render_lanes(view, stored, &fine, options)?,
-        Field::Lanes16(view, stored) => render_lanes(view, stored, &fine, options)?,
-    };
-    progress.advance(crate::base::progress::Step::Render, 1);
+    let view = field.view();
+    view.check()?;
+    let frame =
+        with_values!(field, values => render_tiles(view, values, &fine, options, progress))?;
+    progress.advance(Step::Render, 1);
     Ok(frame.box_downsampled(options.supersample))
 }
 
@@ -111,31 +111,19 @@ struct Tile<const C: usize> {
     specular: Vec<[f32; 3]>,
 }
 
-/// Chooses the code for the kind of values here, once a picture and not once a sample.
-fn render_lanes<const C: usize>(
-    view: &View,
-    stored: &Stored<C>,
-    camera: &Camera,
-    options: &FrameOptions,
-) -> Result<Frame> {
-    match stored {
-        Stored::Dense(field) => render_tiles(view, field, camera, options),
-        Stored::Sparse(field) => render_tiles(view, field, camera, options),
-    }
-}
-
 fn render_tiles<const C: usize>(
     view: &View,
     field: &impl Sample<C>,
     camera: &Camera,
     options: &FrameOptions,
+    progress: &dyn Progress,
 ) -> Result<Frame> {
     let Lens { width, height, .. } = camera.lens;
     let across = width.div_ceil(TILE);
     let tiles = parallel::map(across * height.div_ceil(TILE), |i| {
         let origin = [i % across * TILE, i / across * TILE];
         let size = [TILE.min(width - origin[0]), TILE.min(height - origin[1])];
-        Ok(render_tile(view, field, camera, options, origin, size))
+        render_tile(view, field, camera, options, [origin, size], progress)
     })?;
     let channels = 3 + view.features;
     let mut frame = Frame::black(width, height, channels);
@@ -150,9 +138,9 @@ fn render_tile<const C: usize>(
     field: &impl Sample<C>,
     camera: &Camera,
     options: &FrameOptions,
-    origin: [usize; 2],
-    size: [usize; 2],
-) -> Tile<C> {
+    [origin, size]: [[usize; 2]; 2],
+    progress: &dyn Progress,
+) -> Result<Tile<C>> {
     let mut gathered = Vec::with_capacity(size[0] * size[1]);
     let mut directions = Vec::with_capacity(size[0] * size[1]);
     let fixed = match options.levels {
@@ -162,10 +150,15 @@ fn render_tile<const C: usize>(
     let needs_footprint = fixed.is_none() && view.level_of_detail.is_some() && field.levels() > 1;
     for y in origin[1]..origin[1] + size[1] {
         for x in origin[0]..origin[0] + size[0] {
+            // A ray may have a million samples: a row of them would be seconds.
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
             let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
             let ray = camera.ray(x, y);
-            let aside = needs_footprint.then(|| [camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
-            gathered.push(march(view, field, &ray, aside, fixed));
+            let neighbours =
+                needs_footprint.then(|| [camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
+            gathered.push(march(view, field, &ray, neighbours, fixed));
             directions.push(unit(ray.direction));
         }
     }
@@ -180,7 +173,7 @@ fn render_tile<const C: usize>(
     } else {
         specular.resize(gathered.len(), [0.0; 3]);
     }
-    Tile { origin, size, gathered, specular }
+    Ok(Tile { origin, size, gathered, specular })
 }
 
 fn unit(direction: DVec3) -> [f64; 3] {

@@ -27,16 +27,16 @@ pub struct Gathered<const C: usize> {
     pub steps: u32,
 }
 
-/// Follows a ray; `aside` are the rays half a pixel aside along x and y, if the level depends on them.
+/// Follows a ray; `neighbours` are the rays half a pixel aside along x and y, if the level depends on them.
 pub fn march<const C: usize>(
     view: &View,
     field: &impl Sample<C>,
     ray: &Ray,
-    aside: Option<[Ray; 2]>,
+    neighbours: Option<[Ray; 2]>,
     fixed_level: Option<usize>,
 ) -> Gathered<C> {
     let mut sums = Sums::nothing();
-    let Some(route) = Route::new(view, field.levels(), ray, aside, fixed_level) else {
+    let Some(route) = Route::new(view, field.levels(), ray, neighbours, fixed_level) else {
         return Gathered::of(&sums, 0);
     };
     let path = &route.path;

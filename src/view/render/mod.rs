@@ -7,7 +7,8 @@
 //! picture in parallel and adds the view-dependent colour, many rays at a time. The picture does not
 //! depend on the number of threads.
 
-mod exposure;
+mod coverage;
+mod field;
 mod footprint;
 mod frame;
 mod march;
@@ -16,7 +17,9 @@ mod path;
 mod route;
 mod view;
 
-pub use exposure::{Exposure, exposure};
+pub use coverage::{CameraCoverage, camera_coverage};
+pub use field::Field;
+pub(crate) use field::{Lanes, with_lanes};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
 pub use route::Route;
-pub use view::{Field, TrainedLevels, View};
+pub use view::{TrainedLevels, View};

@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use super::path::Path;
 use super::view::View;
 use crate::model::activate::lanes;
-use crate::model::baked::{Blend, Decode};
+use crate::model::baked::{Blend, DensityDomain};
 use crate::model::field::{Activation, ActivationOrder};
 use crate::view::sample::{Cell, Sample};
 
@@ -53,16 +53,16 @@ struct Located {
     /// Densities of the finer and the coarser level.
     density: [[f32; PACKET]; 2],
     /// What the finer level's mean.
-    decode: Decode,
+    domain: DensityDomain,
     /// What the coarser level's mean, where they are decoded before they are mixed.
-    coarser: Option<Decode>,
+    coarser: Option<DensityDomain>,
 }
 
 /// The density of no matter.
-fn nothing(decode: Decode) -> f32 {
-    match decode {
-        Decode::RawDensity | Decode::Logit => f32::NEG_INFINITY,
-        Decode::SqrtOpticalDepth | Decode::Opacity => 0.0,
+fn nothing(domain: DensityDomain) -> f32 {
+    match domain {
+        DensityDomain::Raw => f32::NEG_INFINITY,
+        DensityDomain::SqrtOpticalDepth | DensityDomain::Opacity => 0.0,
     }
 }
 
@@ -104,9 +104,9 @@ impl Packet {
         let located = self.locate(view, field, path);
         let count = std::mem::take(&mut self.count);
         sums.samples += count as u32;
-        let mut optical = optical_depths(&located.density[0], located.decode, view);
-        if let Some(decode) = located.coarser {
-            let coarser = optical_depths(&located.density[1], decode, view);
+        let mut optical = optical_depths(&located.density[0], located.domain, view);
+        if let Some(domain) = located.coarser {
+            let coarser = optical_depths(&located.density[1], domain, view);
             for i in 0..PACKET {
                 optical[i] += (coarser[i] - optical[i]) * self.blend[i];
             }
@@ -144,12 +144,12 @@ impl Packet {
         // A level without density has level 0's.
         let owner = |level: usize| if field.density_level(level) { level } else { 0 };
         let (own, next) = (owner(level), owner(level + 1));
-        let (decode, coarser) = (field.decode(own), field.decode(next));
+        let (domain, coarser) = (field.density_domain(own), field.density_domain(next));
         let mut located = Located {
             cells: [[None; 2]; PACKET],
             // Where nothing is stored nothing is seen.
-            density: [[nothing(decode); PACKET], [nothing(coarser); PACKET]],
-            decode,
+            density: [[nothing(domain); PACKET], [nothing(coarser); PACKET]],
+            domain,
             coarser: (next != own && view.blend == Blend::AfterActivation).then_some(coarser),
         };
         for i in 0..self.count {
@@ -232,31 +232,29 @@ struct Composited {
 }
 
 /// Optical depths over one interval of interpolated densities.
-fn optical_depths(density: &[f32; PACKET], decode: Decode, view: &View) -> [f32; PACKET] {
+fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -> [f32; PACKET] {
     let Activation { shift, interval, order } = view.activation;
-    match (decode, order) {
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
-            raw_depths(density, shift, interval)
-        }
-        _ => density.map(|density| optical_depth(density, decode, view)),
+    match (domain, order) {
+        (DensityDomain::Raw, ActivationOrder::Raw) => raw_depths(density, shift, interval),
+        _ => density.map(|density| optical_depth(density, domain, view)),
     }
 }
 
 /// The optical depth over one interval of an interpolated density. Finite even of the largest numbers, so
 /// that mixing two of them gives no NaN.
 #[inline(always)]
-pub fn optical_depth(density: f32, decode: Decode, view: &View) -> f32 {
+pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     let Activation { shift, interval, order } = view.activation;
-    match (decode, order) {
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Raw) => {
-            raw_depth(density, shift, interval)
-        }
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Density) => {
+    match (domain, order) {
+        (DensityDomain::Raw, ActivationOrder::Raw) => raw_depth(density, shift, interval),
+        (DensityDomain::Raw, ActivationOrder::Density) => {
             (density.max(0.0) * interval).min(f32::MAX)
         }
-        (Decode::SqrtOpticalDepth, _) => (density * density * view.depth_scale).min(f32::MAX),
-        (Decode::RawDensity | Decode::Logit, ActivationOrder::Opacity) => opaque_depth(density),
-        (Decode::Opacity, _) => opaque_depth(density) * view.depth_scale,
+        (DensityDomain::SqrtOpticalDepth, _) => {
+            (density * density * view.depth_scale).min(f32::MAX)
+        }
+        (DensityDomain::Raw, ActivationOrder::Opacity) => opaque_depth(density),
+        (DensityDomain::Opacity, _) => opaque_depth(density) * view.depth_scale,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where a ray's samples lie.
 
 use super::view::View;
-use crate::model::baked::Aside;
+use crate::model::baked::FootprintNeighbour;
 use crate::model::camera::Ray;
 
 /// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries are
@@ -32,10 +32,8 @@ impl Path {
         let (entry, length) = (entry_t(view, ray), ray.direction.length());
         let t_step = step_world(view) / length;
         let (start, step) = samples(view, ray, entry, t_step);
-        let most = view.nodes.0.map(|size| (size + 1) as f64);
-        let most = (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt();
         // The first and the last sample inside, along every axis.
-        let (mut first, mut last) = (0.0f64, (most / f64::from(view.march.stepsize)).floor());
+        let (mut first, mut last) = (0.0f64, view.march.last_sample(view.nodes));
         for axis in 0..3 {
             let (from, by) = (start[axis], step[axis]);
             if by == 0.0 {
@@ -60,13 +58,18 @@ impl Path {
 
     /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample
     /// 0, and its growth with each step.
-    pub fn offsets(&self, view: &View, aside: Aside, other: &Ray) -> [[f64; 3]; 2] {
-        let (start, step) = match aside {
-            Aside::SameIndex => {
+    pub fn offsets(
+        &self,
+        view: &View,
+        neighbour: FootprintNeighbour,
+        other: &Ray,
+    ) -> [[f64; 3]; 2] {
+        let (start, step) = match neighbour {
+            FootprintNeighbour::SameIndex => {
                 let t_step = step_world(view) / other.direction.length();
                 samples(view, other, entry_t(view, other), t_step)
             }
-            Aside::SameDistance => samples(view, other, self.entry, self.t_step),
+            FootprintNeighbour::SameDistance => samples(view, other, self.entry, self.t_step),
         };
         // Positions are shares of the box, which is N voxels along an axis.
         let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;

@@ -18,23 +18,23 @@ pub struct Route {
 }
 
 impl Route {
-    /// Through a field of `levels` levels; `aside` are the rays half a pixel aside along x and y, if
+    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and y, if
     /// the level depends on them. None if the ray misses the box.
     pub fn new(
         view: &View,
         levels: usize,
         ray: &Ray,
-        aside: Option<[Ray; 2]>,
+        neighbours: Option<[Ray; 2]>,
         fixed_level: Option<usize>,
     ) -> Option<Self> {
         let path = Path::new(view, ray)?;
-        let footprint = match (fixed_level, aside, &view.level_of_detail) {
-            (Some(level), _, _) => Footprint::fixed(level.min(levels - 1)),
-            (None, Some(aside), Some(rule)) => {
-                let sides = aside.map(|other| path.offsets(view, rule.aside, &other));
-                Footprint::new(sides, rule, levels)
+        let footprint = match (fixed_level, neighbours, &view.level_of_detail) {
+            (Some(level), _, _) => Footprint::fixed(level.min(levels - 1).max(view.finest)),
+            (None, Some(neighbours), Some(rule)) => {
+                let sides = neighbours.map(|other| path.offsets(view, rule.neighbour, &other));
+                Footprint::new(sides, rule, [view.finest, levels - 1])
             }
-            _ => Footprint::fixed(0),
+            _ => Footprint::fixed(view.finest),
         };
         let range = footprint.range(path.first, path.last);
         Some(Self { path, footprint, range })
@@ -57,8 +57,8 @@ impl Route {
         while k <= path.last {
             let place = skip.place(path.position(k));
             let state = skip.state(levels, place);
-            let room = if let Macro::Empty(room) = state { room } else { 1 };
-            let leaves = skip.leaves(place, room, path.start, path.step);
+            let distance = if let Macro::Empty(distance) = state { distance } else { 1 };
+            let leaves = skip.leaves(place, distance, path.start, path.step);
             if let (Macro::Empty(_), Some(interval)) = (state, interval) {
                 // The first sample that has left; never the same again, however that is rounded.
                 let interval = f64::from(interval);
@@ -68,12 +68,12 @@ impl Route {
             loop {
                 let lambda = if constant { *least } else { footprint.lambda(k) };
                 let interval = interval.unwrap_or_else(|| libm::exp2f(lambda));
-                let seen = match state {
+                let counts = match state {
                     Macro::Empty(_) => false,
                     Macro::Open => true,
                     Macro::Masked => view.keeps(path.position(k)),
                 };
-                if seen && !visit(k, lambda, interval) {
+                if counts && !visit(k, lambda, interval) {
                     return;
                 }
                 k += f64::from(interval);

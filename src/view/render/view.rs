@@ -1,12 +1,11 @@
 //! What a trained scene or a container says about rendering, as one set of rules.
 
-use crate::base::error::{Error, Place, Result};
-use crate::base::limits::Limits;
-use crate::model::baked::{BakedField, Blend, LevelOfDetail, Metadata, StepRule};
-use crate::model::field::{Activation, FreeSpace, March, RadianceField};
+use crate::base::error::{Place, Result};
+use crate::levels::LevelFilter;
+use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::field::{Activation, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::view_mlp::ViewMlp;
-use crate::view::sample::{Dense, Levels, Sparse, Stored};
 
 /// Everything but the values between nodes.
 #[derive(Debug, Clone)]
@@ -27,8 +26,10 @@ pub struct View {
     pub blend: Blend,
     /// How far apart samples of coarser levels are.
     pub step_rule: StepRule,
-    /// Which level a sample reads; none reads level 0.
+    /// The rule for the level that a sample reads; none reads the finest.
     pub level_of_detail: Option<LevelOfDetail>,
+    /// The finest level that samples may read: 0 but for prefixes of containers.
+    pub finest: usize,
     /// View-dependent colour.
     pub view_mlp: Option<ViewMlp>,
     /// Where samples count.
@@ -37,89 +38,54 @@ pub struct View {
     pub features: usize,
 }
 
-/// Coarser levels of a trained field, and the rules to render them by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrainedLevels {
-    /// How they are made.
-    pub levels: Levels,
+/// Coarser levels of a trained field, and the rule to render them by.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainedLevels<'a> {
+    /// How they are made, mixed and marched through.
+    pub filter: &'a dyn LevelFilter,
+    /// Levels in all, at most.
+    pub count: usize,
     /// Which level a sample reads.
     pub level_of_detail: LevelOfDetail,
-    /// How two levels are mixed.
-    pub blend: Blend,
-    /// How far apart samples of coarser levels are.
-    pub step_rule: StepRule,
 }
 
-/// A field to be rendered: rules, and values in as many lanes as its channels need.
-pub enum Field {
-    /// Diffuse colour only.
-    Lanes4(View, Stored<4>),
-    /// Up to 5 features.
-    Lanes8(View, Stored<8>),
-    /// Up to 13 features.
-    Lanes16(View, Stored<16>),
+impl<'a> TrainedLevels<'a> {
+    /// As many levels as `filter` makes of a scene, rendered by the rules of training where training
+    /// had such levels.
+    pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
+        let neighbour = match filter.blend() {
+            Blend::BeforeActivation => FootprintNeighbour::SameIndex,
+            Blend::AfterActivation => FootprintNeighbour::SameDistance,
+        };
+        let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(neighbour));
+        Self { filter, count, level_of_detail }
+    }
 }
 
-impl Field {
-    /// A trained field, with coarser levels if `levels` says so.
-    pub fn trained(
-        field: &RadianceField,
-        levels: Option<TrainedLevels>,
-        limits: &Limits,
-    ) -> Result<Self> {
+impl View {
+    /// The rules of a trained field.
+    pub(super) fn of_trained(field: &RadianceField, levels: Option<TrainedLevels>) -> Self {
         let scene = &field.scene;
-        let features = field.color_channels() - 3;
-        let view = View {
+        Self {
             bounds: scene.bounds,
             nodes: scene.nodes,
             activation: scene.activation,
             march: scene.march,
             background: scene.background,
             depth_scale: 1.0,
-            blend: levels.map_or(Blend::BeforeActivation, |levels| levels.blend),
-            step_rule: levels.map_or(StepRule::Constant, |levels| levels.step_rule),
+            blend: levels.map_or(Blend::BeforeActivation, |levels| levels.filter.blend()),
+            step_rule: levels.map_or(StepRule::Constant, |levels| levels.filter.step_rule()),
             level_of_detail: levels.map(|levels| levels.level_of_detail),
+            finest: 0,
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
-            features,
-        };
-        let levels = levels.map_or(Levels::FINEST, |levels| levels.levels);
-        Ok(match features {
-            0..=1 => Self::Lanes4(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            2..=5 => Self::Lanes8(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            6..=13 => Self::Lanes16(view, Stored::Dense(Dense::new(field, levels, limits)?)),
-            _ => return Err(too_many(features)),
-        })
-    }
-
-    /// A baked field.
-    pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
-        let view = View::of_metadata(&field.metadata, field);
-        Ok(match view.features {
-            0..=1 => Self::Lanes4(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            2..=5 => Self::Lanes8(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            6..=13 => Self::Lanes16(view, Stored::Sparse(Sparse::new(field, limits)?)),
-            features => return Err(too_many(features)),
-        })
-    }
-
-    /// The rules.
-    pub fn view(&self) -> &View {
-        match self {
-            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
+            features: field.color_channels().saturating_sub(3),
         }
     }
 
-    /// The rules, to be overridden.
-    pub fn view_mut(&mut self) -> &mut View {
-        match self {
-            Self::Lanes4(view, _) | Self::Lanes8(view, _) | Self::Lanes16(view, _) => view,
-        }
-    }
-}
-
-impl View {
-    fn of_metadata(metadata: &Metadata, field: &BakedField) -> Self {
+    /// The rules of a baked field, which has at least one level.
+    pub(super) fn of_baked(field: &BakedField) -> Self {
+        let metadata = &field.metadata;
         Self {
             bounds: metadata.bounds,
             nodes: metadata.levels[0].grid().nodes,
@@ -130,9 +96,23 @@ impl View {
             blend: metadata.blend,
             step_rule: metadata.step_rule,
             level_of_detail: Some(metadata.level_of_detail),
+            finest: field.finest,
             view_mlp: field.view_mlp.clone(),
             free_space: field.free_space.clone(),
             features: metadata.features,
+        }
+    }
+
+    /// Refuses rules that no picture can be made by.
+    ///
+    /// # Errors
+    /// `Malformed`, with the rule as its place.
+    pub fn check(&self) -> Result<()> {
+        self.bounds.check(&Place::Key("bounds".to_owned()))?;
+        self.march.check(self.nodes)?;
+        match &self.view_mlp {
+            Some(network) => network.check(self.features, &Place::Key("view network".to_owned())),
+            None => Ok(()),
         }
     }
 
@@ -142,9 +122,4 @@ impl View {
         self.depth_scale *= stepsize / self.march.stepsize;
         self.march.stepsize = stepsize;
     }
-}
-
-fn too_many(features: usize) -> Error {
-    let found = format!("{features} features");
-    Error::unsupported(Place::File, found, "at most 13")
 }

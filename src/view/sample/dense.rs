@@ -3,44 +3,19 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::level::{Cell, Values, split};
-use super::skip::{SeenCells, SkipGrid};
+use super::skip::{OccupiedMacroCells, SkipGrid};
 use super::{Sample, interpolated_density};
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::levels::mips::{
-    Cascade, Kernel, Lift, Matter, Regions, SLAB, Settled, Settlers, level_sizes,
+use crate::base::progress::{Silent, Step};
+use crate::levels::pyramid::SLAB;
+use crate::levels::sizes::level_sizes;
+use crate::levels::{
+    Content, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify, visible,
 };
-use crate::levels::prune;
-use crate::model::baked::Decode;
+use crate::model::baked::DensityDomain;
 use crate::model::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
-
-/// Coarser levels to make of a trained field.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Levels {
-    /// Levels in all, at most.
-    pub most: usize,
-    /// The low-pass before each halving.
-    pub kernel: Kernel,
-    /// Whether coarser levels have density of their own.
-    pub density: bool,
-    /// What is averaged, where it is not raw values.
-    pub matter: Option<Matter>,
-}
-
-impl Levels {
-    /// What densities of a level mean.
-    pub fn decode(&self, level: usize) -> Decode {
-        match self.matter.filter(|_| level > 0).map(|matter| matter.settled) {
-            None => Decode::RawDensity,
-            Some(Settled::SqrtOpticalDepth) => Decode::SqrtOpticalDepth,
-            Some(Settled::Opacity) => Decode::Opacity,
-        }
-    }
-
-    /// Level 0 alone.
-    pub const FINEST: Self = Self { most: 1, kernel: Kernel::None, density: true, matter: None };
-}
 
 /// Dense levels.
 #[derive(Debug)]
@@ -51,44 +26,55 @@ pub struct Dense<const C: usize> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Reads all of `field` and makes its levels.
-    pub fn new(field: &RadianceField, levels: Levels, limits: &Limits) -> Result<Self> {
+    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one, level
+    /// 0 alone.
+    ///
+    /// # Errors
+    ///
+    /// Those of reading, values that are not finite, and more memory than `limits` allow.
+    pub fn new(
+        field: &RadianceField,
+        filter: Option<(&dyn LevelFilter, usize)>,
+        limits: &Limits,
+    ) -> Result<Self> {
         let place = Place::File;
-        let nodes = level_sizes(field.scene.nodes, levels.most);
+        let nodes = level_sizes(field.scene.nodes, filter.map_or(1, |(_, count)| count));
+        let filter = filter.map(|(filter, _)| filter);
         let mut budget = Budget::new(limits);
         let mut values = Vec::new();
         for (level, size) in nodes.iter().enumerate() {
             let count = size.count();
-            let has_density = level == 0 || levels.density;
+            let has_density = level == 0 || filter.is_some_and(|filter| filter.has_density());
             let density = match has_density {
                 true => Some(budget.zeroed(count, "bytes of density", &place)?),
                 false => None,
             };
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
-            let decode = levels.decode(level);
-            values.push(Values { density, decode, color: vec![[0.0; C]; count], strides });
+            let domain = filter.map_or(DensityDomain::Raw, |filter| filter.density_domain(level));
+            values.push(Values { density, domain, color: vec![[0.0; C]; count], strides });
         }
-        fill(field, levels, &nodes, &mut values)?;
+        fill(field, filter, &nodes, &mut values)?;
         let activation = &field.scene.activation;
-        let mut seen: Vec<Vec<bool>> = Vec::new();
-        for (&nodes_of_level, values) in nodes.iter().zip(&mut values) {
+        let mut visible: Vec<Vec<bool>> = Vec::new();
+        for (&level_nodes, values) in nodes.iter().zip(&mut values) {
             let Some(density) = &mut values.density else {
-                // Colour alone: what level 0 shows.
-                seen.push(seen[0].clone());
+                // Colour alone: level 0's cells.
+                visible.push(visible[0].clone());
                 continue;
             };
-            let decode = values.decode;
-            let mut cells = SeenCells::new(nodes_of_level, nodes[0], decode, activation);
-            let [nx, ny, nz] = nodes_of_level.0;
+            let domain = values.domain;
+            let mut cells = OccupiedMacroCells::new(level_nodes, nodes[0], domain, activation);
+            let [nx, ny, nz] = level_nodes.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
-                *value = interpolated_density(activation, decode, *value);
-                cells.take([i / nz / ny, i / nz % ny, i % nz], *value, whole);
+                *value = interpolated_density(activation, domain, *value);
+                cells.mark([i / nz / ny, i / nz % ny, i % nz], *value, whole);
             }
-            seen.push(cells.finish(nodes[0]));
+            visible.push(cells.finish(nodes[0]));
         }
-        let skip = SkipGrid::new(nodes[0], &field.scene.bounds, field.free_space.as_ref(), &seen)?;
+        let free_space = field.free_space.as_ref();
+        let skip = SkipGrid::new(nodes[0], &field.scene.bounds, free_space, &visible)?;
         Ok(Self { nodes, values, skip })
     }
 }
@@ -145,12 +131,12 @@ impl<const C: usize> Sample<C> for Dense<C> {
         self.values.get(level).is_some_and(|values| values.density.is_some())
     }
 
-    fn decode(&self, level: usize) -> Decode {
-        self.values[level].decode
+    fn density_domain(&self, level: usize) -> DensityDomain {
+        self.values[level].domain
     }
 
     fn empty_density(&self, level: usize) -> f32 {
-        if self.values[level].decode == Decode::RawDensity { EMPTY_DENSITY } else { 0.0 }
+        if self.values[level].domain == DensityDomain::Raw { EMPTY_DENSITY } else { 0.0 }
     }
 
     fn empty_color(&self, _level: usize) -> [f32; C] {
@@ -165,72 +151,75 @@ impl<const C: usize> Sample<C> for Dense<C> {
 /// Streams the field through its levels into the arrays.
 fn fill<const C: usize>(
     field: &RadianceField,
-    levels: Levels,
+    filter: Option<&dyn LevelFilter>,
     nodes: &[Nodes],
     values: &mut [Values<C>],
 ) -> Result<()> {
-    let planes = prune::masked_planes(field, Nonfinite::Refuse)?;
+    let planes = visible::masked_planes(field, Nonfinite::Refuse)?;
     let channels = planes.channels();
     if channels - 1 > C {
         let found = format!("{} colour channels", channels - 1);
         return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
     }
     let whole: Vec<NodeMask> = nodes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
-    let regions = Regions::new(whole.clone(), None, levels.kernel)?;
-    let visibility = match levels.matter.filter(|_| nodes.len() > 1) {
-        Some(matter) => Some(prune::visibility(&planes, nodes, levels.kernel, matter)?),
+    let weights = filter.map_or_else(|| vec![1.0], |filter| filter.weights());
+    let required = RequiredNodes::new(whole.clone(), None, &weights)?;
+    let visibility = match filter {
+        Some(filter) => visible::visibility(&planes, nodes, filter)?,
         None => None,
     };
-    let lift = Lift::of_levels(levels.matter.zip(visibility.as_ref()), levels.density, channels);
-    let settlers = Settlers::new(levels.matter, channels, &whole);
-    let values: Vec<Vec<Mutex<PlaneOf<C>>>> = values.iter_mut().map(Values::planes).collect();
-    let put = |level: usize, x: usize, channel, plane: &mut [f32]| {
-        values[level][x].lock().unwrap_or_else(PoisonError::into_inner).put(channel, plane);
-        Ok(())
+    let content = match filter {
+        Some(filter) => {
+            let domain = filter.alpha(&field.scene.activation);
+            let alpha = domain.zip(visibility.as_ref());
+            Content::of_levels(filter, alpha, channels, whole.iter().collect())
+        }
+        None => Content::Logits(0..channels),
     };
-    Cascade::new(&regions, channels, lift, SLAB).run(
-        |x, channel, region, plane| {
-            planes.read(channel, x, region, plane)?;
-            put(0, x, channel, plane)
-        },
-        |level, x, channel, plane| settlers.pass([level, x, channel], plane, put),
-        |level, planes| settlers.settle(level, planes, put, |_| Ok(())),
-    )?;
-    planes.take_nonfinite().map(|_| ()).map_err(|error| match error.kind() {
-        ErrorKind::NonFinite { .. } => error,
-        _ => Error::malformed(Place::File, error.to_string(), "a readable field"),
-    })
+    let pass = FieldPass::new(&planes, Verify::Nothing);
+    let levels = values.iter_mut().map(Values::planes).collect();
+    let pyramid =
+        Pyramid { source: &pass, required: &required, content, slab: SLAB, pipelined: true };
+    pyramid.run(&DenseSink { levels }, Step::Encode, &Silent)?;
+    drop(pyramid);
+    planes.accepted(pass.finish()?.nonfinite()).map(|_| ())
+}
+
+/// Copies planes into arrays.
+struct DenseSink<'a, const C: usize> {
+    /// By level and plane.
+    levels: Vec<Vec<Mutex<ArrayPlane<'a, C>>>>,
+}
+
+impl<const C: usize> PlaneSink for DenseSink<'_, C> {
+    fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
+        let mut plane = self.levels[level][x].lock().unwrap_or_else(PoisonError::into_inner);
+        let ArrayPlane { density, color } = &mut *plane;
+        match (density, channel) {
+            (Some(density), 0) => density.copy_from_slice(values),
+            (density, _) => {
+                let lane = channel - usize::from(density.is_some());
+                color.iter_mut().zip(values).for_each(|(node, value)| node[lane] = *value);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A plane of a level's arrays.
-struct PlaneOf<'a, const C: usize> {
+struct ArrayPlane<'a, const C: usize> {
     density: Option<&'a mut [f32]>,
     color: &'a mut [[f32; C]],
 }
 
 impl<const C: usize> Values<C> {
-    fn planes(&mut self) -> Vec<Mutex<PlaneOf<'_, C>>> {
+    fn planes(&mut self) -> Vec<Mutex<ArrayPlane<'_, C>>> {
         let length = self.strides[0];
         let mut density = self.density.as_mut().map(|all| all.chunks_exact_mut(length));
         let plane = |color| {
             let density = density.as_mut().and_then(Iterator::next);
-            Mutex::new(PlaneOf { density, color })
+            Mutex::new(ArrayPlane { density, color })
         };
         self.color.chunks_exact_mut(length).map(plane).collect()
-    }
-}
-
-impl<const C: usize> PlaneOf<'_, C> {
-    /// Copies a channel, of which density is the first where the level has it.
-    fn put(&mut self, channel: usize, values: &[f32]) {
-        match (&mut self.density, channel) {
-            (Some(density), 0) => density.copy_from_slice(values),
-            (density, _) => {
-                let lane = channel - usize::from(density.is_some());
-                for (node, &value) in self.color.iter_mut().zip(values) {
-                    node[lane] = value;
-                }
-            }
-        }
     }
 }

@@ -1,6 +1,8 @@
 //! One level's arrays and trilinear interpolation in them.
 
-use crate::model::baked::Decode;
+use crate::model::activate;
+use crate::model::baked::DensityDomain;
+use crate::model::field::{Activation, ActivationOrder};
 
 /// A position's cell: its lowest node in the level's arrays, and where in the cell it lies.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -17,7 +19,7 @@ pub struct Values<const C: usize> {
     /// None where the level has no density of its own.
     pub density: Option<Vec<f32>>,
     /// What densities mean.
-    pub decode: Decode,
+    pub domain: DensityDomain,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],
 }
@@ -64,5 +66,22 @@ impl<const C: usize> Values<C> {
             }
         }
         sum
+    }
+}
+
+/// Densities beyond are as good as these, and differences of larger ones overflow.
+const LARGEST_DENSITY: f32 = 1e30;
+
+/// A node's density as it is interpolated.
+pub fn interpolated_density(activation: &Activation, domain: DensityDomain, raw: f32) -> f32 {
+    let raw = raw.clamp(-LARGEST_DENSITY, LARGEST_DENSITY);
+    if domain != DensityDomain::Raw {
+        return raw;
+    }
+    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
+    match activation.order {
+        ActivationOrder::Raw => raw,
+        ActivationOrder::Density => activate::softplus(f64::from(raw) + shift) as f32,
+        ActivationOrder::Opacity => activate::opacity(raw.into(), shift, interval) as f32,
     }
 }

@@ -1,12 +1,13 @@
-//! Where rays need not look.
+//! Empty space that rays skip.
 //!
-//! The box is cut into *macro cells* of a few level-0 cells a side. For each level every macro cell
-//! says whether samples of that level can be seen in it, and if not, how far around it nothing can be
-//! seen either: that far a ray jumps at once.
+//! The box is cut into *macro cells* of a few level-0 cells a side. A macro cell is *occupied* by a
+//! level if a sample of that level can be visible in it. Each macro cell has, for each level, its *skip
+//! distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray passes all
+//! nearer macro cells at once.
 
 use crate::base::error::Result;
-use crate::levels::prune;
-use crate::model::baked::Decode;
+use crate::levels::free_space;
+use crate::model::baked::DensityDomain;
 use crate::model::field::{Activation, FreeSpace, Lookup};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
 
@@ -20,7 +21,7 @@ const MOST_CELLS: usize = 128;
 /// What a macro cell says about samples in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Macro {
-    /// Nothing can be seen in it, nor in macro cells less than this many away along every axis.
+    /// Empty, like all macro cells less than this skip distance away along every axis.
     Empty(usize),
     /// Samples count.
     Open,
@@ -34,31 +35,36 @@ pub struct SkipGrid {
     counts: [usize; 3],
     /// Macro cells along the whole box, which the last ones may overhang.
     scale: [f64; 3],
-    /// For each level and macro cell, how far the nearest one is in which something can be seen.
-    rooms: Vec<Vec<u8>>,
+    /// For each level, the skip distance of each macro cell.
+    skip_distances: Vec<Vec<u8>>,
     /// Macro cells in which only some positions are inside the free-space mask.
     masked: Option<Vec<bool>>,
 }
 
-/// The macro cells of a level in which samples have an opacity worth looking at.
-pub struct SeenCells {
+/// The macro cells that a level occupies.
+pub struct OccupiedMacroCells {
     grid: BlockGrid,
     limit: f32,
     blocks: Vec<bool>,
 }
 
-impl SeenCells {
-    /// For a level of `nodes` whose densities mean `decode`; the finest level has `finest`.
-    pub fn new(nodes: Nodes, finest: Nodes, decode: Decode, activation: &Activation) -> Self {
+impl OccupiedMacroCells {
+    /// For a level of `nodes` whose densities mean `domain`; the finest level has `finest`.
+    pub fn new(
+        nodes: Nodes,
+        finest: Nodes,
+        domain: DensityDomain,
+        activation: &Activation,
+    ) -> Self {
         let grid = BlockGrid { nodes, edge: macro_edge(finest) };
-        let limit = interpolated_density(activation, decode, decode.unseen(activation));
+        let limit = interpolated_density(activation, domain, domain.unseen(activation));
         Self { grid, limit, blocks: vec![false; grid.total()] }
     }
 
-    /// Takes the density, as it is interpolated, of the node `at`, for those of its cells whose lowest
-    /// nodes are from `first` to before `end` along each axis.
+    /// Marks the macro cells around node `at` if `density`, in the form that is interpolated, is
+    /// visible. Only cells with lowest nodes in `first..end` along each axis are considered.
     #[inline]
-    pub fn take(&mut self, at: [usize; 3], density: f32, [first, end]: [[usize; 3]; 2]) {
+    pub fn mark(&mut self, at: [usize; 3], density: f32, [first, end]: [[usize; 3]; 2]) {
         if density <= self.limit {
             return;
         }
@@ -76,20 +82,20 @@ impl SeenCells {
         }
     }
 
-    /// The macro cells of the finest level, of `finest` nodes, in which this level can be seen.
+    /// The macro cells of the finest level, of `finest` nodes, that this level occupies.
     pub fn finish(self, finest: Nodes) -> Vec<bool> {
         mark_blocks(&self.blocks, self.grid, finest)
     }
 }
 
 impl SkipGrid {
-    /// For level 0 of `nodes` nodes. `seen[level]` marks the macro cells in which samples of that
-    /// level alone may be seen, z fastest.
+    /// For level 0 of `nodes` nodes. `occupied[level]` marks the macro cells that samples of that level
+    /// alone occupy, z fastest.
     pub fn new(
         nodes: Nodes,
         bounds: &Bounds,
         free_space: Option<&FreeSpace>,
-        seen: &[Vec<bool>],
+        occupied: &[Vec<bool>],
     ) -> Result<Self> {
         let counts = macro_counts(nodes);
         let scale = nodes.0.map(|size| (size - 1) as f64 / macro_edge(nodes) as f64);
@@ -98,12 +104,12 @@ impl SkipGrid {
             None => None,
         };
         let touched = |i: usize| masks.as_ref().is_none_or(|masks| masks.touched[i]);
-        let mut rooms = Vec::with_capacity(seen.len());
-        for seen in seen {
-            let seen = seen.iter().enumerate().map(|(i, &seen)| seen && touched(i));
-            rooms.push(distances(seen.collect(), counts));
-        }
-        Ok(Self { counts, scale, rooms, masked: masks.map(|masks| masks.partly) })
+        let reachable = |level: &Vec<bool>| {
+            let cells = level.iter().enumerate();
+            distances(cells.map(|(i, &occupied)| occupied && touched(i)).collect(), counts)
+        };
+        let skip_distances = occupied.iter().map(reachable).collect();
+        Ok(Self { counts, scale, skip_distances, masked: masks.map(|masks| masks.partly) })
     }
 
     /// The macro cell of a position, `0..=1` along each axis.
@@ -116,31 +122,37 @@ impl SkipGrid {
         [along(0, x), along(1, y), along(2, z)]
     }
 
-    /// What is in a macro cell for samples that read some of the levels from `finest` to `coarsest`.
+    /// The state of a macro cell for samples that read some of the levels from `finest` to `coarsest`.
     #[inline(always)]
     pub fn state(&self, [finest, coarsest]: [usize; 2], [x, y, z]: [usize; 3]) -> Macro {
         let at = (x * self.counts[1] + y) * self.counts[2] + z;
-        let rooms = self.rooms[finest..=coarsest].iter().map(|rooms| rooms[at]);
-        match rooms.min() {
-            Some(room @ 1..) => Macro::Empty(room.into()),
+        let levels = &self.skip_distances[finest..=coarsest];
+        match levels.iter().map(|distances| distances[at]).min() {
+            Some(distance @ 1..) => Macro::Empty(distance.into()),
             _ if self.masked.as_ref().is_some_and(|masked| masked[at]) => Macro::Masked,
             _ => Macro::Open,
         }
     }
 
-    /// Where a ray leaves a macro cell and all those less than `room` away: the least `k` at which
-    /// `start + k * step` lies on a face that it moves towards, in positions `0..=1`. Infinity where
-    /// it does not move.
+    /// The least `k` at which the ray `start + k * step`, in positions `0..=1`, has left a macro cell and
+    /// all those less than `distance` away: it lies on a face that it moves towards. Infinity where it
+    /// does not move.
     #[inline(always)]
-    pub fn leaves(&self, place: [usize; 3], room: usize, start: [f64; 3], step: [f64; 3]) -> f64 {
+    pub fn leaves(
+        &self,
+        place: [usize; 3],
+        distance: usize,
+        start: [f64; 3],
+        step: [f64; 3],
+    ) -> f64 {
         let mut least = f64::INFINITY;
         for axis in 0..3 {
             if step[axis] == 0.0 {
                 continue;
             }
             let face = match step[axis] > 0.0 {
-                true => (place[axis] + room) as f64,
-                false => place[axis] as f64 - (room - 1) as f64,
+                true => (place[axis] + distance) as f64,
+                false => place[axis] as f64 - (distance - 1) as f64,
             };
             least = least.min((face / self.scale[axis] - start[axis]) / step[axis]);
         }
@@ -158,36 +170,35 @@ fn macro_counts(nodes: Nodes) -> [usize; 3] {
     nodes.0.map(|size| (size - 1).div_ceil(macro_edge(nodes)))
 }
 
-/// How many cells away the nearest marked one is, by the largest of the distances along the axes; at
-/// most 255.
+/// The Chebyshev distance of each cell from the nearest marked one, in cells; at most 255.
 fn distances(marked: Vec<bool>, counts: [usize; 3]) -> Vec<u8> {
-    let mut rooms: Vec<u8> =
+    let mut distances: Vec<u8> =
         marked.into_iter().map(|marked| if marked { 0 } else { 255 }).collect();
     // One sweep from each end, over the 13 neighbours that it has passed, is exact for this metric.
-    sweep(&mut rooms, counts);
-    rooms.reverse();
-    sweep(&mut rooms, counts);
-    rooms.reverse();
-    rooms
+    sweep(&mut distances, counts);
+    distances.reverse();
+    sweep(&mut distances, counts);
+    distances.reverse();
+    distances
 }
 
-fn sweep(rooms: &mut [u8], [nx, ny, nz]: [usize; 3]) {
+fn sweep(distances: &mut [u8], [nx, ny, nz]: [usize; 3]) {
     let mut least = vec![255u8; nz];
     for row in 0..nx * ny {
         let (x, y) = (row / ny, row % ny);
         least.fill(255);
         let below = (y.saturating_sub(1)..(y + 2).min(ny)).map(|y| (x.wrapping_sub(1), y));
         let beside = (y > 0).then(|| (x, y.wrapping_sub(1)));
-        let (passed, own) = rooms.split_at_mut(row * nz);
+        let (passed, own) = distances.split_at_mut(row * nz);
         for (x, y) in below.filter(|_| x > 0).chain(beside) {
             let neighbour = &passed[(x * ny + y) * nz..][..nz];
-            least.iter_mut().zip(neighbour).for_each(|(least, &room)| *least = room.min(*least));
+            least.iter_mut().zip(neighbour).for_each(|(least, &far)| *least = far.min(*least));
         }
         let own = &mut own[..nz];
-        for (z, room) in own.iter_mut().enumerate() {
+        for (z, distance) in own.iter_mut().enumerate() {
             let around = &least[z.saturating_sub(1)..(z + 2).min(nz)];
             let nearest = around.iter().copied().min().unwrap_or(255);
-            *room = nearest.saturating_add(1).min(*room);
+            *distance = nearest.saturating_add(1).min(*distance);
         }
         for z in 1..nz {
             own[z] = own[z].min(own[z - 1].saturating_add(1));
@@ -224,7 +235,7 @@ fn mark_blocks(blocks: &[bool], grid: BlockGrid, finest: Nodes) -> Vec<bool> {
     marked
 }
 
-/// How the free-space mask divides the macro cells.
+/// The macro cells that the free-space mask divides.
 struct MaskedCells {
     /// Some position of the macro cell is inside the mask.
     touched: Vec<bool>,
@@ -240,8 +251,8 @@ impl MaskedCells {
             let node = |i: usize| (i * macro_edge(nodes)).min(nodes.0[axis] - 1) as f64;
             (0..=counts[axis]).map(|i| min + node(i) * spacing).collect()
         });
-        let touched = prune::touched_cells(free_space, &faces)?;
-        let outside = prune::touched_cells(&free_space_complement(free_space), &faces)?;
+        let touched = free_space::touched_cells(free_space, &faces)?;
+        let outside = free_space::touched_cells(&free_space_complement(free_space), &faces)?;
         let cells = |get: &dyn Fn([usize; 3]) -> bool| {
             let [nx, ny, nz] = counts;
             (0..nx * ny * nz).map(|i| get([i / nz / ny, i / nz % ny, i % nz])).collect()
@@ -275,13 +286,13 @@ mod tests {
         let place = |i: usize| [i / 28, i / 7 % 4, i % 7];
         for marked in [vec![], vec![0], vec![139], vec![30, 77], vec![6, 64, 120]] {
             let cells = (0..140).map(|i| marked.contains(&i)).collect();
-            for (i, room) in distances(cells, counts).into_iter().enumerate() {
+            for (i, got) in distances(cells, counts).into_iter().enumerate() {
                 let distance = |&other: &usize| {
                     let (a, b) = (place(i), place(other));
                     (0..3).map(|axis| a[axis].abs_diff(b[axis])).max()
                 };
                 let want = marked.iter().filter_map(distance).min().unwrap_or(255);
-                assert_eq!(usize::from(room), want, "cell {i} of {marked:?}");
+                assert_eq!(usize::from(got), want, "cell {i} of {marked:?}");
             }
         }
     }

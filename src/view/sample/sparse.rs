@@ -6,13 +6,13 @@
 //! next block is not stored the apron holds the level's empty values.
 
 use super::level::{Cell, Values, split};
-use super::skip::{SeenCells, SkipGrid};
+use super::skip::{OccupiedMacroCells, SkipGrid};
 use super::{Sample, interpolated_density};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::parallel;
 use crate::codec::quantize::decode_codes;
-use crate::model::baked::{BakedField, BakedLevel, Decode, Group, LevelMetadata};
+use crate::model::baked::{BakedField, BakedLevel, DensityDomain, Group, LevelMetadata, Metadata};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -44,27 +44,27 @@ struct Level<const C: usize> {
 impl<const C: usize> Sparse<C> {
     /// Decodes `field`.
     pub fn new(field: &BakedField, limits: &Limits) -> Result<Self> {
-        let metadata = &field.metadata;
-        if metadata.features + 3 > C {
-            let found = format!("{} colour channels", metadata.features + 3);
+        let Metadata { activation, features, bounds, .. } = &field.metadata;
+        if features + 3 > C {
+            let found = format!("{} colour channels", features + 3);
             return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
         }
         let mut budget = Budget::new(limits);
         let mut levels = Vec::new();
-        let mut seen: Vec<Vec<bool>> = Vec::new();
-        let finest = metadata.levels[0].grid().nodes;
-        for (level, of_level) in field.levels.iter().zip(&metadata.levels) {
-            let (activation, features) = (&metadata.activation, metadata.features);
-            let decoded = Level::new(level, of_level, activation, features, &mut budget)?;
-            seen.push(match decoded.seen(level, of_level, finest, activation) {
-                Some(cells) => cells.finish(finest),
-                // Colour alone: what level 0 shows.
-                None => seen[0].clone(),
-            });
+        let mut occupied: Vec<Vec<bool>> = Vec::new();
+        let Some(finest) = field.metadata.levels.first().map(|level| level.grid().nodes) else {
+            return Err(Error::malformed(Place::File, "no levels", "at least one"));
+        };
+        for (level, metadata) in field.levels.iter().zip(&field.metadata.levels) {
+            let decoded = Level::new(level, metadata, activation, *features, &mut budget)?;
+            let own = decoded.occupied(level, metadata, finest, activation);
+            let own = own.map(|cells| cells.finish(finest));
+            // A level of colour alone shows level 0's density.
+            occupied.extend(own.or_else(|| occupied.first().cloned()));
             levels.push(decoded);
         }
         let mask = field.free_space.as_ref();
-        let skip = SkipGrid::new(finest, &metadata.bounds, mask, &seen)?;
+        let skip = SkipGrid::new(finest, bounds, mask, &occupied)?;
         Ok(Self { levels, skip })
     }
 }
@@ -104,8 +104,8 @@ impl<const C: usize> Sample<C> for Sparse<C> {
         self.levels.get(level).is_some_and(|level| level.values.density.is_some())
     }
 
-    fn decode(&self, level: usize) -> Decode {
-        self.levels[level].values.decode
+    fn density_domain(&self, level: usize) -> DensityDomain {
+        self.levels[level].values.domain
     }
 
     fn empty_density(&self, level: usize) -> f32 {
@@ -133,58 +133,51 @@ impl<const C: usize> Level<C> {
         let side = grid.edge + 1;
         let nodes = side.pow(3);
         let table = &level.table;
-        budget.spend(
-            (table.frames() * nodes * (C + 1) * 4) as u64,
-            "bytes of decoded frames",
-            &Place::File,
-        )?;
+        let values = table.frames() as u64 * nodes as u64 * (C + 1) as u64;
+        budget.spend(4 * values, "bytes of decoded frames", &Place::File)?;
         let mut frames = vec![NO_FRAME; grid.total()];
         let places: Vec<[usize; 3]> = table.stored().collect();
         let [_, by, bz] = grid.counts();
         for (frame, &[x, y, z]) in places.iter().enumerate() {
             frames[(x * by + y) * bz + z] = frame as u32;
         }
-        let decode = metadata.density.as_ref().map_or(Decode::RawDensity, |e| e.decode);
+        let domain = metadata.density_domain();
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
-        let empty_density = interpolated_density(activation, decode, empty(Group::Density));
+        let empty_density = interpolated_density(activation, domain, empty(Group::Density));
         let mut empty_color = [0.0; C];
         let (diffuse, rest) = empty_color.split_at_mut(3);
         diffuse.fill(empty(Group::Diffuse));
         rest[..features].fill(empty(Group::Features));
-        let decoded = parallel::map(places.len(), |i| {
-            let mut density = vec![0.0; nodes];
-            let mut color = vec![[0.0; C]; nodes];
+        let frame_count = table.frames();
+        let has_density = metadata.density.is_some();
+        let mut density = vec![0.0; if has_density { frame_count * nodes } else { 0 }];
+        let mut color = vec![[0.0; C]; frame_count * nodes];
+        let mut densities = density.chunks_exact_mut(nodes);
+        let mut frames_of: Vec<_> =
+            color.chunks_exact_mut(nodes).map(|color| (densities.next(), color)).collect();
+        parallel::map_mut(&mut frames_of, |i, (density, color)| {
             let mut scratch = vec![0.0; nodes];
-            if level.atlases[Group::Density as usize].is_some() {
-                apron_frame(level, metadata, Group::Density, (0, 1), places[i], &mut density);
-                density
-                    .iter_mut()
-                    .for_each(|raw| *raw = interpolated_density(activation, decode, *raw));
+            if let Some(density) = density {
+                apron_frame(level, metadata, Group::Density, (0, 1), places[i], density);
+                let stored = density.iter_mut();
+                stored.for_each(|raw| *raw = interpolated_density(activation, domain, *raw));
             }
             let mut lane = 0;
             for group in [Group::Diffuse, Group::Features] {
                 let channels = group.channels(features);
                 for channel in 0..channels {
-                    apron_frame(
-                        level,
-                        metadata,
-                        group,
-                        (channel, channels),
-                        places[i],
-                        &mut scratch,
-                    );
+                    let from = (channel, channels);
+                    apron_frame(level, metadata, group, from, places[i], &mut scratch);
                     for (node, &value) in color.iter_mut().zip(&scratch) {
                         node[lane] = value;
                     }
                     lane += 1;
                 }
             }
-            Ok((density, color))
+            Ok(())
         })?;
-        let has_density = metadata.density.is_some();
-        let density = has_density.then(|| decoded.iter().flat_map(|(d, _)| d).copied().collect());
-        let color = decoded.iter().flat_map(|(_, color)| color).copied().collect();
-        let values = Values { density, decode, color, strides: [side * side, side] };
+        let density = has_density.then_some(density);
+        let values = Values { density, domain, color, strides: [side * side, side] };
         let strides = [[by * bz, side * side], [bz, side], [1, 1]];
         let parts = [0, 1, 2].map(|axis| {
             let part = |node: usize| {
@@ -204,17 +197,17 @@ impl<const C: usize> Level<C> {
         })
     }
 
-    /// Where the level can be seen; none if it has no density.
-    fn seen(
+    /// The macro cells in which the level is visible; none if it has no density.
+    fn occupied(
         &self,
         level: &BakedLevel,
         metadata: &LevelMetadata,
         finest: Nodes,
         activation: &Activation,
-    ) -> Option<SeenCells> {
+    ) -> Option<OccupiedMacroCells> {
         let density = self.values.density.as_ref()?;
         let grid = metadata.grid();
-        let mut cells = SeenCells::new(grid.nodes, finest, self.values.decode, activation);
+        let mut cells = OccupiedMacroCells::new(grid.nodes, finest, self.values.domain, activation);
         let [plane, row] = self.values.strides;
         for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
             let first = place.map(|block| block * grid.edge);
@@ -226,7 +219,7 @@ impl<const C: usize> Level<C> {
             for (i, &value) in frame.iter().enumerate() {
                 let inside = [i / plane, i % plane / row, i % row];
                 let at = [0, 1, 2].map(|axis| first[axis] + inside[axis]);
-                cells.take(at, value, [first, end]);
+                cells.mark(at, value, [first, end]);
             }
         }
         Some(cells)

@@ -12,7 +12,7 @@ const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_LEVEL = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
 const MOST_CHUNKS = 4096;
-const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT"];
+export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT"];
 
 export interface Header {
   /** Bytes of the whole file. */
@@ -60,6 +60,7 @@ export function readHeader(bytes: Uint8Array): Header {
   const features = data.getBigUint64(16, true);
   if ((features & ~FILLED_BLOCKS) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
   const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), filled: features === FILLED_BLOCKS };
+  checkReserved(bytes, [[12, 16], [44, 48], [52, 64]], "The header");
   if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");
   if (header.chunks === 0 || header.chunks > MOST_CHUNKS) throw new FieldError(`The header speaks of ${header.chunks} chunks; 1 to ${MOST_CHUNKS} can be.`);
   return header;
@@ -88,12 +89,24 @@ export function readDirectory(header: Header, bytes: Uint8Array): Entry[] {
       prefix: length(data, at + 24),
       checksum: data.getUint32(at + 32, true),
     };
+    checkReserved(head, [[at + 36, at + ENTRY_BYTES]], "The directory");
     checkEntry(entry, entries, next, header);
-    next = Math.ceil((entry.offset + entry.bytes) / ALIGNMENT) * ALIGNMENT;
+    next = paddedEnd(entry);
     entries.push(entry);
   }
   if (next !== header.fileBytes) throw new FieldError(`The chunks end at byte ${next}, the file at ${header.fileBytes}.`);
   return entries;
+}
+
+/** Reserved bytes are zero. */
+function checkReserved(bytes: Uint8Array, fields: [number, number][], where: string): void {
+  const isSet = ([from, to]: [number, number]) => bytes.subarray(from, to).some((byte) => byte !== 0);
+  if (fields.some(isSet)) throw new FieldError(`${where} has a reserved byte that is set.`, REMEDY.newer);
+}
+
+/** Offset of the first byte after a chunk's padding. */
+export function paddedEnd({ offset, bytes }: Entry): number {
+  return Math.ceil((offset + bytes) / ALIGNMENT) * ALIGNMENT;
 }
 
 function checkEntry(entry: Entry, before: Entry[], next: number, header: Header): void {
@@ -108,7 +121,6 @@ function checkEntry(entry: Entry, before: Entry[], next: number, header: Header)
   } else if (before.some((other) => other.kind === kind && other.level === level)) {
     throw new FieldError(`Chunk ${kind} is there twice.`);
   }
-  if (entry.prefix > header.fileBytes) throw new FieldError(`Chunk ${kind} speaks of a prefix of ${entry.prefix} bytes, beyond the file's end.`);
 }
 
 /** The bytes of a chunk, held against their checksum. `bytes` starts at byte `start` of the file. */

@@ -188,9 +188,14 @@ export function readMetadata(bytes: Uint8Array): Metadata {
   return metadata;
 }
 
+/** Samples of a ray, at most; far below the whole numbers that the shader's floats count to. */
+const MOST_SAMPLES = 2 ** 20;
+
 function checkAgreement(metadata: Metadata): void {
   const { bounds, march, levels, view } = metadata;
   if (!bounds.min.every((min, axis) => min < bounds.max[axis])) fail("bounds", "a box, min below max");
+  const samples = Math.floor(Math.hypot(...levels[0].dimensions.map((nodes) => nodes + 1)) / march.stepsize);
+  if (samples > MOST_SAMPLES) fail("march.stepsize", `steps of which a ray takes at most ${MOST_SAMPLES}`);
   if (march.far !== null && march.far <= march.near) fail("march.far", "above near");
   levels.forEach((level, i) => {
     const key = `levels[${i}]`;

@@ -16,8 +16,8 @@ export function interpolatedDensity({ shift, interval, order }: Metadata["activa
   return (raw) => -Math.expm1(-softplus(bounded(raw) + shift) * interval);
 }
 
-/** The value up to which no cell between such nodes can be seen. */
-export function unseenDensity(activation: Metadata["activation"], decode: Encoding["decode"]): number {
+/** The value up to which no cell between such nodes is visible. */
+export function invisibleDensity(activation: Metadata["activation"], decode: Encoding["decode"]): number {
   if (decode === "sqrt_optical_depth") return Math.sqrt(UNSEEN_OPACITY);
   if (decode === "opacity") return UNSEEN_OPACITY;
   // The raw density of that opacity; so far below, softplus is an exponential.

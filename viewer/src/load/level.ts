@@ -9,7 +9,7 @@ import { blockCounts, type Encoding, type Metadata, type Triple } from "../forma
 import { inflate } from "../format/zstd.js";
 import { interpolatedDensity } from "./interpolated.js";
 import { type Plan, slotPlace } from "./plan.js";
-import { MacroCells } from "./seen.js";
+import { MacroCells } from "./skip.js";
 
 export interface DecodedLevel {
   level: number;
@@ -23,8 +23,8 @@ export interface DecodedLevel {
   density: Float32Array | Uint16Array | null;
   /** Bricks of colour in four halves a texel; a block's quadruples of channels one after the other. */
   color: Uint16Array;
-  /** For each macro cell how far the nearest one is in which the level can be seen; null where it has no density. */
-  rooms: Uint8Array | null;
+  /** The skip distance of each macro cell; null where the level has no density. */
+  skipDistances: Uint8Array | null;
 }
 
 /** Colours of a level by their chunks, for filled blocks of the next finer one. */
@@ -73,12 +73,12 @@ export function decodeLevel(
   const { density: encoding } = stored;
   const nodes = (edge + 1) ** 3;
   let density: DecodedLevel["density"] = null;
-  let rooms: Uint8Array | null = null;
+  let skipDistances: Uint8Array | null = null;
   if (encoding) {
     const map = interpolatedDensity(metadata.activation, encoding.decode);
     const full = new Float32Array(blocks.places.length * nodes);
     fill(bricks("DENS", encoding, 1), map, full, (block) => block * nodes, 1);
-    rooms = new MacroCells(metadata, level).rooms(full, blocks.places);
+    skipDistances = new MacroCells(metadata, level).skipDistances(full, blocks.places);
     density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
   }
   const color = new Uint16Array(blocks.places.length * plan.quads * nodes * 4);
@@ -89,7 +89,7 @@ export function decodeLevel(
   fill(bricks("DIFF", stored.diffuse, 3), toHalf, color, lane(0), 4);
   if (stored.features) fill(bricks("FEAT", stored.features, metadata.features), toHalf, color, lane(3), 4);
   const table = blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
-  return { decoded: { level, blocks: blocks.places.length, side: edge + 1, table, density, color, rooms }, colors };
+  return { decoded: { level, blocks: blocks.places.length, side: edge + 1, table, density, color, skipDistances }, colors };
 }
 
 /** The table of blocks, chunk TABL. */

@@ -4,6 +4,7 @@
  */
 
 import { FieldError } from "../errors.js";
+import { checkContents } from "../format/contents.js";
 import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
 import { type Metadata, readMetadata } from "../format/metadata.js";
@@ -113,7 +114,7 @@ export class Loader {
     if (header.filled !== metadata.levels.some((level) => level.blocks_filled)) {
       throw new FieldError("Header and metadata disagree whether there are filled blocks.");
     }
-    this.checkLevels(metadata);
+    checkContents(this.entries, metadata, header);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
     const available = this.available(prefixes, header.fileBytes);
     const laidOut = plan(metadata, device, available);
@@ -125,7 +126,6 @@ export class Loader {
       await more(entry.offset + entry.bytes);
       return chunkBytes(entry, bytes, 0);
     };
-    if (!metadata.view && this.find("VMLP", null)) throw new FieldError("There is a network that the metadata does not speak of.");
     const network = metadata.view ? readNetwork(metadata.view, await body("VMLP")) : [];
     const mask = metadata.free_space ? readMask(await body("MASK")) : null;
     const { fileBytes } = header;
@@ -163,24 +163,6 @@ export class Loader {
 
   private prefix(level: number): number {
     return this.find("TABL", level)?.prefix ?? 0;
-  }
-
-  /** Chunks of levels that are there, coarsest first; prefixes that hold them. */
-  private checkLevels(metadata: Metadata): void {
-    let coarser = Infinity;
-    for (const entry of this.entries) {
-      if (entry.level === null) continue;
-      if (entry.level >= metadata.levels.length) throw new FieldError(`Chunk ${entry.kind} is of level ${entry.level}, which is not there.`);
-      const critical = ["TABL", "DENS", "DIFF", "FEAT"].includes(entry.kind);
-      if (critical && entry.level > coarser) throw new FieldError("The levels are not in order, coarsest first.");
-      if (critical) coarser = entry.level;
-      if (entry.offset + entry.bytes > entry.prefix || this.prefix(entry.level) !== entry.prefix) {
-        throw new FieldError(`The directory's prefix of level ${entry.level} does not hold the level.`);
-      }
-    }
-    metadata.levels.forEach((_, level) => {
-      if (!this.find("TABL", level)) throw new FieldError(`Level ${level} has no table of blocks.`);
-    });
   }
 }
 

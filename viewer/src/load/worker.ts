@@ -15,7 +15,7 @@ const listener: Listener = {
   opened: (opened) => port.postMessage({ kind: "opened", opened }),
   progress: (arrived) => port.postMessage({ kind: "progress", arrived }),
   level: (level) => {
-    const arrays = [level.table, level.density, level.color, level.rooms];
+    const arrays = [level.table, level.density, level.color, level.skipDistances];
     port.postMessage({ kind: "level", level }, arrays.flatMap((array) => (array ? [array.buffer] : [])));
   },
 };

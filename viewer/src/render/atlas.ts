@@ -22,7 +22,7 @@ import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedLevel } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { type Plan, slotPlace } from "../load/plan.js";
-import { macroCounts } from "../load/seen.js";
+import { macroCounts } from "../load/skip.js";
 import { packWeights, WEIGHTS_WIDTH } from "./network.js";
 
 /** Bytes that go to the device in one frame, so that no frame takes long. */
@@ -39,7 +39,7 @@ export class Atlas {
   readonly density: Data3DTexture;
   readonly color: Data3DTexture;
   readonly table: Data3DTexture;
-  readonly rooms: Data3DTexture;
+  readonly skipDistances: Data3DTexture;
   readonly weights: DataTexture;
   readonly mask: Data3DTexture | null;
   /** Where each level's table starts along the field's x. */
@@ -49,7 +49,7 @@ export class Atlas {
   private readonly plan: Plan;
   private readonly tables: Uint32Array;
   private readonly tableSize: Triple;
-  private readonly roomsOf: Uint8Array;
+  private readonly skipDistanceBytes: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
   /** The texture that holds what was uploaded: another one after the context was lost. */
@@ -79,8 +79,8 @@ export class Atlas {
     this.macro = macroCounts(metadata);
     const [mx, my, mz] = this.macro;
     const quads = Math.ceil(metadata.levels.length / 4);
-    this.roomsOf = new Uint8Array(mx * my * mz * quads * 4);
-    this.rooms = volume(this.roomsOf, [mz, my, mx * quads], RGBAIntegerFormat, UnsignedByteType, "RGBA8UI");
+    this.skipDistanceBytes = new Uint8Array(mx * my * mz * quads * 4);
+    this.skipDistances = volume(this.skipDistanceBytes, [mz, my, mx * quads], RGBAIntegerFormat, UnsignedByteType, "RGBA8UI");
     const packed = packWeights(network);
     this.weights = new DataTexture(packed, WEIGHTS_WIDTH, packed.length / 4 / WEIGHTS_WIDTH, RGBAFormat, FloatType);
     this.weights.needsUpdate = true;
@@ -141,7 +141,7 @@ export class Atlas {
   }
 
   dispose(): void {
-    for (const texture of [this.density, this.color, this.table, this.rooms, this.weights, this.mask]) texture?.dispose();
+    for (const texture of [this.density, this.color, this.table, this.skipDistances, this.weights, this.mask]) texture?.dispose();
   }
 
   private allocate(renderer: WebGLRenderer): void {
@@ -190,7 +190,7 @@ export class Atlas {
   }
 
   /** Enters a level into the tables. */
-  private enter({ level, table, rooms }: DecodedLevel): void {
+  private enter({ level, table, skipDistances }: DecodedLevel): void {
     const [nx, ny, nz] = blockCounts(this.opened.metadata.levels[level]);
     const [width, height] = this.tableSize;
     for (let x = 0; x < nx; x++) {
@@ -199,18 +199,18 @@ export class Atlas {
         this.tables.set(table.subarray((x * ny + y) * nz, (x * ny + y + 1) * nz), row);
       }
     }
-    if (rooms) {
+    if (skipDistances) {
       // Colour alone shows what level 0 shows.
       const { levels } = this.opened.metadata;
       const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
       const count = this.macro[0] * this.macro[1] * this.macro[2];
       for (const one of shown) {
         const start = Math.floor(one / 4) * count * 4 + (one % 4);
-        for (let i = 0; i < count; i++) this.roomsOf[start + 4 * i] = rooms[i];
+        for (let i = 0; i < count; i++) this.skipDistanceBytes[start + 4 * i] = skipDistances[i];
       }
     }
     this.table.needsUpdate = true;
-    this.rooms.needsUpdate = true;
+    this.skipDistances.needsUpdate = true;
     this.live.add(level);
   }
 }

@@ -12,7 +12,7 @@ layout(location = 0) out vec4 fragment;
 uniform sampler3D u_density;
 uniform sampler3D u_color;
 uniform usampler3D u_table;
-uniform usampler3D u_rooms;
+uniform usampler3D u_skipDistances;
 uniform sampler2D u_weights;
 uniform int u_slot;
 uniform int u_slotsDeep;
@@ -164,15 +164,15 @@ bool masked(vec3 position) {
 }
 #endif
 
-// How many macro cells from a macro cell the nearest is in which one of the levels can be seen.
-int room(ivec3 place, ivec2 levels) {
+// The skip distance of a macro cell for samples of these levels.
+int skipDistance(ivec3 place, ivec2 levels) {
   int least = 255;
   for (int quad = levels.x / 4; quad <= levels.y / 4; quad++) {
     fetches++;
-    ivec4 rooms = ivec4(texelFetch(u_rooms, ivec3(place.zy, place.x + quad * u_macroCounts.x), 0));
+    ivec4 skipDistances = ivec4(texelFetch(u_skipDistances, ivec3(place.zy, place.x + quad * u_macroCounts.x), 0));
     for (int i = 0; i < 4; i++) {
       int level = quad * 4 + i;
-      if (level >= levels.x && level <= levels.y) least = min(least, rooms[i]);
+      if (level >= levels.x && level <= levels.y) least = min(least, skipDistances[i]);
     }
   }
   return least;

@@ -119,7 +119,7 @@ void main() {
 #endif
     vec3 position = clamp(start + k * perStep, 0.0, 1.0);
     ivec3 place = min(ivec3(position * u_macroScale), u_macroCounts - 1);
-    int free = u_skips ? room(place, range) : 0;
+    int free = u_skips ? skipDistance(place, range) : 0;
     // Where the ray leaves the macro cells that this one speaks for.
     float leaves = LARGEST;
     int reach = max(free, 1);

@@ -4,7 +4,7 @@ import { Matrix3, Matrix4, type PerspectiveCamera, Quaternion, SRGBColorSpace, V
 import type { Encoding, Metadata } from "../format/metadata.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
-import { macroCounts, macroEdge } from "../load/seen.js";
+import { macroCounts, macroEdge } from "../load/skip.js";
 import type { Atlas } from "./atlas.js";
 import { decodeNumber } from "./shader.js";
 
@@ -23,7 +23,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
     u_density: atlas.density,
     u_color: atlas.color,
     u_table: atlas.table,
-    u_rooms: atlas.rooms,
+    u_skipDistances: atlas.skipDistances,
     u_weights: atlas.weights,
     u_slot: plan.slot,
     u_slotsDeep: plan.slots[2],

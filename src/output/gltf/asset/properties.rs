@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::bytes::{hex, sha256};
 use crate::base::error::{Error, Place, Result};
 use crate::codec::container::Container;
-use crate::model::baked::{ColorSpace, Decode};
+use crate::model::baked::{ColorSpace, DensityDomain};
 use crate::model::field::ActivationOrder;
 use crate::model::view_mlp::ViewInput;
 
@@ -60,7 +60,7 @@ pub struct Level {
     pub byte_length: u64,
     /// What the level's densities mean; none where it uses the finest level's.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub density: Option<Decode>,
+    pub density: Option<DensityDomain>,
 }
 
 /// `softplus(raw + shift) * interval` is the optical depth of raw density over one interval.
@@ -101,7 +101,7 @@ impl RadianceField {
                 dimensions: level.dimensions,
                 block_size: level.block_size,
                 byte_length: entries.map(|entry| entry.prefix).max().unwrap_or(0),
-                density: level.density.as_ref().map(|encoding| encoding.decode),
+                density: level.density.as_ref().map(|_| level.density_domain()),
             });
         }
         Ok(Self {

@@ -4,7 +4,7 @@ use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::unpack::fill_plane;
 use crate::model::activate;
-use crate::model::baked::{BakedLevel, Decode, Group, Metadata};
+use crate::model::baked::{BakedLevel, DensityDomain, Group, Metadata};
 use crate::model::field::FreeSpace;
 
 /// Opacity over a cell from which on a node is inside.
@@ -57,7 +57,8 @@ impl Matter {
         });
         let cell = (0..3).map(|axis| spacing[axis] * stride[axis] as f64).sum::<f64>() / 3.0;
         let step = f64::from(metadata.march.stepsize) * f64::from(metadata.march.voxel_size);
-        let node = NodeRules { metadata, decode: decode(metadata, level), scale: cell / step };
+        let domain = metadata.levels[level].density_domain();
+        let node = NodeRules { metadata, domain, scale: cell / step };
         let slabs = parallel::map(inner[0], |i| {
             let mut slab = vec![([0.0; 3], 0.0, 0usize); inner[1] * inner[2]];
             let plane = || vec![0.0f32; nodes[1] * nodes[2]];
@@ -136,14 +137,9 @@ impl Matter {
     }
 }
 
-/// What densities of a level mean.
-fn decode(metadata: &Metadata, level: usize) -> Decode {
-    metadata.levels[level].density.as_ref().map_or(Decode::RawDensity, |density| density.decode)
-}
-
 struct NodeRules<'a> {
     metadata: &'a Metadata,
-    decode: Decode,
+    domain: DensityDomain,
     /// Intervals that a cell is long.
     scale: f64,
 }
@@ -152,14 +148,14 @@ impl NodeRules<'_> {
     /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where nobody sees it.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
-        if stored <= self.decode.unseen(activation) {
+        if stored <= self.domain.unseen(activation) {
             return 0.0;
         }
         let value = f64::from(stored);
-        let depth = match self.decode {
-            Decode::SqrtOpticalDepth => value * value,
-            Decode::Opacity => -libm::log1p(-value.min(1.0 - f64::from(f32::EPSILON))),
-            Decode::RawDensity | Decode::Logit => {
+        let depth = match self.domain {
+            DensityDomain::SqrtOpticalDepth => value * value,
+            DensityDomain::Opacity => -libm::log1p(-value.min(1.0 - f64::from(f32::EPSILON))),
+            DensityDomain::Raw => {
                 activate::softplus(value + f64::from(activation.shift))
                     * f64::from(activation.interval)
             }

@@ -1,7 +1,7 @@
 /** Colours of filled blocks, from the next coarser level: section 5 of `formats/mipvog.md`. */
 
 import { blockCounts, type Encoding, type LevelMetadata, type Triple } from "../metadata.js";
-import type { Codes } from "./index.js";
+import type { Codes } from "./atlas.js";
 import { values } from "./values.js";
 
 /** One group of colours of a level, every block with a frame. */

@@ -2,7 +2,7 @@
 
 import { FieldError } from "../../errors.js";
 import { contentSize, inflate } from "../zstd.js";
-import type { Atlas, Codes, Coding } from "./index.js";
+import type { Atlas, Codes, Coding } from "./atlas.js";
 
 const STORED = 0x80000000;
 /** Channels before one that its predictions look at. */

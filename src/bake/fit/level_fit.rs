@@ -1,0 +1,131 @@
+//! The fit of one level, from its first step to its best state.
+
+use super::adam::Adam;
+use super::context::{FitContext, FittedLevel, psnr};
+use super::gradient::{Gradient, Rays};
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::model::grid::NodeMask;
+use crate::view::render::View;
+use crate::view::sample::Dense;
+
+/// Parts of a batch of rays that are differentiated at once; fixed, so that sums are too.
+const PARTS: usize = 8;
+/// Rays of a step.
+const BATCH: usize = 4096;
+/// The number of the first validation ray: steps draw lower ones.
+const FIRST_VALIDATION: usize = 1 << 40;
+/// Validation rays.
+const VALIDATION: usize = 8192;
+/// Steps between two measurements.
+const STEPS_BETWEEN: usize = 25;
+/// Gain between two measurements, in dB, below which the fit has stalled.
+const LEAST_GAIN: f64 = 0.005;
+/// Measurements without gain, one after another, that end a fit.
+const PATIENCE: usize = 2;
+
+/// The fit of one level.
+pub struct LevelFit<'a> {
+    pub context: &'a FitContext<'a>,
+    pub view: &'a View,
+    pub level: usize,
+    pub needed: &'a NodeMask,
+}
+
+impl LevelFit<'_> {
+    /// Leaves the best state in `field`. The flag is true if the fit was cut short. Takes no steps where
+    /// an earlier level was `cut`.
+    pub fn run<const C: usize>(
+        &self,
+        field: &mut Dense<C>,
+        cut: bool,
+    ) -> Result<(FittedLevel, bool)> {
+        let FitContext { options, progress, .. } = self.context;
+        let steps = options.steps;
+        let before = self.validation_psnr(field)?;
+        let mut fitted =
+            FittedLevel { level: self.level, steps: 0, psnr_before: before, psnr_after: before };
+        let mut adam = Adam::new(field, self.level, self.needed);
+        let mut gradients: Vec<Gradient<C>> =
+            (0..PARTS).map(|_| Gradient::new(adam.nodes())).collect();
+        let mut best = adam.state(field);
+        let (mut cut, mut stalled) = (cut, 0);
+        while fitted.steps < steps && !cut && stalled < PATIENCE {
+            let (spent, allowed) = self.seconds();
+            let by_seconds = if allowed > 0.0 { spent / allowed } else { 1.0 };
+            let by_steps = fitted.steps as f64 / steps as f64;
+            let rays = self.rays(field, adam.numbers());
+            parallel::map_mut(&mut gradients, |part, gradient| {
+                for i in 0..BATCH / PARTS {
+                    if progress.cancelled() {
+                        return Err(Error::cancelled());
+                    }
+                    let number = (fitted.steps * PARTS + part) * (BATCH / PARTS) + i;
+                    rays.differentiate(number, gradient);
+                }
+                Ok(())
+            })?;
+            adam.step(field, &mut gradients, by_steps.max(by_seconds) as f32)?;
+            fitted.steps += 1;
+            progress.advance(Step::Fit, 1);
+            let (spent, allowed) = self.seconds();
+            cut = progress.enough() || spent >= allowed;
+            if fitted.steps.is_multiple_of(STEPS_BETWEEN) || fitted.steps == steps || cut {
+                let now = self.validation_psnr(field)?;
+                progress.quality(Step::Fit, now);
+                stalled = if now < fitted.psnr_after + LEAST_GAIN { stalled + 1 } else { 0 };
+                if now > fitted.psnr_after {
+                    fitted.psnr_after = now;
+                    best = adam.state(field);
+                }
+            }
+        }
+        // Steps that were not taken count as done.
+        progress.advance(Step::Fit, (steps - fitted.steps) as u64);
+        adam.restore(field, &best);
+        Ok((fitted, cut))
+    }
+
+    /// Seconds since the fit's start, and those allowed by this level's end. Levels share the time
+    /// evenly.
+    fn seconds(&self) -> (f64, f64) {
+        let levels = self.context.needed.len() - 1;
+        let share = self.level as f64 / levels as f64;
+        let allowed = self.context.options.seconds.map_or(f64::INFINITY, |seconds| seconds * share);
+        (self.context.clock.elapsed().as_secs_f64(), allowed)
+    }
+
+    fn validation_psnr<const C: usize>(&self, field: &Dense<C>) -> Result<f64> {
+        let rays = self.rays(field, &[]);
+        Ok(psnr(mean_square(&rays, VALIDATION, self.context.progress)?))
+    }
+
+    /// Rays through level 0 to the one that is fitted: coarser ones are not fitted yet.
+    fn rays<'b, const C: usize>(&'b self, field: &'b Dense<C>, numbers: &'b [u32]) -> Rays<'b, C> {
+        let (view, targets, level) = (self.view, self.context.targets, self.level);
+        Rays { view, field, levels: level + 1, level, targets, numbers }
+    }
+}
+
+/// Mean squared error of the colours of `count` validation rays, a multiple of 8.
+pub fn mean_square<const C: usize>(
+    rays: &Rays<C>,
+    count: usize,
+    progress: &dyn Progress,
+) -> Result<f64> {
+    let sums = parallel::map(PARTS, |part| {
+        let share = count / PARTS;
+        let first = FIRST_VALIDATION + part * share;
+        let mut gradient = Gradient::new(0);
+        let mut sum = 0.0;
+        for number in first..first + share {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            sum += f64::from(rays.square(number, &mut gradient));
+        }
+        Ok(sum)
+    })?;
+    Ok(sums.iter().sum::<f64>() / (3 * count) as f64)
+}

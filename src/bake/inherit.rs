@@ -1,0 +1,215 @@
+//! Blocks that inherit their colours from the next coarser level.
+//!
+//! From the second coarsest level to level 0, each block's colours are compared with those that a
+//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). Where no
+//! retained node's colour would move by more than is allowed, the block's own colours are left out;
+//! its density stays. Coarser levels are decided first, so blocks are compared with exactly the
+//! colours that readers will see. Memory is the colours' codes of one level and of the next coarser
+//! one.
+
+use super::importance::LevelImportance;
+use super::pack::Packing;
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
+use crate::codec::quantize::{Filler, Frame, FrameShape};
+use crate::model::baked::{
+    BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table,
+};
+use crate::model::grid::{BlockGrid, NodeMask};
+
+/// Groups that are filled.
+const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
+
+/// The blocks that may inherit their colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Inheritance<'a> {
+    /// The most that a retained node's colour may move by, 0 to 1, at mean importance.
+    pub error: f32,
+    /// Only blocks that these tables of the levels say inherit already; none means any block.
+    pub among: Option<&'a [Table]>,
+}
+
+/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as that
+/// moves values.
+pub fn inherit_levels(
+    encoded: &mut [EncodedLevel],
+    metadata: &mut Metadata,
+    inheritance: &Inheritance,
+    packing: &Packing,
+) -> Result<()> {
+    let features = metadata.features;
+    let activated = |encoding: &Encoding| -> Vec<f64> {
+        let activation = &metadata.activation;
+        encoding.values().map(|value| encoding.decode.activated(value.into(), activation)).collect()
+    };
+    let mut levels = metadata.levels.clone();
+    let mut coarser: Option<BakedLevel> = None;
+    for number in (0..encoded.len()).rev() {
+        if !levels[number].has_integer_colors() {
+            break;
+        }
+        let mut own = decode(&encoded[number], &levels[number], features)?;
+        if let (Some(coarser), Some(of_coarser)) = (&coarser, levels.get(number + 1)) {
+            let level = &levels[number];
+            let fillers = COLORS.map(|group| {
+                Filler::new(level, (of_coarser, coarser), group, group.channels(features))
+            });
+            let candidates = [0, 1].map(|i| {
+                let group = COLORS[i];
+                Some(Candidate {
+                    filler: fillers[i].as_ref()?,
+                    codes: own.atlases[group as usize].as_ref()?,
+                    activated: activated(level.encoding(group)?),
+                    channels: group.channels(features),
+                })
+            });
+            let judge = Judge {
+                grid: level.grid(),
+                needed: packing.retained[number],
+                importance: packing.importance.get(number),
+                most: inheritance.error.into(),
+            };
+            let places: Vec<_> = own.table.stored().collect();
+            let among = inheritance.among.map(|tables| &tables[number]);
+            let moves = |frame: usize| {
+                let place = places[frame];
+                let may = among.is_none_or(|table| table.is_filled(place));
+                Ok(may.then(|| judge.moves(place, frame, &candidates)).flatten())
+            };
+            let moves = parallel::map(places.len(), moves)?;
+            let (table, moved) = filled(&own.table, &moves)?;
+            let level = &mut levels[number];
+            level.blocks_filled = table.filled();
+            for ((group, filler), moved) in COLORS.into_iter().zip(fillers).zip(moved) {
+                let (Some(filler), Some(encoding)) = (filler, level.encoding_mut(group)) else {
+                    continue;
+                };
+                let Some(codes) = own.atlases[group as usize].take() else { continue };
+                let shape = shape(encoding, group, features, table.grid().edge);
+                let stored = only_stored(&codes, &table, shape);
+                encoding.max_error = encoding.error_after(moved);
+                if table.filled() > 0 {
+                    encoded[number].atlases[group as usize] =
+                        Some(atlas(shape, &stored, packing.zstd_level)?);
+                }
+                own.atlases[group as usize] = Some(filler.fill(&table, &stored));
+            }
+            own.table = table.clone();
+            encoded[number].table = table;
+        }
+        coarser = Some(own);
+    }
+    metadata.levels = levels;
+    Ok(())
+}
+
+/// A group that may be filled.
+struct Candidate<'a> {
+    filler: &'a Filler<'a>,
+    /// What is stored so far.
+    codes: &'a Codes,
+    /// The colour of each code.
+    activated: Vec<f64>,
+    channels: usize,
+}
+
+/// What blocks of a level are judged by.
+struct Judge<'a> {
+    grid: BlockGrid,
+    needed: &'a NodeMask,
+    importance: Option<&'a LevelImportance>,
+    /// The most that a needed node may be moved by, where its importance is 1 or none is known.
+    most: f64,
+}
+
+impl Judge<'_> {
+    /// The most that filling a block would move a colour of each group by; none where that is too much.
+    fn moves(
+        &self,
+        place: [usize; 3],
+        frame: usize,
+        groups: &[Option<Candidate>; 2],
+    ) -> Option<[f64; 2]> {
+        let edge = self.grid.edge;
+        let nodes = edge.pow(3);
+        let sizes = self.grid.nodes.0;
+        let mut moves = [0.0f64; 2];
+        for (group, most) in groups.iter().zip(&mut moves) {
+            let Some(group) = group else { continue };
+            let filled = group.filler.block(place);
+            for node in 0..nodes {
+                let inside = [node / (edge * edge), node / edge % edge, node % edge];
+                let at = [0, 1, 2].map(|axis| place[axis] * edge + inside[axis]);
+                if (0..3).any(|axis| at[axis] >= sizes[axis]) || !self.needed.contains(at) {
+                    continue;
+                }
+                let importance = self.importance.map_or(1.0, |level| level.of_node(sizes, at));
+                for channel in 0..group.channels {
+                    let code = group.codes.code((frame * group.channels + channel) * nodes + node)
+                        as usize;
+                    let to = filled[channel * nodes + node] as usize;
+                    let moved = (group.activated[to] - group.activated[code]).abs();
+                    if moved * moved * f64::from(importance) > self.most * self.most {
+                        return None;
+                    }
+                    *most = most.max(moved);
+                }
+            }
+        }
+        Some(moves)
+    }
+}
+
+/// The table with those blocks filled that have a move, and the largest moves.
+fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
+    let mut next = moves.iter();
+    let mut most = [0.0f64; 2];
+    let mut occupancy = table.occupancy().to_vec();
+    for block in occupancy.iter_mut().filter(|block| **block != Occupancy::Empty) {
+        if let Some(Some(moves)) = next.next() {
+            *block = Occupancy::Filled;
+            most = [0, 1].map(|group| most[group].max(moves[group]));
+        }
+    }
+    Ok((Table::new(table.grid(), occupancy)?, most))
+}
+
+fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {
+    FrameShape { number: encoding.number, channels: group.channels(features), edge }
+}
+
+/// A level's colours as they were encoded.
+fn decode(level: &EncodedLevel, metadata: &LevelMetadata, features: usize) -> Result<BakedLevel> {
+    let mut atlases = [None, None, None];
+    for group in COLORS {
+        let atlas = level.atlases[group as usize].as_ref();
+        if let (Some(atlas), Some(encoding)) = (atlas, metadata.encoding(group)) {
+            let shape = shape(encoding, group, features, metadata.block_size);
+            atlases[group as usize] = Some(atlas.codes(shape, encoding, level.table.frames())?);
+        }
+    }
+    Ok(BakedLevel { table: level.table.clone(), atlases })
+}
+
+/// The codes of the blocks that are not filled.
+fn only_stored(codes: &Codes, table: &Table, shape: FrameShape) -> Codes {
+    let kept: Vec<bool> = table.stored().map(|place| !table.is_filled(place)).collect();
+    codes.kept_frames(shape.channels * shape.nodes(), &kept)
+}
+
+/// An atlas of these codes.
+fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtlas> {
+    let size = shape.channels * shape.nodes();
+    let frame = |frame: usize| {
+        let codes = codes.slice(frame * size..(frame + 1) * size);
+        Frame { codes, needed: vec![true; shape.nodes()].into() }
+    };
+    let (count, full) = (codes.len() / size, frames_per_run(shape));
+    let runs = parallel::map(count.div_ceil(full), |run| {
+        let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
+        // Every code counts: those that nobody needs were chosen when the level was encoded.
+        CompressedRun::new(shape, &frames, 0, zstd_level)
+    })?;
+    EncodedAtlas::new(full, runs)
+}

@@ -1,0 +1,87 @@
+//! The levels of a trained field as a bake stores them, plane by plane.
+
+use super::BakeOptions;
+use super::fit::Fitted;
+use super::pack::LevelSource;
+use crate::base::error::Result;
+use crate::base::progress::{Progress, Step};
+use crate::levels::{
+    Content, FieldPass, Plane, PlaneSink, Pyramid, ReadSummary, RequiredNodes, Verify, Visible,
+};
+use crate::model::field::Planes;
+
+/// A trained field and the filter of its levels.
+#[derive(Debug, Clone, Copy)]
+pub struct FilteredLevels<'a> {
+    /// The field.
+    pub planes: &'a Planes<'a>,
+    /// The filter, and the block size, which is the thickness of slabs.
+    pub options: &'a BakeOptions,
+    /// The nodes that must come out right.
+    pub visible: &'a Visible,
+    /// Levels that were fitted.
+    pub fitted: Option<&'a Fitted>,
+    /// Whether slabs are encoded while the next ones are made.
+    pub pipelined: bool,
+    /// Whether only windows of the field are retained, for a forecast. Planes outside are left out,
+    /// and checksums are not held to those that the file states.
+    pub is_window: bool,
+}
+
+impl LevelSource for FilteredLevels<'_> {
+    fn stream(
+        &self,
+        sink: &dyn PlaneSink,
+        step: Step,
+        progress: &dyn Progress,
+    ) -> Result<ReadSummary> {
+        let Self { planes, options, visible, .. } = *self;
+        let scene = &planes.field().scene;
+        let filter = &*options.filter;
+        let domain = filter.alpha(&scene.activation);
+        let mut retained = Vec::with_capacity(visible.levels.len());
+        for (level, visible) in visible.levels.iter().enumerate() {
+            // Colours are divided by the alpha of the nodes around too.
+            retained.push(match domain.is_some() && level > 0 {
+                true => visible.retained.cells_with_a_corner()?.corners()?,
+                false => visible.retained.clone(),
+            });
+        }
+        let required = RequiredNodes::new(retained, visible.occupied.as_ref(), &filter.weights())?;
+        let alpha = domain.zip(visible.visibility.as_ref());
+        let content = Content::of_levels(filter, alpha, planes.channels(), visible.retained());
+        let verify = if self.is_window { Verify::ColorsOfWindow } else { Verify::Colors };
+        let pass = FieldPass::new(planes, verify);
+        progress.begin(step, scene.nodes.0[0] as u64);
+        let pyramid = Pyramid {
+            source: &pass,
+            required: &required,
+            content,
+            slab: options.block_size,
+            pipelined: self.pipelined,
+        };
+        match self.fitted {
+            Some(fitted) => pyramid.run(&FittedSink { fitted, sink }, step, progress)?,
+            None => pyramid.run(sink, step, progress)?,
+        }
+        drop(pyramid);
+        pass.finish()
+    }
+}
+
+/// Puts fitted values in the place of filtered ones.
+struct FittedSink<'a> {
+    fitted: &'a Fitted,
+    sink: &'a dyn PlaneSink,
+}
+
+impl PlaneSink for FittedSink<'_> {
+    fn plane(&self, plane: Plane) -> Result<()> {
+        self.fitted.replace(plane.level, plane.x, plane.channel, plane.values);
+        self.sink.plane(plane)
+    }
+
+    fn slab(&self, level: usize, planes: std::ops::Range<usize>) -> Result<()> {
+        self.sink.slab(level, planes)
+    }
+}

@@ -1,0 +1,155 @@
+//! Levels to encoded blocks: encodings, then codes, then inherited blocks.
+//!
+//! A bake, its forecast and an unpacked container that is packed again differ in their
+//! [`LevelSource`] alone.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::encode::{EncodeOptions, ErrorBound, LevelEncoder};
+use super::importance::LevelImportance;
+use super::inherit::{Inheritance, inherit_levels};
+use super::ranges::RangeSink;
+use super::report::Stages;
+use super::run_store::RunStore;
+use super::{LevelPlanes, MaxErrors};
+use crate::base::error::Result;
+use crate::base::progress::{Progress, Step};
+use crate::codec::container::EncodedLevel;
+use crate::levels::{Plane, PlaneSink, ReadSummary};
+use crate::model::baked::{Group, LevelMetadata, Metadata, Table};
+use crate::model::grid::NodeMask;
+
+/// A source of all levels' planes, as they are to be stored.
+pub trait LevelSource {
+    /// Streams all levels into `sink` and tells what was read.
+    ///
+    /// # Errors
+    ///
+    /// Those of reading and of the sink.
+    fn stream(
+        &self,
+        sink: &dyn PlaneSink,
+        step: Step,
+        progress: &dyn Progress,
+    ) -> Result<ReadSummary>;
+}
+
+/// A search for the fewest bits.
+#[derive(Debug, Clone, Copy)]
+pub struct BitSearch {
+    /// The errors to keep.
+    pub max_errors: MaxErrors,
+    /// Whether an encoding that is planned stays where the search finds none with fewer bits.
+    pub only_fewer: bool,
+}
+
+/// Everything that codes follow from, beside the levels' metadata.
+pub struct Packing<'a> {
+    /// The planes.
+    pub source: &'a dyn LevelSource,
+    /// The nodes of each level whose values count.
+    pub retained: Vec<&'a NodeMask>,
+    /// The search for encodings; none where those in the metadata are final.
+    pub search: Option<BitSearch>,
+    /// The bound that values are held to as they are encoded.
+    pub bound: ErrorBound,
+    /// The importance of each level's nodes to given cameras; empty where all count alike.
+    pub importance: &'a [LevelImportance],
+    /// Codes that colours may move by at nodes of mean importance.
+    pub coarseness: f32,
+    /// The blocks that may inherit their colours.
+    pub inheritance: Option<Inheritance<'a>>,
+    /// Compression level of zstd.
+    pub zstd_level: i32,
+    /// The place for compressed runs, if not just memory.
+    pub store: Option<&'a RunStore>,
+}
+
+impl Packing<'_> {
+    /// Encodes all levels into the blocks of `tables`. Encodings, errors and block counts of the
+    /// metadata become those of the result. The record is that of the last pass.
+    ///
+    /// # Errors
+    ///
+    /// Those of the source, and a value that breaks the bound.
+    pub fn run(
+        &self,
+        metadata: &mut Metadata,
+        tables: Vec<Table>,
+        stages: &mut Stages,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<EncodedLevel>, ReadSummary)> {
+        if let Some(search) = self.search {
+            let sink = RangeSink::new(metadata, &self.retained);
+            let summary = self.source.stream(&sink, Step::Ranges, progress)?;
+            sink.choose_encodings(search, metadata)?;
+            stages.end("ranges", summary.bytes);
+        }
+        let sink = self.encode_sink(metadata, tables);
+        let summary = self.source.stream(&sink, Step::Encode, progress)?;
+        let mut encoded = sink.finish(metadata)?;
+        if let Some(inheritance) = &self.inheritance {
+            inherit_levels(&mut encoded, metadata, inheritance, self)?;
+        }
+        stages.end("encode", summary.bytes);
+        Ok((encoded, summary))
+    }
+
+    fn encode_sink(&self, metadata: &Metadata, tables: Vec<Table>) -> EncodeSink<'_> {
+        let levels = metadata.levels.iter().zip(self.retained.iter().copied()).zip(tables);
+        let encoder = |(number, ((level, retained), table)): (usize, ((&LevelMetadata, _), _))| {
+            let importance = self.importance.get(number).filter(|_| self.coarseness > 0.0);
+            let options = EncodeOptions {
+                level: number,
+                features: metadata.features,
+                activation: metadata.activation,
+                zstd_level: self.zstd_level,
+                bound: self.bound,
+                store: self.store,
+                importance: importance.map(|level| level.importance(self.coarseness)),
+            };
+            let encodings = Group::ALL.map(|group| level.encoding(group));
+            LevelEncoder::new(table, retained, encodings, options)
+        };
+        let encoders: Vec<LevelEncoder> = levels.enumerate().map(encoder).collect();
+        EncodeSink {
+            planes: encoders.iter().map(LevelEncoder::planes).collect(),
+            encoders: encoders.into_iter().map(Mutex::new).collect(),
+        }
+    }
+}
+
+/// Encodes each level's planes.
+struct EncodeSink<'a> {
+    planes: Vec<Arc<LevelPlanes<'a>>>,
+    encoders: Vec<Mutex<LevelEncoder<'a>>>,
+}
+
+impl PlaneSink for EncodeSink<'_> {
+    fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
+        self.planes[level].put(x, channel, values)
+    }
+
+    fn slab(&self, level: usize, planes: Range<usize>) -> Result<()> {
+        self.encoders[level].lock().unwrap_or_else(PoisonError::into_inner).take(planes)
+    }
+}
+
+impl EncodeSink<'_> {
+    /// The encoded levels. Errors in the metadata grow by as much as coarsening moved values.
+    fn finish(self, metadata: &mut Metadata) -> Result<Vec<EncodedLevel>> {
+        let Self { planes, encoders } = self;
+        drop(planes);
+        let finish = |(level, encoder): (&mut LevelMetadata, Mutex<LevelEncoder>)| {
+            let encoder = encoder.into_inner().unwrap_or_else(PoisonError::into_inner);
+            for (group, error) in Group::ALL.into_iter().zip(encoder.max_errors()) {
+                if let (Some(encoding), Some(error)) = (level.encoding_mut(group), error) {
+                    encoding.max_error = error;
+                }
+            }
+            encoder.finish()
+        };
+        metadata.levels.iter_mut().zip(encoders).map(finish).collect()
+    }
+}

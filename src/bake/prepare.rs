@@ -1,0 +1,57 @@
+//! The first step of a bake and of its forecast: the nodes of each level that can be seen.
+
+use super::BakeOptions;
+use super::importance::LevelImportance;
+use super::report::Stages;
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::levels::{Visible, visible};
+use crate::model::field::{Planes, RadianceField};
+use crate::model::grid::Nodes;
+use crate::view::render::{Field, camera_coverage};
+
+/// A field whose visible nodes are known.
+#[derive(Debug)]
+pub struct Prepared<'a> {
+    /// The field's planes.
+    pub planes: Planes<'a>,
+    /// Sizes of the levels, finest first.
+    pub sizes: Vec<Nodes>,
+    /// The nodes that can be seen.
+    pub visible: Visible,
+    /// The importance of each level's nodes to given cameras; empty where all count alike.
+    pub importance: Vec<LevelImportance>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Reads density, and follows the rays of cameras where `options` depend on them.
+    ///
+    /// # Errors
+    ///
+    /// Those of reading, and values that are not finite where those are refused.
+    pub fn new(
+        field: &'a RadianceField,
+        options: &BakeOptions,
+        stages: &mut Stages,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let filter = &*options.filter;
+        let sizes = filter.level_sizes(field.scene.nodes, options.levels);
+        let planes = visible::masked_planes(field, options.nonfinite)?;
+        let mut visible =
+            Visible::find(&planes, &sizes, filter, options.alpha_threshold, progress)?;
+        stages.end("prune", visible.bytes_read);
+        let mut importance = Vec::new();
+        if options.sees() {
+            let unbaked = Field::trained(field, None, &options.limits)?;
+            let least = options.min_weight.unwrap_or(1.0);
+            let coverage = camera_coverage(&unbaked, &options.seen_from, least, progress)?;
+            if options.min_weight.is_some() {
+                visible.keep_cells(&coverage.cells)?;
+            }
+            stages.end("expose", 0);
+            importance = LevelImportance::of_levels(coverage, &sizes, options);
+        }
+        Ok(Self { planes, sizes, visible, importance })
+    }
+}

@@ -1,0 +1,75 @@
+//! The first levels of a container that was cut where a level ends.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Container;
+use super::layout::TABLE;
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits::Limits;
+use crate::model::baked::{BakedField, Metadata};
+
+/// A container of which some of the finest levels may be missing. Everything that is there is held to
+/// the same rules as a whole file.
+#[derive(Debug)]
+pub struct Prefix {
+    container: Container,
+    finest: usize,
+}
+
+impl Container {
+    /// Opens a container that ends at a level's prefix, or whole.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and `Truncated` where the file ends anywhere else; then `wanted` is the least
+    /// length with which a level renders, or with which the next finer one does.
+    pub fn read_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Prefix> {
+        let path = file.path().to_owned();
+        let container = Self::open_prefix(file, limits)?;
+        let finest = container.finest_whole_level().map_err(|error| error.in_file(&path))?;
+        Ok(Prefix { container, finest })
+    }
+
+    /// The finest level that the file holds whole.
+    fn finest_whole_level(&self) -> Result<usize> {
+        let length = self.file().length();
+        let prefixes: Vec<u64> = (0..self.metadata().levels.len())
+            .map(|level| self.entry(TABLE, Some(level)).map_or(u64::MAX, |table| table.prefix))
+            .collect();
+        if length == self.header().file_length {
+            return Ok(0);
+        }
+        if let Some(finest) = prefixes.iter().position(|&prefix| prefix == length) {
+            return Ok(finest);
+        }
+        if length > self.header().file_length {
+            let found = format!("{} bytes after the end", length - self.header().file_length);
+            return Err(Error::malformed(Place::File, found, "nothing there"));
+        }
+        let wanted = prefixes.into_iter().filter(|&prefix| prefix > length).min();
+        let wanted = wanted.unwrap_or(self.header().file_length);
+        Err(Error::new(ErrorKind::Truncated { wanted, left: length }, Place::File))
+    }
+}
+
+impl Prefix {
+    /// The metadata of the whole file.
+    pub fn metadata(&self) -> &Metadata {
+        self.container.metadata()
+    }
+
+    /// The levels that are missing, finest first; empty for a whole file.
+    pub fn missing(&self) -> Range<usize> {
+        0..self.finest
+    }
+
+    /// Decodes the levels that are there. Missing ones have no blocks, in the metadata too, and a
+    /// renderer takes [`BakedField::finest`] instead of them.
+    ///
+    /// # Errors
+    /// The first rule of the specification that the content breaks.
+    pub fn read(&self) -> Result<BakedField> {
+        self.container.read_from(self.finest)
+    }
+}

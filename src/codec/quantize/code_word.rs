@@ -1,0 +1,154 @@
+//! Arithmetic of codes, the same for each width.
+
+use std::fmt::Debug;
+use std::num::Wrapping;
+use std::ops::{Add, Mul, Shr, Sub};
+
+use crate::model::baked::{Codes, NumberType};
+
+/// A code as it is stored: `u8`, `u16` or `u32`.
+pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
+    /// Holds sums of codes times weights in 32nds, modulo the code's width.
+    type Wide: Wide;
+    /// Bytes of a code.
+    const BYTES: usize;
+
+    /// The codes, if they are of this type; else none.
+    fn of(codes: &Codes) -> &[Self];
+    /// The same number.
+    fn wide(self) -> Self::Wide;
+    /// The number modulo the width.
+    fn wrap(wide: Self::Wide) -> Self;
+    /// A third of the sum of three codes, rounded down.
+    fn third(sum: Self::Wide) -> Self;
+    /// Half of each byte's range, which stored residuals are raised by: then small residuals of either sign have the same
+    /// upper bytes.
+    fn bias() -> Self::Wide;
+    /// Itself where `mask` has all bits, `other` where it has none.
+    fn choose(self, other: Self, mask: Self) -> Self;
+    /// All bits if `set`, else itself.
+    fn with_all_if(self, set: bool) -> Self;
+    /// The lowest bits of a code in 32 bits.
+    fn narrow(code: u32) -> Self;
+    /// The code in 32 bits.
+    fn code(self) -> u32;
+    /// Byte `i` of the code, the lowest first.
+    fn byte(self, i: usize) -> u8;
+
+    /// The mean of a block's first node, which has no neighbours: the code of +0 for floats.
+    fn origin(number: NumberType) -> Self {
+        Self::narrow(match number {
+            NumberType::U8 | NumberType::U16 => 0,
+            NumberType::F16 => 1 << 15,
+            NumberType::F32 => 1 << 31,
+        })
+    }
+}
+
+/// A signed number wider than a code. Sums and differences of a few codes are exact; where products are not, they are
+/// right in all the bits that a prediction is made of.
+pub trait Wide:
+    Copy
+    + Default
+    + Debug
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Shr<usize, Output = Self>
+{
+    /// A weight.
+    fn from_i8(weight: i8) -> Self;
+    /// The nearest f64.
+    fn to_f64(self) -> f64;
+}
+
+macro_rules! wide {
+    ($number:ty) => {
+        impl Wide for Wrapping<$number> {
+            #[inline(always)]
+            fn from_i8(weight: i8) -> Self {
+                Self(weight.into())
+            }
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                self.0 as f64
+            }
+        }
+    };
+}
+
+wide!(i16);
+wide!(i32);
+wide!(i64);
+
+macro_rules! code {
+    ($code:ty, $variant:ident, $wide:ty, $bias:expr, $third:expr) => {
+        impl Code for $code {
+            type Wide = Wrapping<$wide>;
+            const BYTES: usize = size_of::<$code>();
+
+            fn of(codes: &Codes) -> &[Self] {
+                if let Codes::$variant(codes) = codes { codes } else { &[] }
+            }
+            #[inline(always)]
+            fn wide(self) -> Self::Wide {
+                Wrapping(self.into())
+            }
+            #[inline(always)]
+            fn wrap(wide: Self::Wide) -> Self {
+                wide.0 as $code
+            }
+            #[inline(always)]
+            fn third(sum: Self::Wide) -> Self {
+                let third: fn($wide) -> $wide = $third;
+                third(sum.0) as $code
+            }
+            #[inline(always)]
+            fn bias() -> Self::Wide {
+                Wrapping($bias)
+            }
+            #[inline(always)]
+            fn choose(self, other: Self, mask: Self) -> Self {
+                (self & mask) | (other & !mask)
+            }
+            #[inline(always)]
+            fn with_all_if(self, set: bool) -> Self {
+                if set { <$code>::MAX } else { self }
+            }
+            #[inline(always)]
+            fn narrow(code: u32) -> Self {
+                code as $code
+            }
+            #[inline(always)]
+            fn code(self) -> u32 {
+                self.into()
+            }
+            #[inline(always)]
+            fn byte(self, i: usize) -> u8 {
+                (self.code() >> (8 * i)) as u8
+            }
+        }
+    };
+}
+
+// Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all vectors need is 16.
+// The upper half of a product stands for the division: exact up to 765, and vectors have no division.
+code!(u8, U8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
+code!(u16, U16, i32, 0x8080, |sum| sum / 3);
+code!(u32, U32, i64, 0x8080_8080, |sum| sum / 3);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thirds_are_rounded_down() {
+        for sum in 0..=3 * 255 {
+            assert_eq!(i16::from(u8::third(Wrapping(sum))), sum / 3);
+        }
+        assert_eq!(u16::third(Wrapping(3 * 65_535)), u16::MAX);
+        assert_eq!(u32::third(Wrapping(3 * i64::from(u32::MAX) - 1)), u32::MAX - 1);
+    }
+}

@@ -1,0 +1,133 @@
+//! The values that physically based filters average: alpha, and colours premultiplied by it.
+//!
+//! Logits are not linear: the mean of -60 and +10 is nearly empty, although half the space is
+//! opaque, and an empty node's colour counts as much as a wall's. So level 0 is premultiplied on its
+//! way up. Density becomes alpha. Every colour and feature is activated and multiplied by the alpha
+//! that can be seen ([`super::visibility`]). All levels are then plain linear means. Each level is
+//! stored in its own density domain, and colours are divided by their weight and stored as logits.
+//! Nodes that are nearly empty have alpha 0, and their colours are not read.
+//!
+//! ```text
+//! alpha = 1 - exp(-span * tau)        tau = softplus(raw + shift) * interval
+//! ```
+//!
+//! `tau` is the optical depth of one interval, `span` a few intervals: a node counts by the share of
+//! the light that it covers. Means of optical depth itself would let one node inside a wall, whose
+//! value of 40 looks like one of 4, swell the wall by a node of every coarser level. The stored
+//! optical depth is `-ln(1 - alpha) / span`.
+
+use multiversion::multiversion;
+
+use crate::model::activate::{self, lanes};
+use crate::model::baked::DensityDomain;
+use crate::model::field::Activation;
+
+/// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of this
+/// alpha lets all but one part in ten million of the light through, 140 dB below what can be seen.
+const LEAST_ALPHA: f64 = 1e-7;
+/// Lower shifted raw densities have alpha 0 for any interval: the exponential ends here
+/// ([`lanes::exp`]).
+const EMPTY_BELOW: f32 = -80.0;
+/// Values that are tested together for being empty.
+const EMPTY_RUN: usize = 32;
+/// Larger alphas are stored as this one: it lets through one part in 10^7.
+const GREATEST_ALPHA: f64 = 1.0 - 1e-7;
+
+/// Alpha of one scene: raw density to alpha, and alpha to the values that levels store.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AlphaDomain {
+    /// Raw density to optical depth.
+    pub activation: Activation,
+    /// Intervals over which opacity is alpha, above 0.
+    pub span: f32,
+    /// The values that coarser levels store.
+    pub stored: DensityDomain,
+    empty_up_to: f32,
+}
+
+impl AlphaDomain {
+    /// Alpha as opacity over `span` intervals, stored as `stored`.
+    pub fn new(activation: Activation, span: f32, stored: DensityDomain) -> Self {
+        let Activation { shift, interval, .. } = activation;
+        let [shift_wide, interval_wide] = [shift, interval * span].map(f64::from);
+        let least = activate::raw_at_opacity(LEAST_ALPHA, shift_wide, interval_wide) as f32;
+        Self { activation, span, stored, empty_up_to: least.max(EMPTY_BELOW - shift) }
+    }
+
+    /// The highest raw density whose alpha is 0.
+    pub fn empty_up_to(&self) -> f32 {
+        self.empty_up_to
+    }
+
+    /// Alphas of raw densities.
+    pub fn density_to_alpha(&self, raw: &[f32], alphas: &mut [f32]) {
+        let Activation { shift, interval, .. } = self.activation;
+        density_to_alpha(raw, alphas, shift, interval * self.span, self.empty_up_to);
+    }
+
+    /// The alpha from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that no
+    /// rounding drops a node that is above.
+    pub fn alpha_at_opacity(&self, opacity: f32, intervals: f64) -> f32 {
+        let depth = -libm::log1p(-f64::from(opacity)) / intervals;
+        (-libm::expm1(-depth * f64::from(self.span)) * (1.0 - 1e-6)) as f32
+    }
+
+    /// Optical depths over one interval of alphas.
+    pub(super) fn optical_depths(&self, alphas: &[f32], depths: &mut [f32]) {
+        optical_depths(alphas, f64::from(self.span), depths);
+    }
+
+    /// The stored values of alphas.
+    pub(super) fn stored(&self, alphas: &[f32], stored: &mut [f32]) {
+        let span = f64::from(self.span);
+        if self.stored == DensityDomain::SqrtOpticalDepth {
+            return sqrt_optical_depths(alphas, span, stored);
+        }
+        for (stored, &alpha) in stored.iter_mut().zip(alphas) {
+            *stored = -libm::expm1(-optical_depth(alpha, span)) as f32;
+        }
+    }
+}
+
+/// The optical depth over one interval of an alpha.
+#[inline(always)]
+fn optical_depth(alpha: f32, span: f64) -> f64 {
+    -lanes::ln(1.0 - f64::from(alpha).clamp(0.0, GREATEST_ALPHA)) / span
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn optical_depths(alphas: &[f32], span: f64, depths: &mut [f32]) {
+    for (depth, &alpha) in depths.iter_mut().zip(alphas) {
+        *depth = optical_depth(alpha, span) as f32;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn sqrt_optical_depths(alphas: &[f32], span: f64, stored: &mut [f32]) {
+    for (stored, &alpha) in stored.iter_mut().zip(alphas) {
+        *stored = optical_depth(alpha, span).sqrt() as f32;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn density_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, empty_up_to: f32) {
+    // Most of a scene is empty, and a test is faster than exponentials.
+    for (raw, alphas) in raw.chunks(EMPTY_RUN).zip(alphas.chunks_mut(EMPTY_RUN)) {
+        if raw.iter().fold(0, |any, &raw| any | u32::from(raw > empty_up_to)) == 0 {
+            alphas.fill(0.0);
+            continue;
+        }
+        for (alpha, &raw) in alphas.iter_mut().zip(raw) {
+            let opacity = lanes::opacity(lanes::softplus(raw + shift) * interval);
+            *alpha = if raw > empty_up_to { opacity } else { 0.0 };
+        }
+    }
+}
+
+/// Raw colours, activated and multiplied by weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn premultiply_color(raw: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
+    for ((premultiplied, raw), weight) in premultiplied.iter_mut().zip(raw).zip(weights) {
+        *premultiplied = lanes::sigmoid(*raw) * weight;
+    }
+}

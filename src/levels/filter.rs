@@ -1,0 +1,273 @@
+//! Filters: how coarser levels are made, and the rules to render them by.
+//!
+//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes, the
+//! reference renderer and the metadata of containers ask it.
+
+use std::fmt::Debug;
+use std::ops::Deref;
+use std::sync::Arc;
+
+use super::sizes::{default_level_count, level_sizes};
+use super::{AlphaDomain, Kernel, LevelRule};
+use crate::model::baked::{Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::field::Activation;
+use crate::model::grid::Nodes;
+
+/// Intervals over which `rate-tent` counts opacity; the best of 1 to 8 on trained scenes.
+const RATE_SPAN: f32 = 4.5;
+
+/// The values that a filter averages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FilterDomain {
+    /// Logits as they are stored, as in training.
+    Logits {
+        /// Whether coarser levels have density of their own. Without it they have colours only, and
+        /// density is level 0's.
+        density: bool,
+    },
+    /// Alpha, and colours premultiplied by visible alpha.
+    Alpha {
+        /// Intervals over which opacity is alpha, above 0.
+        span: f32,
+        /// The density that coarser levels store: optical depth or opacity.
+        stored: DensityDomain,
+    },
+}
+
+/// How coarser levels are made, and the rules to render them by.
+///
+/// ```
+/// use mipvog_bake::{BakeOptions, FilterDomain, LevelFilter};
+///
+/// /// The paper's levels under a binomial low-pass.
+/// #[derive(Debug)]
+/// struct Binomial;
+///
+/// impl LevelFilter for Binomial {
+///     fn name(&self) -> &str {
+///         "binomial"
+///     }
+///     fn weights(&self) -> Vec<f64> {
+///         vec![0.25, 0.5, 0.25]
+///     }
+///     fn domain(&self) -> FilterDomain {
+///         FilterDomain::Logits { density: true }
+///     }
+/// }
+///
+/// let mut options = BakeOptions::default();
+/// options.filter = Binomial.into();
+/// assert_eq!(options.filter.name(), "binomial");
+/// ```
+pub trait LevelFilter: Debug + Send + Sync {
+    /// The name that containers and reports state.
+    fn name(&self) -> &str;
+
+    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number of
+    /// them, centred, with sum 1.
+    fn weights(&self) -> Vec<f64>;
+
+    /// The values that are averaged.
+    fn domain(&self) -> FilterDomain;
+
+    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4 nodes
+    /// along the longest axis.
+    fn level_count(&self, finest: Nodes) -> usize {
+        default_level_count(finest)
+    }
+
+    /// How two levels are mixed. Default: after activation where alpha is averaged, else before.
+    fn blend(&self) -> Blend {
+        match self.domain() {
+            FilterDomain::Alpha { .. } => Blend::AfterActivation,
+            FilterDomain::Logits { .. } => Blend::BeforeActivation,
+        }
+    }
+
+    /// How far apart samples of coarser levels are. Default: as far as the level's nodes where alpha
+    /// is averaged, else as far as at level 0.
+    fn step_rule(&self) -> StepRule {
+        match self.domain() {
+            FilterDomain::Alpha { .. } => StepRule::LevelOfDetail,
+            FilterDomain::Logits { .. } => StepRule::Constant,
+        }
+    }
+
+    /// The rule that says which level a sample reads: factor and bias of the footprint's binary
+    /// logarithm, and a bound. Default: factor 0.5 and bias 0, without a bound.
+    fn level_of_detail(&self) -> (f32, f32, Option<f32>) {
+        (0.5, 0.0, None)
+    }
+
+    /// Whether levels are fitted to pictures of level 0 after they were filtered. Default: no.
+    fn is_fitted(&self) -> bool {
+        false
+    }
+}
+
+/// The questions that the pipeline asks of a filter; all answers follow from the trait's.
+impl dyn LevelFilter + '_ {
+    /// Whether coarser levels have density of their own.
+    pub fn has_density(&self) -> bool {
+        self.domain() != FilterDomain::Logits { density: false }
+    }
+
+    /// The alpha that is averaged, where it is not logits.
+    pub fn alpha(&self, activation: &Activation) -> Option<AlphaDomain> {
+        match self.domain() {
+            FilterDomain::Alpha { span, stored } => {
+                Some(AlphaDomain::new(*activation, span, stored))
+            }
+            FilterDomain::Logits { .. } => None,
+        }
+    }
+
+    /// The meaning of densities that a level stores.
+    pub fn density_domain(&self, level: usize) -> DensityDomain {
+        match self.domain() {
+            FilterDomain::Alpha { stored, .. } if level > 0 => stored,
+            _ => DensityDomain::Raw,
+        }
+    }
+
+    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter makes.
+    pub fn level_sizes(&self, finest: Nodes, count: Option<usize>) -> Vec<Nodes> {
+        level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
+    }
+
+    /// The rule of levels, with footprints measured to `neighbour`. Training measured them to the
+    /// sample of the same index. Containers measure them at the same distance, which does not depend
+    /// on the place where rays enter the box.
+    pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
+        let (factor, bias, most) = self.level_of_detail();
+        LevelOfDetail { factor, bias, neighbour, most }
+    }
+}
+
+/// A filter that can be shared: any type that is a [`LevelFilter`] converts into it.
+#[derive(Debug, Clone)]
+pub struct SharedFilter(Arc<dyn LevelFilter>);
+
+impl<F: LevelFilter + 'static> From<F> for SharedFilter {
+    fn from(filter: F) -> Self {
+        Self(Arc::new(filter))
+    }
+}
+
+impl Deref for SharedFilter {
+    type Target = dyn LevelFilter;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
+/// Filters are the same if their names are.
+impl PartialEq for SharedFilter {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+/// The filters that have a name on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Filter {
+    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from afar.
+    RateTent,
+    /// Means of opacity over one interval under a box, stored as opacity.
+    Coverage,
+    /// The levels of `rate-tent`, fitted to pictures of level 0 from afar.
+    Fit,
+    /// The research code's levels: colour only, mean of 3; density stays level 0's. Published
+    /// checkpoints were trained with it.
+    Code,
+    /// The paper's levels: mean of 5 over density and colour.
+    Paper,
+    /// The paper's form with another low-pass.
+    Kernel(Kernel),
+}
+
+impl Filter {
+    /// Every filter.
+    pub fn all() -> Vec<Self> {
+        let kernels = Kernel::ALL.into_iter().map(Self::Kernel);
+        let first = [Self::RateTent, Self::Coverage, Self::Fit, Self::Code, Self::Paper];
+        first.into_iter().chain(kernels).collect()
+    }
+
+    /// Its name on the command line.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::RateTent => "rate-tent",
+            Self::Coverage => "coverage",
+            Self::Fit => "fit",
+            Self::Code => "code",
+            Self::Paper => "paper",
+            Self::Kernel(kernel) => kernel.name(),
+        }
+    }
+}
+
+impl LevelFilter for Filter {
+    fn name(&self) -> &str {
+        self.label()
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        let kernel = match self {
+            Self::RateTent | Self::Fit => Kernel::Tent,
+            Self::Coverage | Self::Code => Kernel::Mean3,
+            Self::Paper => Kernel::Mean5,
+            Self::Kernel(kernel) => *kernel,
+        };
+        kernel.weights()
+    }
+
+    fn domain(&self) -> FilterDomain {
+        match self {
+            Self::RateTent | Self::Fit => {
+                FilterDomain::Alpha { span: RATE_SPAN, stored: DensityDomain::SqrtOpticalDepth }
+            }
+            Self::Coverage => FilterDomain::Alpha { span: 1.0, stored: DensityDomain::Opacity },
+            Self::Code => FilterDomain::Logits { density: false },
+            Self::Paper | Self::Kernel(_) => FilterDomain::Logits { density: true },
+        }
+    }
+
+    fn level_count(&self, finest: Nodes) -> usize {
+        let count = default_level_count(finest);
+        // The research code's level of detail ends at 4.
+        if *self == Self::Code { count.min(5) } else { count }
+    }
+
+    fn level_of_detail(&self) -> (f32, f32, Option<f32>) {
+        let published = |rule: LevelRule| {
+            let (factor, most) = rule.constants();
+            (factor, 0.0, most)
+        };
+        match self {
+            Self::RateTent => (0.55, -0.15, None),
+            Self::Coverage => (0.5, -0.1, None),
+            Self::Fit => (0.5, 0.1, None),
+            Self::Code => published(LevelRule::Code),
+            Self::Paper | Self::Kernel(_) => published(LevelRule::Paper),
+        }
+    }
+
+    fn is_fitted(&self) -> bool {
+        *self == Self::Fit
+    }
+}
+
+impl std::str::FromStr for Filter {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let all = Self::all();
+        all.iter().copied().find(|filter| filter.label() == name).ok_or_else(|| {
+            let names: Vec<_> = all.iter().map(|filter| filter.label()).collect();
+            format!("expected one of {}", names.join(", "))
+        })
+    }
+}

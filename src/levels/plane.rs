@@ -1,0 +1,77 @@
+//! Planes of values: all that travels through a pyramid.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use crate::base::error::Result;
+
+/// One plane of one channel of one level.
+#[derive(Debug)]
+pub struct Plane<'a> {
+    /// The level, 0 is the finest.
+    pub level: usize,
+    /// The plane's number along x.
+    pub x: usize,
+    /// The channel, counted over the channels that the level has. Density is channel 0 where the
+    /// level has density.
+    pub channel: usize,
+    /// Values of the nodes, `[y][z]`, z fastest. Nodes that are not required hold any number.
+    pub values: &'a mut [f32],
+}
+
+/// A place that planes of level 0 are read from.
+pub trait PlaneSource: Sync {
+    /// Channels of level 0, density among them.
+    fn channels(&self) -> usize;
+
+    /// Fills the nodes of a plane of level 0 that are set in `required`, rows of bits along z. Other
+    /// nodes may be filled too. Called from any thread, once for each plane.
+    ///
+    /// # Errors
+    ///
+    /// Reading may fail.
+    fn read(&self, channel: usize, x: usize, required: &[u64], values: &mut [f32]) -> Result<()>;
+}
+
+/// A consumer of planes: bits, ranges, codes or dense arrays are made of them.
+pub trait PlaneSink: Sync {
+    /// Takes a plane while it is in the caches. Called from any thread, in any order.
+    ///
+    /// # Errors
+    ///
+    /// A value may be refused.
+    fn plane(&self, plane: Plane) -> Result<()>;
+
+    /// Is told that all channels of some planes of a level have been taken. Called for each level in
+    /// order, a slab at a time, while later planes are being made.
+    ///
+    /// # Errors
+    ///
+    /// The work on a slab may fail.
+    fn slab(&self, _level: usize, _planes: Range<usize>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Planes to be used again: touching fresh memory costs more than filtering it.
+#[derive(Debug, Default)]
+pub struct PlanePool(Mutex<Vec<Vec<f32>>>);
+
+impl PlanePool {
+    /// A plane of so many numbers of any value.
+    pub fn take(&self, length: usize) -> Vec<f32> {
+        let mut planes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match planes.iter().rposition(|plane| plane.len() == length) {
+            Some(i) => planes.swap_remove(i),
+            None => {
+                drop(planes);
+                vec![0.0; length]
+            }
+        }
+    }
+
+    /// Gives planes back.
+    pub fn give(&self, planes: impl IntoIterator<Item = Vec<f32>>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(planes);
+    }
+}

@@ -1,0 +1,118 @@
+//! Passes over a trained field, and the record of what they read.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::PlaneSource;
+use crate::base::error::Result;
+use crate::model::field::{NonfiniteCount, PlaneRead, Planes, verify_crc32};
+use crate::model::grid::NodeMask;
+
+/// The checksums that a pass holds to those that the file states.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verify {
+    /// None.
+    Nothing,
+    /// That of density. The pass must require all of it.
+    Density,
+    /// That of colour: all of it is read, not just required nodes. A wrong byte costs more than the
+    /// reading.
+    Colors,
+    /// None, but colours are read as for [`Verify::Colors`], where any node of a plane is required. A
+    /// forecast then measures what a bake does.
+    ColorsOfWindow,
+}
+
+/// One pass over a trained field.
+#[derive(Debug)]
+pub struct FieldPass<'a> {
+    planes: &'a Planes<'a>,
+    verify: Verify,
+    /// Every node, where all of colour is read, and the checksum that the file states.
+    all_colors: Option<(u32, NodeMask)>,
+    /// The record of each plane, `[channel][x]`.
+    reads: Mutex<Vec<Option<PlaneRead>>>,
+}
+
+/// The record of a pass.
+#[derive(Debug, Default)]
+pub struct ReadSummary {
+    /// Bytes that were read.
+    pub bytes: u64,
+    /// Values of density that were replaced.
+    pub nonfinite_density: NonfiniteCount,
+    /// Values of colour that were replaced.
+    pub nonfinite_color: NonfiniteCount,
+    /// CRC-32 of the bytes that were read of each plane of density.
+    pub density_checksums: Vec<u32>,
+}
+
+impl ReadSummary {
+    /// Values of density and colour that were replaced.
+    pub fn nonfinite(&self) -> NonfiniteCount {
+        let mut all = self.nonfinite_density;
+        all.join(self.nonfinite_color);
+        all
+    }
+}
+
+impl<'a> FieldPass<'a> {
+    /// A pass over `planes` that holds bytes to the checksums in `verify`.
+    pub fn new(planes: &'a Planes<'a>, verify: Verify) -> Self {
+        let nodes = planes.field().scene.nodes;
+        let reads_all = matches!(verify, Verify::Colors | Verify::ColorsOfWindow);
+        let stated = planes.color_crc32().filter(|_| reads_all);
+        let all_colors = stated.map(|expected| (expected, NodeMask::full(nodes)));
+        let reads = Mutex::new(vec![None; planes.channels() * nodes.0[0]]);
+        Self { planes, verify, all_colors, reads }
+    }
+
+    /// The record, once all planes were read.
+    ///
+    /// # Errors
+    ///
+    /// A checksum that differs from the one that the file states.
+    pub fn finish(self) -> Result<ReadSummary> {
+        let nx = self.planes.field().scene.nodes.0[0];
+        let reads = self.reads.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let (density, color) = reads.split_at(nx);
+        let hashers = |reads: &'_ [Option<PlaneRead>]| -> Vec<crc32fast::Hasher> {
+            reads.iter().flatten().map(|read| read.checksum.clone()).collect()
+        };
+        let density_hashers = hashers(density);
+        match (self.verify, &self.all_colors) {
+            (Verify::Density, _) => {
+                if let Some(expected) = self.planes.density_crc32() {
+                    verify_crc32("density", &density_hashers, expected)?;
+                }
+            }
+            (Verify::Colors, Some((expected, _))) => {
+                verify_crc32("k0", &hashers(color), *expected)?;
+            }
+            _ => {}
+        }
+        let mut summary = ReadSummary::default();
+        density.iter().flatten().for_each(|read| summary.nonfinite_density.join(read.nonfinite));
+        color.iter().flatten().for_each(|read| summary.nonfinite_color.join(read.nonfinite));
+        summary.bytes = reads.iter().flatten().map(|read| read.bytes).sum();
+        summary.density_checksums =
+            density_hashers.into_iter().map(crc32fast::Hasher::finalize).collect();
+        Ok(summary)
+    }
+}
+
+impl PlaneSource for FieldPass<'_> {
+    fn channels(&self) -> usize {
+        self.planes.channels()
+    }
+
+    fn read(&self, channel: usize, x: usize, required: &[u64], values: &mut [f32]) -> Result<()> {
+        let in_window = self.verify == Verify::Colors || required.iter().any(|&row| row != 0);
+        let all = self.all_colors.as_ref().filter(|_| channel > 0 && in_window);
+        let required = all.map_or(required, |(_, all)| all.plane(x));
+        let read = self.planes.read(channel, x, required, values)?;
+        let nx = self.planes.field().scene.nodes.0[0];
+        let mut reads = self.reads.lock().unwrap_or_else(PoisonError::into_inner);
+        reads[channel * nx + x] = Some(read);
+        Ok(())
+    }
+}

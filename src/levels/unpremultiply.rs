@@ -1,0 +1,167 @@
+//! Premultiplied planes of a coarser level to the values that are stored.
+//!
+//! ```text
+//! color = (c + 1e-4 * sum of c around) / (w + 1e-4 * sum of w around)
+//! ```
+//!
+//! with the premultiplied colour `c`, its weight `w`, and sums over the 3 x 3 x 3 nodes around. So a
+//! plane is finished once the next one is there: planes wait until their slab and the first plane of
+//! the next one have come.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use multiversion::multiversion;
+
+use super::plane::PlanePool;
+use super::{AlphaDomain, Plane, PlaneSink};
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::model::activate::lanes;
+use crate::model::grid::{NodeMask, Nodes, row};
+
+/// Stored colours stay this far from 0 and 1: logits of -16 and 16.
+const COLOR_MARGIN: f64 = 1e-7;
+/// Share of the alpha around a node that counts in its colour. A node with little alpha still colours
+/// the cells around it by interpolation, and must not do so with the grey of empty space.
+const NEIGHBOURS_SHARE: f64 = 1e-4;
+/// Shorter gaps between retained nodes are computed too: splitting the loop costs more.
+const BRIDGED_NODES: usize = 16;
+
+/// Finishes the planes of one coarser level, slab by slab.
+#[derive(Debug)]
+pub(super) struct LevelFinisher<'a> {
+    level: usize,
+    domain: AlphaDomain,
+    /// The nodes that must come out right; premultiplied values are right one node around them too.
+    retained: &'a NodeMask,
+    /// Channels of a premultiplied plane: alpha, visible alpha, and colours.
+    channels: usize,
+    waiting: Mutex<Waiting>,
+    pool: PlanePool,
+}
+
+/// Premultiplied planes that are still to be read.
+#[derive(Debug, Default)]
+struct Waiting {
+    /// By number and channel.
+    planes: BTreeMap<usize, Vec<Arc<Vec<f32>>>>,
+    /// A complete slab that waits for the plane after it.
+    slab: Option<Range<usize>>,
+}
+
+impl<'a> LevelFinisher<'a> {
+    /// For the `retained` nodes of a level whose stored planes have so many `channels`.
+    pub fn new(level: usize, domain: AlphaDomain, channels: usize, retained: &'a NodeMask) -> Self {
+        // One more: the weight of colours.
+        let (channels, waiting) = (channels + 1, Mutex::default());
+        Self { level, domain, retained, channels, waiting, pool: PlanePool::default() }
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps a premultiplied plane, and leaves another one in its place.
+    pub fn keep(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
+        let other = self.pool.take(plane.len());
+        let kept = Arc::new(std::mem::replace(plane, other));
+        let mut waiting = self.waiting();
+        let channels =
+            waiting.planes.entry(x).or_insert_with(|| vec![Arc::default(); self.channels]);
+        channels[channel] = kept;
+    }
+
+    /// Is told that all of these planes were kept, and shows finished ones to `sink`.
+    pub fn finish(&self, planes: Range<usize>, sink: &dyn PlaneSink) -> Result<()> {
+        let before = self.waiting().slab.replace(planes.clone());
+        let last = Some(planes).filter(|planes| planes.end == self.retained.nodes().0[0]);
+        for planes in before.into_iter().chain(last) {
+            parallel::map(planes.len(), |i| self.finish_plane(planes.start + i, sink))?;
+            let mut waiting = self.waiting();
+            // The slab's last plane is beside the next slab's first.
+            let still_read = waiting.planes.split_off(&(planes.end - 1));
+            let read = std::mem::replace(&mut waiting.planes, still_read);
+            drop(waiting);
+            self.pool.give(read.into_values().flatten().filter_map(Arc::into_inner));
+            sink.slab(self.level, planes)?;
+        }
+        Ok(())
+    }
+
+    /// Finishes all channels of plane `x`.
+    fn finish_plane(&self, x: usize, sink: &dyn PlaneSink) -> Result<()> {
+        let Nodes([nx, ny, nz]) = self.retained.nodes();
+        let numbers = x.saturating_sub(1)..(x + 2).min(nx);
+        let around: Vec<Vec<Arc<Vec<f32>>>> =
+            self.waiting().planes.range(numbers).map(|(_, plane)| plane.clone()).collect();
+        let own = &around[x.min(1)];
+        // The weight of colours is not stored.
+        let mut finished: Vec<_> = own.iter().skip(1).map(|_| self.pool.take(ny * nz)).collect();
+        let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
+        for y in 0..ny {
+            let rows = y.saturating_sub(1)..(y + 2).min(ny);
+            for (start, end) in row::spans(self.retained.row(x, y), nz, BRIDGED_NODES) {
+                let span = y * nz + start..y * nz + end;
+                // Each node's own value of a channel, and a little of those around it.
+                let mut total = |channel: usize, totals: &mut [f64]| {
+                    let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
+                    let column = &mut column[..high - low];
+                    column.fill(0.0);
+                    for planes in &around {
+                        for y in rows.clone() {
+                            add(column, &planes[channel][y * nz + low..y * nz + high]);
+                        }
+                    }
+                    let own = &own[channel][span.clone()];
+                    add_neighbours(own, column, start - low, &mut totals[..end - start]);
+                };
+                self.domain.stored(&own[0][span.clone()], &mut finished[0][span.clone()]);
+                total(1, &mut weights);
+                for (channel, finished) in finished.iter_mut().enumerate().skip(1) {
+                    total(channel + 1, &mut totals);
+                    unpremultiply_to_logit(&totals, &weights, &mut finished[span.clone()]);
+                }
+            }
+        }
+        for (channel, values) in finished.iter_mut().enumerate() {
+            sink.plane(Plane { level: self.level, x, channel, values })?;
+        }
+        self.pool.give(finished);
+        Ok(())
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add(sums: &mut [f64], row: &[f32]) {
+    for (sum, &value) in sums.iter_mut().zip(row) {
+        *sum += f64::from(value);
+    }
+}
+
+/// `own` and a share of the `column` sums around each value, of which `column[first]` is the first one's.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64]) {
+    for ((total, &own), &column) in totals.iter_mut().zip(own).zip(&column[first..]) {
+        *total = f64::from(own) + NEIGHBOURS_SHARE * column;
+    }
+    let after = column.get(first + 1..).unwrap_or_default();
+    for (total, &column) in totals.iter_mut().zip(after) {
+        *total += NEIGHBOURS_SHARE * column;
+    }
+    let before = totals.get_mut(1 - first..).unwrap_or_default();
+    for (total, &column) in before.iter_mut().zip(column) {
+        *total += NEIGHBOURS_SHARE * column;
+    }
+}
+
+/// Logits of premultiplied colours divided by their weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn unpremultiply_to_logit(totals: &[f64], weights: &[f64], logits: &mut [f32]) {
+    for ((logit, total), weight) in logits.iter_mut().zip(totals).zip(weights) {
+        let color = total / weight.max(f64::MIN_POSITIVE);
+        let color = color.clamp(COLOR_MARGIN, 1.0 - COLOR_MARGIN);
+        *logit = lanes::ln(color / (1.0 - color)) as f32;
+    }
+}

@@ -1,0 +1,174 @@
+//! Visibility: how much of each node can be seen from outside the box.
+//!
+//! Colour of coarser levels is the colour that rays meet first. The inside of a wall, which training
+//! never saw, and the back of a leaf must not mix into the front. So alpha counts in colour by how
+//! much light gets out from it:
+//!
+//! ```text
+//! out(node, d)     = product over the nodes p behind `node` along d of exp(-depth(p) * length(d))
+//! visibility(node) = (mean over the 26 directions d to a neighbour of out(node, d))^2 + 1e-4
+//! ```
+//!
+//! with `depth` the optical depth of one interval and `length` the intervals from a node to the next.
+//! The square favours nodes that are seen from most sides. The remainder lets the colour of hidden
+//! nodes through where there is no other.
+//!
+//! Light is followed on the finest level that is at most 160 nodes long, and visibility is
+//! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]
+//! collects that level's optical depths as it streams by.
+
+use std::sync::{Mutex, PoisonError};
+
+use multiversion::multiversion;
+
+use super::AlphaDomain;
+use super::transmittance::{NEGLIGIBLE, TransmittanceSweep};
+use crate::base::error::Result;
+use crate::model::activate::lanes;
+use crate::model::grid::Nodes;
+
+/// Nodes along the longest axis of the level on which light is followed, at most.
+const MOST_NODES: usize = 160;
+/// The visibility of hidden nodes.
+const LEAST_VISIBILITY: f32 = 1e-4;
+
+/// The optical depths that are in the way of light.
+#[derive(Debug)]
+pub struct OpticalDepthGrid {
+    domain: AlphaDomain,
+    level: usize,
+    nodes: Nodes,
+    /// Intervals from a node to the next along each axis.
+    spacing: [f32; 3],
+    /// Optical depth over one interval, z fastest.
+    depths: Mutex<Vec<f32>>,
+}
+
+impl OpticalDepthGrid {
+    /// For levels of `sizes` over a box whose edges are `extent` intervals long.
+    pub fn new(domain: AlphaDomain, sizes: &[Nodes], extent: [f64; 3]) -> Self {
+        let level = Self::level(sizes);
+        let nodes = sizes[level];
+        let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
+        Self { domain, level, nodes, spacing, depths: Mutex::new(vec![0.0; nodes.count()]) }
+    }
+
+    /// The level on which light is followed, of levels of `sizes`.
+    pub fn level(sizes: &[Nodes]) -> usize {
+        let small = |nodes: &Nodes| nodes.0.iter().all(|&size| size <= MOST_NODES);
+        sizes.iter().position(small).unwrap_or(sizes.len() - 1)
+    }
+
+    /// Takes plane `x` of a level: raw densities of level 0, alphas of coarser levels. Other levels
+    /// are ignored.
+    pub fn take(&self, level: usize, x: usize, values: &[f32]) {
+        if level != self.level {
+            return;
+        }
+        let mut plane = values.to_vec();
+        match level {
+            0 => raw_optical_depths(&mut plane, &self.domain),
+            _ => self.domain.optical_depths(values, &mut plane),
+        }
+        let mut depths = self.depths.lock().unwrap_or_else(PoisonError::into_inner);
+        depths[x * values.len()..][..values.len()].copy_from_slice(&plane);
+    }
+
+    /// The visibility of all nodes, once every plane of the level was taken.
+    ///
+    /// # Errors
+    ///
+    /// None of its own.
+    pub fn visibility(self) -> Result<Visibility> {
+        let Self { nodes, spacing, depths, .. } = self;
+        let depths = depths.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut shares = TransmittanceSweep { nodes, spacing, depths: &depths }.sums()?;
+        for share in &mut shares {
+            let mean = *share / 26.0;
+            *share = mean * mean + LEAST_VISIBILITY;
+        }
+        Ok(Visibility { nodes, shares })
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
+    let activation = &domain.activation;
+    for value in values {
+        let depth = lanes::softplus(*value + activation.shift) * activation.interval;
+        // Negligible here as it is in the sweep.
+        *value = if depth > NEGLIGIBLE { depth } else { 0.0 };
+    }
+}
+
+/// The share of each node that can be seen: from 1e-4, hidden, to 1.0001, alone.
+#[derive(Debug)]
+pub struct Visibility {
+    nodes: Nodes,
+    shares: Vec<f32>,
+}
+
+/// The two nodes of a coarser axis that a node of a finer axis over the same length lies between.
+#[derive(Debug, Clone, Copy)]
+struct LinearTap {
+    low: usize,
+    high: usize,
+    fraction: f32,
+}
+
+fn linear_tap(node: usize, fine: usize, coarse: usize) -> LinearTap {
+    let numerator = node * (coarse - 1);
+    let low = numerator / (fine - 1);
+    let fraction = (numerator % (fine - 1)) as f32 / (fine - 1) as f32;
+    LinearTap { low, high: (low + 1).min(coarse - 1), fraction }
+}
+
+/// `low` and `high` mixed, by element.
+fn mix<'a>(low: &'a [f32], high: &'a [f32], fraction: f32) -> impl Iterator<Item = f32> + use<'a> {
+    low.iter().zip(high).map(move |(low, high)| low + (high - low) * fraction)
+}
+
+impl Visibility {
+    /// Visibility of plane `x` of a grid of `nodes` over the same box.
+    pub fn sampler(&self, nodes: Nodes, x: usize) -> VisibilitySampler {
+        let [nx, _, nz] = nodes.0;
+        let [coarse_x, coarse_y, coarse_z] = self.nodes.0;
+        let plane = |x: usize| &self.shares[x * coarse_y * coarse_z..][..coarse_y * coarse_z];
+        let at = linear_tap(x, nx, coarse_x);
+        let on_plane: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
+        let columns: Vec<LinearTap> = (0..nz).map(|z| linear_tap(z, nz, coarse_z)).collect();
+        let mut shares = Vec::with_capacity(coarse_y * nz);
+        for row in on_plane.chunks_exact(coarse_z) {
+            let at = |at: &LinearTap| row[at.low] + (row[at.high] - row[at.low]) * at.fraction;
+            shares.extend(columns.iter().map(at));
+        }
+        VisibilitySampler { nodes, coarse_y, shares }
+    }
+}
+
+/// Visibility of one plane.
+#[derive(Debug)]
+pub struct VisibilitySampler {
+    nodes: Nodes,
+    coarse_y: usize,
+    /// At the coarser nodes along y, and at all nodes along z.
+    shares: Vec<f32>,
+}
+
+impl VisibilitySampler {
+    /// Multiplies `values`, all of one row, by the visibility of their nodes. The first one is node
+    /// number `first` of the plane.
+    pub fn attenuate(&self, first: usize, values: &[f32], products: &mut [f32]) {
+        let [_, ny, nz] = self.nodes.0;
+        let (y, z) = (first / nz, first % nz);
+        let at = linear_tap(y, ny, self.coarse_y);
+        let row = |y: usize| &self.shares[y * nz + z..][..values.len()];
+        multiply(values, mix(row(at.low), row(at.high), at.fraction), products);
+    }
+}
+
+fn multiply(values: &[f32], by: impl Iterator<Item = f32>, products: &mut [f32]) {
+    for ((product, value), by) in products.iter_mut().zip(values).zip(by) {
+        *product = value * by;
+    }
+}

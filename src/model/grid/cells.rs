@@ -1,0 +1,69 @@
+//! Sets of cells.
+
+use super::{NodeMask, Nodes, row};
+use crate::base::error::Result;
+
+/// A set of the cells of a grid. A cell has the place of its lowest node, so no cell lies in the
+/// last plane, row or column of nodes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CellMask {
+    lowest: NodeMask,
+}
+
+impl CellMask {
+    /// The empty set, of a grid of `nodes` nodes.
+    pub fn empty(nodes: Nodes) -> Self {
+        Self { lowest: NodeMask::empty(nodes) }
+    }
+
+    /// The cells with these lowest nodes.
+    pub fn of_lowest_nodes(lowest: NodeMask) -> Self {
+        Self { lowest }
+    }
+
+    /// The lowest nodes of the cells.
+    pub fn lowest_nodes(&self) -> &NodeMask {
+        &self.lowest
+    }
+
+    /// Adds a cell.
+    pub fn insert(&mut self, cell: [usize; 3]) {
+        self.lowest.insert(cell);
+    }
+
+    /// Whether the cell is in the set.
+    pub fn contains(&self, cell: [usize; 3]) -> bool {
+        self.lowest.contains(cell)
+    }
+
+    /// Cells in the set.
+    pub fn count(&self) -> u64 {
+        self.lowest.count()
+    }
+
+    /// Keeps the cells that are in both sets.
+    pub fn intersect(&mut self, other: &Self) {
+        self.lowest.intersect(&other.lowest);
+    }
+
+    /// Adds the cells of the other set.
+    pub fn unite(&mut self, other: &Self) {
+        self.lowest.unite(&other.lowest);
+    }
+
+    /// The nodes that are a corner of a cell in the set.
+    pub fn corners(&self) -> Result<NodeMask> {
+        let (lowest, words) = (&self.lowest, self.lowest.row_words());
+        NodeMask::of_planes(lowest.nodes(), |x, plane| {
+            for (y, row) in plane.chunks_exact_mut(words).enumerate() {
+                for i in x.saturating_sub(1)..=x {
+                    for j in y.saturating_sub(1)..=y {
+                        row::or_into(row, lowest.row(i, j));
+                    }
+                }
+                row::or_shifted_up(row);
+            }
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,144 @@
+//! Errors of a field's pictures at every scale.
+
+use serde::{Deserialize, Serialize};
+
+use super::metrics::{self, Errors, Picture};
+use super::{Reference, References};
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::model::camera::Camera;
+use crate::view::render::{Field, Frame, FrameOptions, render};
+
+/// Errors at one scale.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScaleErrors {
+    /// Pixels of the full picture along one of this.
+    pub scale: usize,
+    /// Mean over frames of each frame's PSNR over all pixels and RGB, in dB; at most 200.
+    pub psnr: f64,
+    /// Mean over frames of the structural similarity; null for pictures below 11 pixels a side.
+    pub ssim: Option<f64>,
+    /// Largest error of a channel of a pixel.
+    pub max_abs: f64,
+    /// 99 of 100 channel errors are at most this.
+    pub p99_abs: f64,
+    /// Frames.
+    pub frames: usize,
+    /// PSNR of the picture without view-dependent colour; null against photographs.
+    pub psnr_diffuse: Option<f64>,
+    /// PSNR of opacity alone: silhouettes; null against pictures without alpha.
+    pub psnr_opacity: Option<f64>,
+}
+
+/// One frame's error at one scale, as it comes.
+pub struct FrameErrors<'a> {
+    /// The camera's name.
+    pub frame: &'a str,
+    /// Pixels of the full picture along one of this.
+    pub scale: usize,
+    /// What should be seen.
+    pub want: &'a Picture,
+    /// What is seen.
+    pub got: &'a Picture,
+}
+
+/// Compares `field` with `reference` from all cameras at all scales; `visit` gets each frame.
+pub fn compare(
+    reference: &Reference,
+    field: &Field,
+    cameras: &[Camera],
+    scales: &[usize],
+    supersample: usize,
+    progress: &dyn Progress,
+    visit: impl FnMut(&FrameErrors) -> Result<()>,
+) -> Result<Vec<ScaleErrors>> {
+    References::new(reference, cameras, scales, supersample).compare(field, progress, visit)
+}
+
+impl References<'_> {
+    /// Compares `field` with the reference from all cameras at all scales; `visit` gets each frame.
+    pub fn compare(
+        &mut self,
+        field: &Field,
+        progress: &dyn Progress,
+        mut visit: impl FnMut(&FrameErrors) -> Result<()>,
+    ) -> Result<Vec<ScaleErrors>> {
+        let scales = self.scales();
+        let mut sums: Vec<Sums> = scales.iter().map(|_| Sums::default()).collect();
+        for (number, camera) in self.cameras().iter().enumerate() {
+            let wanted = self.take(number, progress)?;
+            for ((&scale, want), sums) in scales.iter().zip(&wanted).zip(&mut sums) {
+                let small = Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
+                let frame = render(field, &small, &FrameOptions::default(), progress)?;
+                let got = Picture::of_frame(&frame, field.view().background);
+                sums.add(want, &got);
+                visit(&FrameErrors { frame: &camera.name, scale, want, got: &got })?;
+            }
+            self.put_back(number, wanted);
+        }
+        Ok(scales.iter().zip(sums).map(|(&scale, sums)| sums.finish(scale)).collect())
+    }
+}
+
+impl Picture {
+    /// A rendered frame, clamped.
+    pub fn of_frame(frame: &Frame, background: [f32; 3]) -> Self {
+        let clamp = |value: f32| value.clamp(0.0, 1.0);
+        let diffuse = frame.accumulated.chunks_exact(frame.channels).zip(&frame.transmittance);
+        let diffuse = diffuse.map(|(gathered, left)| {
+            [0, 1, 2].map(|channel| clamp(gathered[channel] + left * background[channel]))
+        });
+        Self {
+            width: frame.width,
+            height: frame.height,
+            color: frame.color.iter().map(|pixel| pixel.map(clamp)).collect(),
+            diffuse: Some(diffuse.collect()),
+            opacity: Some(frame.transmittance.iter().map(|left| clamp(1.0 - left)).collect()),
+        }
+    }
+}
+
+/// Errors of several frames at one scale.
+#[derive(Default)]
+struct Sums {
+    frames: usize,
+    psnr: f64,
+    ssim: Option<f64>,
+    diffuse: Option<f64>,
+    opacity: Option<f64>,
+    errors: Errors,
+}
+
+impl Sums {
+    fn add(&mut self, want: &Picture, got: &Picture) {
+        let first = self.frames == 0;
+        let add = |sum: &mut Option<f64>, value: Option<f64>| {
+            let old = if first { Some(0.0) } else { *sum };
+            *sum = old.zip(value).map(|(old, value)| old + value);
+        };
+        self.psnr += metrics::psnr(want.color.as_flattened(), got.color.as_flattened());
+        add(&mut self.ssim, metrics::ssim(want, got));
+        let flat =
+            |colors: &Option<Vec<[f32; 3]>>| colors.as_ref().map(|c| c.as_flattened().to_vec());
+        let pair = flat(&want.diffuse).zip(flat(&got.diffuse));
+        add(&mut self.diffuse, pair.map(|(want, got)| metrics::psnr(&want, &got)));
+        let pair = want.opacity.as_ref().zip(got.opacity.as_ref());
+        add(&mut self.opacity, pair.map(|(want, got)| metrics::psnr(want, got)));
+        self.errors.add(want.color.as_flattened(), got.color.as_flattened());
+        self.frames += 1;
+    }
+
+    fn finish(self, scale: usize) -> ScaleErrors {
+        let mean = |sum: f64| sum / self.frames.max(1) as f64;
+        ScaleErrors {
+            scale,
+            psnr: mean(self.psnr),
+            ssim: self.ssim.map(mean),
+            max_abs: self.errors.largest(),
+            p99_abs: self.errors.quantile(0.99),
+            frames: self.frames,
+            psnr_diffuse: self.diffuse.map(mean),
+            psnr_opacity: self.opacity.map(mean),
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! A field to be rendered: its rules, and its values in as many lanes as its channels need.
+
+use super::view::{TrainedLevels, View};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::codec::container::check_metadata;
+use crate::model::baked::BakedField;
+use crate::model::field::RadianceField;
+use crate::view::sample::{Dense, Sparse, Stored};
+
+/// A field to be rendered.
+#[derive(Debug)]
+pub struct Field {
+    view: View,
+    values: Lanes,
+}
+
+/// Values whose colours and features have so many lanes; lanes without a channel are zero.
+#[derive(Debug)]
+pub(crate) enum Lanes {
+    Four(Stored<4>),
+    Eight(Stored<8>),
+    Sixteen(Stored<16>),
+    ThirtyTwo(Stored<32>),
+    SixtyFour(Stored<64>),
+}
+
+/// The same with values in lanes of each width.
+macro_rules! with_lanes {
+    ($lanes:expr, $stored:ident => $result:expr) => {
+        match $lanes {
+            $crate::view::render::Lanes::Four($stored) => $result,
+            $crate::view::render::Lanes::Eight($stored) => $result,
+            $crate::view::render::Lanes::Sixteen($stored) => $result,
+            $crate::view::render::Lanes::ThirtyTwo($stored) => $result,
+            $crate::view::render::Lanes::SixtyFour($stored) => $result,
+        }
+    };
+}
+pub(crate) use with_lanes;
+
+/// The same with values of each kind. The kind is chosen once a picture and not once a sample.
+macro_rules! with_values {
+    ($field:expr, $values:ident => $result:expr) => {
+        $crate::view::render::with_lanes!($field.lanes(), stored => match stored {
+            $crate::view::sample::Stored::Dense($values) => $result,
+            $crate::view::sample::Stored::Sparse($values) => $result,
+        })
+    };
+}
+pub(crate) use with_values;
+
+/// Values for so many channels of colour and features, in the fewest lanes that hold them.
+macro_rules! in_lanes {
+    ($channels:expr, $values:expr) => {
+        match $channels {
+            0..=4 => Ok(Lanes::Four($values)),
+            5..=8 => Ok(Lanes::Eight($values)),
+            9..=16 => Ok(Lanes::Sixteen($values)),
+            17..=32 => Ok(Lanes::ThirtyTwo($values)),
+            33..=64 => Ok(Lanes::SixtyFour($values)),
+            channels => {
+                let found = format!("{channels} channels of colour and features");
+                Err(Error::unsupported(Place::File, found, "at most 64"))
+            }
+        }
+    };
+}
+
+impl Field {
+    /// A trained field, with coarser levels if `levels` says so. All of its values are read.
+    ///
+    /// # Errors
+    /// `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64 channels
+    /// of colour and features, and whatever reading the values gives.
+    pub fn trained(
+        field: &RadianceField,
+        levels: Option<TrainedLevels>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        field.check()?;
+        let view = View::of_trained(field, levels);
+        let filter = levels.map(|levels| (levels.filter, levels.count));
+        let values: Result<Lanes> =
+            in_lanes!(field.color_channels(), Stored::Dense(Dense::new(field, filter, limits)?));
+        Ok(Self { view, values: values? })
+    }
+
+    /// A baked field.
+    ///
+    /// # Errors
+    /// `Malformed` where metadata or codes break the rules of a container.
+    pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
+        check_metadata(&field.metadata, limits, &Place::File)?;
+        field.check()?;
+        let values: Result<Lanes> =
+            in_lanes!(3 + field.metadata.features, Stored::Sparse(Sparse::new(field, limits)?));
+        Ok(Self { view: View::of_baked(field), values: values? })
+    }
+
+    /// The rules.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// The rules, to be overridden.
+    pub fn view_mut(&mut self) -> &mut View {
+        &mut self.view
+    }
+
+    /// The values.
+    pub(crate) fn lanes(&self) -> &Lanes {
+        &self.values
+    }
+
+    /// Rules and values.
+    pub(crate) fn into_parts(self) -> (View, Lanes) {
+        (self.view, self.values)
+    }
+}

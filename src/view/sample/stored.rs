@@ -1,0 +1,12 @@
+//! A field's values, of either kind.
+
+use super::{Dense, Sparse};
+
+/// Values of either kind.
+#[derive(Debug)]
+pub enum Stored<const C: usize> {
+    /// As trained.
+    Dense(Dense<C>),
+    /// Baked.
+    Sparse(Sparse<C>),
+}

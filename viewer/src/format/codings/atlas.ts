@@ -1,0 +1,20 @@
+/** The codes of an atlas, and what a coding must know to find them. */
+
+import type { Encoding } from "../metadata.js";
+
+export type Codes = Uint8Array | Uint16Array | Uint32Array;
+
+/** What a coding must know of an atlas. */
+export interface Atlas {
+  encoding: Encoding;
+  channels: number;
+  /** Nodes along a block's edge. */
+  edge: number;
+  /** Stored blocks. */
+  frames: number;
+  /** Whose bytes they are, for messages. */
+  name: string;
+}
+
+/** Codes of an atlas: frame by frame, channel by channel, nodes in C order. */
+export type Coding = (atlas: Atlas, chunk: Uint8Array) => Codes;
