@@ -9,7 +9,6 @@ use super::options::SweepOptions;
 use super::record;
 use super::report::Measured;
 use super::setting::Setting;
-use super::thumbnail::Thumbnail;
 use crate::bake::{Origin, bake};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
@@ -19,7 +18,7 @@ use crate::input::checkpoint::Source;
 use crate::view::compare::References;
 use crate::view::render::Renderer;
 
-/// What all settings are measured on.
+/// The things that all settings are measured with.
 pub(super) struct Bench<'a> {
     pub(super) source: &'a Source,
     pub(super) origin: Origin,
@@ -34,11 +33,13 @@ impl Bench<'_> {
         let path = record::container_path(self.folder, setting);
         let mut seconds = Vec::with_capacity(self.options.repeat);
         let mut last = None;
+        let mut options = setting.options.clone();
+        options.limits = self.options.limits.clone();
         for _ in 0..self.options.repeat {
             let mut output = Output::create(&path, true)?;
             let clock = Instant::now();
             let field = &self.source.field;
-            let report = bake(field, &setting.options, &self.origin, &mut output, &self.steps)
+            let report = bake(field, &options, &self.origin, &mut output, &self.steps)
                 .map_err(|error| error.in_file(self.source.file.path()))?;
             seconds.push(clock.elapsed().as_secs_f64());
             last = Some((output, report));
@@ -50,20 +51,10 @@ impl Bench<'_> {
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
         let field = Renderer::baked(&container.read()?, &self.options.limits)?;
-        let mut thumbnails = Vec::new();
-        let scales = &self.options.scales;
-        let ends = [scales.iter().min(), scales.iter().max()];
-        let errors = self.references.compare(&field, &self.steps, |frame| {
-            let is_new = thumbnails.iter().all(|t: &Thumbnail| t.scale != frame.scale);
-            if is_new && ends.contains(&Some(&frame.scale)) {
-                thumbnails.push(Thumbnail::of(frame)?);
-            }
-            Ok(())
-        })?;
-        thumbnails.sort_by_key(|thumbnail| thumbnail.scale);
+        let errors = self.references.compare(&field, &self.steps, |_| Ok(()))?;
         let levels = report.levels.len();
         let output_bytes = report.output_bytes;
-        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors, thumbnails })
+        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors })
     }
 }
 
@@ -81,7 +72,7 @@ pub(super) struct Steps<'a> {
 }
 
 impl Steps<'_> {
-    /// Makes up for steps that were left out.
+    /// Advances over steps that were left out.
     pub(super) fn reach(&self, target: u64) {
         let left = target.saturating_sub(self.done.load(Ordering::Relaxed));
         self.advance(Step::Sweep, left);

@@ -24,7 +24,6 @@ mod record;
 mod report;
 mod run;
 mod setting;
-mod thumbnail;
 
 pub use options::SweepOptions;
 pub use pareto::{Point, front};
@@ -32,4 +31,3 @@ pub use record::RECORD_SCHEMA;
 pub use report::{Fronts, Measured, SCHEMA, SettingReport, SweepReport};
 pub use run::sweep;
 pub use setting::{Grid, Setting};
-pub use thumbnail::Thumbnail;

@@ -1,10 +1,9 @@
-//! What a sweep tells: programs read it as JSON, [`super::csv`] and [`super::page`] show it.
+//! The report of a sweep: programs read it as JSON, [`super::csv`] and [`super::page`] show it.
 
 use serde::{Deserialize, Serialize};
 
 use super::pareto::{Point, front};
 use super::setting::Setting;
-use super::thumbnail::Thumbnail;
 use crate::bake::Preset;
 use crate::view::compare::ScaleErrors;
 
@@ -14,7 +13,7 @@ pub(super) type Outcome = std::result::Result<Measured, String>;
 /// Schema of the report.
 pub const SCHEMA: &str = "mipvog-sweep/1";
 
-/// What a setting gave.
+/// The result of a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
@@ -27,8 +26,6 @@ pub struct Measured {
     pub levels: usize,
     /// Distance from the unbaked input, one for each scale.
     pub errors: Vec<ScaleErrors>,
-    /// The first frame at the finest and at the coarsest scale.
-    pub thumbnails: Vec<Thumbnail>,
 }
 
 /// Whether a result is on the fronts at one scale, of all results of the sweep.
@@ -79,9 +76,6 @@ pub struct SettingReport {
     pub fronts: Vec<Fronts>,
     /// Why there is no result.
     pub failure: Option<String>,
-    /// Pictures, for the page only.
-    #[serde(skip)]
-    pub thumbnails: Vec<Thumbnail>,
 }
 
 /// All of a sweep.
@@ -121,10 +115,9 @@ impl SettingReport {
             output_bytes: result.as_ref().map(|result| result.output_bytes),
             seconds: result.as_ref().map(|result| result.seconds),
             levels: result.as_ref().map(|result| result.levels),
-            errors: result.as_ref().map(|result| result.errors.clone()).unwrap_or_default(),
+            errors: result.map(|result| result.errors).unwrap_or_default(),
             fronts: Vec::new(),
             failure,
-            thumbnails: result.map(|result| result.thumbnails).unwrap_or_default(),
         }
     }
 }

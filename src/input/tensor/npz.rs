@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+use serde::Deserialize;
+
 use super::array::Tensor;
 use super::digest::Digest;
 use super::file::{FileKind, TensorFile};
@@ -86,11 +88,12 @@ fn read_array(
     let mut reader = ByteReader::new(&header, entry.offset);
     let whole = reader.take(usize::try_from(skip).unwrap_or(usize::MAX))?;
     let literal = whole.get(usize::try_from(before).unwrap_or(0)..).unwrap_or_default();
-    let described = Literal { bytes: literal, at: 0 }.read().ok_or_else(|| {
+    let described = read_header(literal).ok_or_else(|| {
         let found = format!("the header {:?}", String::from_utf8_lossy(literal).trim());
         Error::malformed(place.clone(), found, "{'descr': .., 'fortran_order': .., 'shape': ..}")
     })?;
-    if described.shape.iter().all(|&size| size == 1) && described.descr.starts_with("<U") {
+    let is_text = described.descr.as_str().is_some_and(|descr| descr.starts_with("<U"));
+    if is_text && described.shape.iter().all(|&size| size == 1) {
         let whole = archive.read(number, limits.header_bytes)?;
         let skip = header.len().min(whole.len());
         let text = text(whole.split_at(skip).1).ok_or_else(|| {
@@ -109,7 +112,7 @@ fn read_array(
         stored => stored,
     };
     let held = data.length();
-    let make = if described.fortran { Tensor::fortran } else { Tensor::dense };
+    let make = if described.fortran_order { Tensor::fortran } else { Tensor::dense };
     let tensor = make(name.to_owned(), element, described.shape, data)?;
     if tensor.bytes() != held {
         let found = format!("{held} bytes after the header");
@@ -137,7 +140,7 @@ fn checksum_after(entry: &Entry, head: &[u8]) -> u32 {
     shifted.finalize() ^ entry.crc32
 }
 
-fn element(descr: &str, name: &str) -> Result<Element> {
+fn element(descr: &serde_json::Value, name: &str) -> Result<Element> {
     let unsupported = || {
         Error::unsupported(
             Place::Tensor(name.into()),
@@ -145,147 +148,58 @@ fn element(descr: &str, name: &str) -> Result<Element> {
             "little-endian f2, f4, f8, or b1, u1, i1, i2, i4, i8",
         )
     };
-    Element::from_numpy(descr.trim_start_matches(['<', '|', '='])).ok_or_else(unsupported)
+    let plain = descr.as_str().map(|descr| descr.trim_start_matches(['<', '|', '=']));
+    plain.and_then(Element::from_numpy).ok_or_else(unsupported)
 }
 
-/// What an array's header says.
-#[derive(Debug, PartialEq, Eq)]
-struct Described {
-    /// Its type; of a structured one, the whole literal.
-    descr: String,
-    fortran: bool,
+/// The header of an array.
+#[derive(Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// Its type: a text, or the list of a structured one.
+    descr: serde_json::Value,
+    fortran_order: bool,
     shape: Vec<u64>,
 }
 
-/// Reads the Python dictionary of a header. Anything else than its three keys is refused.
-struct Literal<'a> {
-    bytes: &'a [u8],
-    at: usize,
-}
-
-impl Literal<'_> {
-    fn read(mut self) -> Option<Described> {
-        let (mut descr, mut fortran, mut shape) = (None, None, None);
-        self.expect(b'{')?;
-        while !self.accept(b'}') {
-            let key = self.text()?;
-            self.expect(b':')?;
-            match key.as_str() {
-                "descr" if descr.is_none() => descr = Some(self.descr()?),
-                "fortran_order" if fortran.is_none() => fortran = Some(self.boolean()?),
-                "shape" if shape.is_none() => shape = Some(self.shape()?),
-                _ => return None,
-            }
-            if !self.accept(b',') {
-                self.expect(b'}')?;
-                break;
-            }
-        }
-        self.skip_space();
-        let ended = self.at == self.bytes.len();
-        let described = Described { descr: descr?, fortran: fortran?, shape: shape? };
-        ended.then_some(described)
+/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the `L`
+/// of Python 2 and commas at the end.
+fn read_header(literal: &[u8]) -> Option<Header> {
+    let mut json: String = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
+    for (python, plain) in [
+        ("'", "\""),
+        ("(", "["),
+        (")", "]"),
+        ("True", "true"),
+        ("False", "false"),
+        ("L,", ","),
+        ("L]", "]"),
+        (",]", "]"),
+        (",}", "}"),
+    ] {
+        json = json.replace(python, plain);
     }
-
-    fn skip_space(&mut self) {
-        while self.bytes.get(self.at).is_some_and(u8::is_ascii_whitespace) {
-            self.at += 1;
-        }
-    }
-
-    fn accept(&mut self, byte: u8) -> bool {
-        self.skip_space();
-        let found = self.bytes.get(self.at) == Some(&byte);
-        self.at += usize::from(found);
-        found
-    }
-
-    fn expect(&mut self, byte: u8) -> Option<()> {
-        self.accept(byte).then_some(())
-    }
-
-    fn text(&mut self) -> Option<String> {
-        self.skip_space();
-        let quote = *self.bytes.get(self.at).filter(|byte| b"'\"".contains(byte))?;
-        let rest = self.bytes.get(self.at + 1..)?;
-        let length = rest.iter().position(|&byte| byte == quote)?;
-        self.at += length + 2;
-        let text = std::str::from_utf8(rest.get(..length)?).ok()?;
-        (!text.contains('\\')).then(|| text.to_owned())
-    }
-
-    /// A type's text; the literal of a structured type, which is a list, as it stands.
-    fn descr(&mut self) -> Option<String> {
-        self.skip_space();
-        let rest = self.bytes.get(self.at..)?;
-        if rest.first() != Some(&b'[') {
-            return self.text();
-        }
-        let mut depth = 0usize;
-        for (length, byte) in rest.iter().enumerate() {
-            match byte {
-                b'[' => depth += 1,
-                b']' => depth -= 1,
-                _ => {}
-            }
-            if depth == 0 {
-                self.at += length + 1;
-                return Some(String::from_utf8_lossy(rest.get(..=length)?).into_owned());
-            }
-        }
-        None
-    }
-
-    fn boolean(&mut self) -> Option<bool> {
-        self.skip_space();
-        let rest = self.bytes.get(self.at..)?;
-        let value = rest.starts_with(b"True");
-        if !value && !rest.starts_with(b"False") {
-            return None;
-        }
-        self.at += if value { 4 } else { 5 };
-        Some(value)
-    }
-
-    fn shape(&mut self) -> Option<Vec<u64>> {
-        self.expect(b'(')?;
-        let mut sizes = Vec::new();
-        while !self.accept(b')') {
-            self.skip_space();
-            let rest = self.bytes.get(self.at..)?;
-            let digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
-            sizes.push(std::str::from_utf8(rest.get(..digits)?).ok()?.parse().ok()?);
-            self.at += digits;
-            // Python 2 wrote long integers.
-            if self.bytes.get(self.at) == Some(&b'L') {
-                self.at += 1;
-            }
-            if !self.accept(b',') {
-                self.expect(b')')?;
-                break;
-            }
-        }
-        Some(sizes)
-    }
+    serde_json::from_str(&json).ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Option<Described> {
-        Literal { bytes: text.as_bytes(), at: 0 }.read()
+    fn read(text: &str) -> Option<(String, bool, Vec<u64>)> {
+        let header = read_header(text.as_bytes())?;
+        let descr = header.descr.as_str().map_or_else(|| header.descr.to_string(), str::to_owned);
+        Some((descr, header.fortran_order, header.shape))
     }
 
     #[test]
     fn headers_are_python_literals() {
         let found = read("{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }  \n");
-        let shape = vec![3, 4];
-        assert_eq!(found, Some(Described { descr: "<f4".into(), fortran: false, shape }));
+        assert_eq!(found, Some(("<f4".to_owned(), false, vec![3, 4])));
         let found = read("{\"shape\":(7L,),\"fortran_order\":True,\"descr\":'|b1'}");
-        assert_eq!(found, Some(Described { descr: "|b1".into(), fortran: true, shape: vec![7] }));
+        assert_eq!(found, Some(("|b1".to_owned(), true, vec![7])));
         let found = read("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': ()}");
-        assert_eq!(found.map(|d| d.descr), Some("[('a', '<f4')]".into()));
+        assert_eq!(found, Some((r#"[["a","<f4"]]"#.to_owned(), false, vec![])));
         for broken in [
             "",
             "{}",

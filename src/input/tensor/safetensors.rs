@@ -9,10 +9,11 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
-use serde::Deserialize;
-use serde::de::{MapAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::value::RawValue;
 
 use super::array::Tensor;
 use super::digest::Digest;
@@ -35,20 +36,30 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     let prefix = file.read(0, PREFIX, PREFIX)?;
     let length = ByteReader::new(&prefix, 0).u64()?;
     let bytes = file.read(PREFIX, length, limits.header_bytes)?;
-    let header: Header = serde_json::from_slice(&bytes).map_err(|error| {
+    let place = Place::Offset(PREFIX);
+    let header: Pairs<&RawValue> = serde_json::from_slice(&bytes).map_err(|error| {
         let found = format!("a header that is not a safetensors one ({error})");
-        Error::malformed(Place::Offset(PREFIX), found, "a JSON object of tensors")
+        Error::malformed(place.clone(), found, "a JSON object of tensors")
     })?;
-    limits::check("tensors", header.tensors.len() as u64, limits.entries, &Place::Offset(PREFIX))?;
-    let start = PREFIX + length;
-    check_ranges(&header, file.length() - start)?;
-
-    let mut root = Vec::with_capacity(header.tensors.len() + 1);
-    if let Some(texts) = header.metadata {
-        let texts = texts.0.into_iter().map(|(key, text)| (key, Value::Text(text))).collect();
-        root.push((METADATA.into(), Value::Dict(texts)));
+    limits::check("tensors", header.0.len() as u64, limits.entries, &place)?;
+    let (mut root, mut tensors) = (Vec::with_capacity(header.0.len()), Vec::new());
+    for (name, raw) in header.0 {
+        let malformed = |error: serde_json::Error| {
+            let found = format!("a header entry that cannot be read ({error})");
+            Error::malformed(Place::Tensor(name.clone()), found, "dtype, shape and data_offsets")
+        };
+        if name == METADATA {
+            let Pairs::<String>(texts) = serde_json::from_str(raw.get()).map_err(malformed)?;
+            let texts = texts.into_iter().map(|(key, text)| (key, Value::Text(text))).collect();
+            root.push((name, Value::Dict(texts)));
+        } else {
+            let described: Described = serde_json::from_str(raw.get()).map_err(malformed)?;
+            tensors.push((name, described));
+        }
     }
-    for (name, described) in header.tensors {
+    let start = PREFIX + length;
+    check_ranges(&tensors, file.length() - start)?;
+    for (name, described) in tensors {
         let element = element(&described.dtype, &name)?;
         let [from, to] = described.data_offsets;
         let range = start + from..start + to;
@@ -73,16 +84,9 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     })
 }
 
-/// Refuses names that come twice, and ranges that leave a hole, overlap, or do not end with the
-/// file.
-fn check_ranges(header: &Header, length: u64) -> Result<()> {
-    let mut names = BTreeSet::new();
-    if let Some((name, _)) = header.tensors.iter().find(|(name, _)| !names.insert(name)) {
-        let found = "two tensors of this name";
-        return Err(Error::malformed(Place::Tensor(name.clone()), found, "one"));
-    }
-    let mut ranges: Vec<_> =
-        header.tensors.iter().map(|(name, t)| (t.data_offsets, name)).collect();
+/// Refuses ranges that leave a hole, overlap, or do not end with the file.
+fn check_ranges(tensors: &[(String, Described)], length: u64) -> Result<()> {
+    let mut ranges: Vec<_> = tensors.iter().map(|(name, t)| (t.data_offsets, name)).collect();
     ranges.sort_unstable();
     let mut end = 0;
     for ([from, to], name) in ranges {
@@ -125,17 +129,8 @@ fn element(dtype: &str, name: &str) -> Result<Element> {
     })
 }
 
-/// The header, every key as it comes.
-struct Header {
-    metadata: Option<Texts>,
-    tensors: Vec<(String, Described)>,
-}
-
-/// Texts by key, in order.
-struct Texts(Vec<(String, String)>);
-
-/// A tensor's description.
-#[derive(Deserialize)]
+/// The description of a tensor.
+#[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Described {
     dtype: String,
@@ -143,60 +138,32 @@ struct Described {
     data_offsets: [u64; 2],
 }
 
-impl<'de> Deserialize<'de> for Header {
-    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        struct Entries;
-        impl<'de> Visitor<'de> for Entries {
-            type Value = Header;
+/// The members of an object in order, no name twice.
+struct Pairs<V>(Vec<(String, V)>);
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("an object of tensors")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(
-                self,
-                mut map: A,
-            ) -> std::result::Result<Header, A::Error> {
-                let mut header = Header { metadata: None, tensors: Vec::new() };
-                while let Some(name) = map.next_key::<String>()? {
-                    if name != METADATA {
-                        header.tensors.push((name, map.next_value()?));
-                    } else if header.metadata.replace(map.next_value()?).is_some() {
-                        return Err(serde::de::Error::custom("two texts of metadata"));
-                    }
-                }
-                Ok(header)
-            }
-        }
-        from.deserialize_map(Entries)
+impl<'de, V: Deserialize<'de>> Deserialize<'de> for Pairs<V> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        from.deserialize_map(PairsVisitor(PhantomData))
     }
 }
 
-impl<'de> Deserialize<'de> for Texts {
-    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        struct Entries;
-        impl<'de> Visitor<'de> for Entries {
-            type Value = Texts;
+struct PairsVisitor<V>(PhantomData<V>);
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("an object of texts")
-            }
+impl<'de, V: Deserialize<'de>> Visitor<'de> for PairsVisitor<V> {
+    type Value = Pairs<V>;
 
-            fn visit_map<A: MapAccess<'de>>(
-                self,
-                mut map: A,
-            ) -> std::result::Result<Texts, A::Error> {
-                let mut texts: Vec<(String, String)> = Vec::new();
-                let mut keys = BTreeSet::new();
-                while let Some((key, text)) = map.next_entry::<String, String>()? {
-                    if !keys.insert(key.clone()) {
-                        return Err(serde::de::Error::custom(format!("key {key:?} twice")));
-                    }
-                    texts.push((key, text));
-                }
-                Ok(Texts(texts))
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> std::result::Result<Pairs<V>, A::Error> {
+        let (mut pairs, mut names) = (Vec::new(), BTreeSet::new());
+        while let Some((name, value)) = map.next_entry::<String, V>()? {
+            if !names.insert(name.clone()) {
+                return Err(serde::de::Error::custom(format!("two tensors or texts {name:?}")));
             }
+            pairs.push((name, value));
         }
-        from.deserialize_map(Entries)
+        Ok(Pairs(pairs))
     }
 }
