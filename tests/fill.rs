@@ -6,6 +6,7 @@ use common::plain::{all_nodes, sigmoid};
 use common::{Random, baked_bytes, field, fixture, open_bytes, packed, random_field, unpack};
 use mipvog_bake::unstable::app::check::check;
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter};
+use mipvog_bake::unstable::base::bytes::Storage;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::parallel;
@@ -189,6 +190,84 @@ fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
             assert_eq!(container.read_level(number).expect("a level"), *level);
         }
     }
+}
+
+/// A container with filled blocks, and its unpacked values.
+fn filled_scene() -> (Container, common::Unpacked) {
+    let field = smooth_field(&mut Random::new(4), [24, 20, 28], 2.0);
+    let bytes = baked_bytes(&field, &options(4, Some(0.08))).expect("a bake");
+    let container = open_bytes(&bytes).expect("valid");
+    assert!(filled(&container)[0] > 0);
+    let unpacked = unpack(&container).expect("unpacks");
+    (container, unpacked)
+}
+
+#[test]
+fn other_encodings_keep_their_error_in_filled_blocks_too() {
+    let (container, before) = filled_scene();
+    let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    let bits = Changes { bits: Some(Bits::Integer(6)), ..Changes::default() };
+    let errors = Changes { max_error: Some(0.03.into()), ..Changes::default() };
+    for changes in [bits, errors] {
+        let again = packed(&input, &changes).expect("bakes again");
+        let again = open_bytes(&again).expect("valid");
+        let after = unpack(&again).expect("unpacks");
+        for (number, level) in again.metadata().levels.iter().enumerate() {
+            let occupied = after.occupied(number, level.dimensions, level.block_size);
+            for group in COLORS {
+                let stated = f64::from(level.encoding(group).expect("colours").max_error);
+                let old = &container.metadata().levels[number];
+                let asked = changes.max_error.map_or(stated, |errors| errors.of(group).into());
+                let kept = level.encoding(group) == old.encoding(group);
+                let bound = if kept { 0.0 } else { stated.min(asked) };
+                let [got, want] = [&after, &before].map(|all| all.level(number, group));
+                for (node, (&got, &want)) in got.iter().zip(&want).enumerate() {
+                    let moved = (sigmoid(got.into()) - sigmoid(want.into())).abs();
+                    let counts = occupied[node % occupied.len()];
+                    assert!(!counts || moved <= bound + 1e-7, "level {number}: {moved}, {bound}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn levels_are_cut_below_filled_ones() {
+    let (container, before) = filled_scene();
+    let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    for levels in 1..container.metadata().levels.len() {
+        let changes = Changes { levels: Some(levels), ..Changes::default() };
+        let again = open_bytes(&packed(&input, &changes).expect("bakes again")).expect("valid");
+        assert_eq!(filled(&again)[levels - 1], 0, "the coarsest level has no coarser one");
+        let after = unpack(&again).expect("unpacks");
+        for (level, group) in (0..levels).flat_map(|level| COLORS.map(|group| (level, group))) {
+            assert_eq!(after.level(level, group), before.level(level, group));
+        }
+    }
+}
+
+#[test]
+fn edits_in_filled_blocks_are_kept() {
+    let (container, before) = filled_scene();
+    let mut input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    let level = &container.metadata().levels[0];
+    let table = before.get("level0.occupied").expect("a table");
+    let block = table.iter().position(|&state| state == 2.0).expect("a filled block");
+    let [_, by, bz] = level.grid().counts();
+    let at = [block / (by * bz), block / bz % by, block % bz].map(|place| place * level.block_size);
+    let node = common::plain::index(level.dimensions, at);
+    let mut values = before.level(0, Group::Diffuse);
+    let encoding = level.encoding(Group::Diffuse).expect("colours");
+    let far = encoding.values().find(|value| (value - values[node]).abs() > 0.5);
+    values[node] = far.expect("another code");
+    let volume = input.levels[0].volumes[1].as_mut().expect("colours");
+    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    (volume.storage, volume.first) = (Storage::Memory(bytes.into()), 0);
+    let again = packed(&input, &Changes::default()).expect("bakes again");
+    let again = open_bytes(&again).expect("valid");
+    assert_eq!(filled(&again)[0], filled(&container)[0] - 1);
+    let after = unpack(&again).expect("unpacks");
+    assert_eq!(after.level(0, Group::Diffuse), values);
 }
 
 #[test]

@@ -69,6 +69,113 @@ fn modules_use_only_rows_above_their_own() {
     }
 }
 
+/// The path of each module: `["levels", "filter"]` is `src/levels/filter.rs`.
+fn module_path(root: &Path, file: &Path) -> Vec<String> {
+    let relative = file.strip_prefix(root).expect("inside src").with_extension("");
+    let names = relative.components().map(|name| name.as_os_str().to_string_lossy().into_owned());
+    names.filter(|name| name != "mod").collect()
+}
+
+/// The paths that a source takes with `use`, with `super` and `crate` resolved and groups spread.
+fn used_paths(own: &[String], is_folder: bool, text: &str) -> Vec<Vec<String>> {
+    let mut paths = Vec::new();
+    let code = text.split("#[cfg(test)]\nmod tests").next().expect("code");
+    for statement in code.split(";\n").filter_map(|part| part.split("use ").nth(1)) {
+        let flat: String = statement.chars().filter(|c| !c.is_whitespace()).collect();
+        spread(&flat, &[], &mut paths);
+    }
+    let parent = if is_folder { own } else { &own[..own.len() - 1] };
+    let resolve = |path: Vec<String>| -> Option<Vec<String>> {
+        match path.first()?.as_str() {
+            "crate" => Some(path[1..].to_vec()),
+            "super" => Some([parent, &path[1..]].concat()),
+            name if is_folder => Some([own, &[name.to_owned()], &path[1..]].concat()),
+            _ => None,
+        }
+    };
+    paths.into_iter().filter_map(resolve).collect()
+}
+
+/// `a::{b,c::d}` as `a::b` and `a::c::d`.
+fn spread(text: &str, before: &[String], paths: &mut Vec<Vec<String>>) {
+    let (mut depth, mut start) = (0, 0);
+    let mut parts = Vec::new();
+    for (at, c) in text.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                parts.push(&text[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(&text[start..]);
+    for part in parts.into_iter().filter(|part| !part.is_empty()) {
+        let (head, group) = part.split_once('{').unwrap_or((part, ""));
+        let names = head.split("::").filter(|name| !name.is_empty());
+        let path: Vec<String> = before.iter().cloned().chain(names.map(str::to_owned)).collect();
+        match group.strip_suffix('}') {
+            Some(group) => spread(group, &path, paths),
+            None => paths.push(path),
+        }
+    }
+}
+
+#[test]
+fn no_files_of_a_folder_use_each_other_in_a_circle() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    let modules: BTreeMap<Vec<String>, PathBuf> =
+        files.iter().map(|file| (module_path(&root, file), file.clone())).collect();
+    // A folder's mod.rs hands names on: they count as used of the files that have them.
+    let handed: BTreeMap<Vec<String>, Vec<Vec<String>>> = modules
+        .iter()
+        .filter(|(_, file)| file.ends_with("mod.rs"))
+        .map(|(path, file)| {
+            let text = std::fs::read_to_string(file).expect("text");
+            (path.clone(), used_paths(path, true, &text))
+        })
+        .collect();
+    let owner = |path: &[String]| -> Option<Vec<String>> {
+        let length = (1..=path.len()).rev().find(|&n| modules.contains_key(&path[..n]))?;
+        let (module, rest) = path.split_at(length);
+        match (handed.get(module), rest.first()) {
+            (Some(handed), Some(name)) => {
+                let source = handed.iter().find(|path| path.last() == Some(name))?;
+                let length =
+                    (1..source.len()).rev().find(|&n| modules.contains_key(&source[..n]))?;
+                Some(source[..length].to_vec())
+            }
+            _ => Some(module.to_vec()),
+        }
+    };
+    let mut arrows: BTreeMap<Vec<String>, Vec<Vec<String>>> = BTreeMap::new();
+    for (path, file) in modules.iter().filter(|(_, file)| !file.ends_with("mod.rs")) {
+        let text = std::fs::read_to_string(file).expect("text");
+        let used = used_paths(path, false, &text);
+        let others = used.iter().filter_map(|used| owner(used)).filter(|other| other != path);
+        arrows.insert(path.clone(), others.collect());
+    }
+    assert!(arrows.values().map(Vec::len).sum::<usize>() > 500, "arrows are found");
+    // Files that use none of the others are taken away, and files that none uses: circles stay.
+    loop {
+        let used: Vec<_> = arrows.values().flatten().cloned().collect();
+        let before = arrows.len();
+        let left: Vec<_> = arrows.keys().cloned().collect();
+        arrows.retain(|path, others| {
+            others.iter().any(|other| left.contains(other)) && used.contains(path)
+        });
+        if arrows.len() == before {
+            break;
+        }
+    }
+    let circle: Vec<String> = arrows.keys().map(|path| path.join("/")).collect();
+    assert!(circle.is_empty(), "files in circles: {circle:?}");
+}
+
 /// Folders whose numbers are stored, or decide what is.
 const STORED: [&str; 7] = ["bake", "codec", "input", "levels", "model", "output", "view"];
 /// Functions of std whose last bits differ from machine to machine; `libm` has the same everywhere.

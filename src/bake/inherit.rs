@@ -8,7 +8,6 @@
 //! one.
 
 use super::importance::LevelImportance;
-use super::pack::Packing;
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
@@ -31,12 +30,13 @@ pub struct Inheritance<'a> {
 }
 
 /// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as that
-/// moves values.
-pub fn inherit_levels(
+/// moves values. `level_nodes` gives each level's retained nodes, and their importance to cameras.
+pub fn inherit_levels<'a>(
     encoded: &mut [EncodedLevel],
     metadata: &mut Metadata,
     inheritance: &Inheritance,
-    packing: &Packing,
+    zstd_level: i32,
+    level_nodes: impl Fn(usize) -> (&'a NodeMask, Option<&'a LevelImportance>),
 ) -> Result<()> {
     let features = metadata.features;
     let activated = |encoding: &Encoding| -> Vec<f64> {
@@ -55,19 +55,20 @@ pub fn inherit_levels(
             let fillers = COLORS.map(|group| {
                 Filler::new(level, (of_coarser, coarser), group, group.channels(features))
             });
-            let candidates = [0, 1].map(|i| {
+            let groups = [0, 1].map(|i| {
                 let group = COLORS[i];
-                Some(Candidate {
+                Some(ColorGroup {
                     filler: fillers[i].as_ref()?,
                     codes: own.atlases[group as usize].as_ref()?,
                     activated: activated(level.encoding(group)?),
                     channels: group.channels(features),
                 })
             });
-            let judge = Judge {
+            let (retained, importance) = level_nodes(number);
+            let test = InheritanceTest {
                 grid: level.grid(),
-                needed: packing.retained[number],
-                importance: packing.importance.get(number),
+                needed: retained,
+                importance,
                 most: inheritance.error.into(),
             };
             let places: Vec<_> = own.table.stored().collect();
@@ -75,7 +76,7 @@ pub fn inherit_levels(
             let moves = |frame: usize| {
                 let place = places[frame];
                 let may = among.is_none_or(|table| table.is_filled(place));
-                Ok(may.then(|| judge.moves(place, frame, &candidates)).flatten())
+                Ok(may.then(|| test.color_shifts(place, frame, &groups)).flatten())
             };
             let moves = parallel::map(places.len(), moves)?;
             let (table, moved) = filled(&own.table, &moves)?;
@@ -91,7 +92,7 @@ pub fn inherit_levels(
                 encoding.max_error = encoding.error_after(moved);
                 if table.filled() > 0 {
                     encoded[number].atlases[group as usize] =
-                        Some(atlas(shape, &stored, packing.zstd_level)?);
+                        Some(atlas(shape, &stored, zstd_level)?);
                 }
                 own.atlases[group as usize] = Some(filler.fill(&table, &stored));
             }
@@ -105,7 +106,7 @@ pub fn inherit_levels(
 }
 
 /// A group that may be filled.
-struct Candidate<'a> {
+struct ColorGroup<'a> {
     filler: &'a Filler<'a>,
     /// What is stored so far.
     codes: &'a Codes,
@@ -115,7 +116,7 @@ struct Candidate<'a> {
 }
 
 /// What blocks of a level are judged by.
-struct Judge<'a> {
+struct InheritanceTest<'a> {
     grid: BlockGrid,
     needed: &'a NodeMask,
     importance: Option<&'a LevelImportance>,
@@ -123,13 +124,13 @@ struct Judge<'a> {
     most: f64,
 }
 
-impl Judge<'_> {
+impl InheritanceTest<'_> {
     /// The most that filling a block would move a colour of each group by; none where that is too much.
-    fn moves(
+    fn color_shifts(
         &self,
         place: [usize; 3],
         frame: usize,
-        groups: &[Option<Candidate>; 2],
+        groups: &[Option<ColorGroup>; 2],
     ) -> Option<[f64; 2]> {
         let edge = self.grid.edge;
         let nodes = edge.pow(3);

@@ -5,8 +5,7 @@ use std::str::FromStr;
 
 use serde_json::Value;
 
-use super::options::rule;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::model::baked::Group;
 
 /// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
@@ -52,7 +51,7 @@ impl MaxErrors {
     /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
         let fits = self.of_groups.iter().all(|error| RANGE.contains(error));
-        rule(fits, "max_error", self, "1e-6 to 0.25")
+        Error::require_option(fits, "max_error", self, "1e-6 to 0.25")
     }
 
     /// As provenance and reports say it: a number where all are the same, else text.

@@ -167,30 +167,60 @@ impl BakeOptions {
             Bits::Integer(bits) => (4..=16).contains(&bits),
             Bits::F16 | Bits::F32 => true,
         };
-        rule(bits_fit, "bits", self.bits, "4 to 16, f16 or f32")?;
+        Error::require_option(bits_fit, "bits", self.bits, "4 to 16, f16 or f32")?;
         let levels = self.levels.unwrap_or(1);
-        rule(levels >= 1, "levels", levels, "at least 1")?;
+        Error::require_option(levels >= 1, "levels", levels, "at least 1")?;
         let alpha = self.alpha_threshold;
-        rule((1e-9..1.0).contains(&alpha), "alpha_threshold", alpha, "1e-9 to below 1")?;
+        Error::require_option(
+            (1e-9..1.0).contains(&alpha),
+            "alpha_threshold",
+            alpha,
+            "1e-9 to below 1",
+        )?;
         let block = self.block_size;
-        rule((1..=LARGEST_BLOCK).contains(&block), "block_size", block, "1 to 64")?;
-        rule((1..=22).contains(&self.zstd_level), "zstd_level", self.zstd_level, "1 to 22")?;
+        Error::require_option(
+            (1..=LARGEST_BLOCK).contains(&block),
+            "block_size",
+            block,
+            "1 to 64",
+        )?;
+        Error::require_option(
+            (1..=22).contains(&self.zstd_level),
+            "zstd_level",
+            self.zstd_level,
+            "1 to 22",
+        )?;
         let steps = self.fit_steps;
-        rule(steps <= MOST_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
+        Error::require_option(steps <= MOST_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
         let seconds = self.fit_seconds.unwrap_or(1.0);
-        rule(seconds > 0.0, "fit_seconds", seconds, "a number above 0")?;
+        Error::require_option(seconds > 0.0, "fit_seconds", seconds, "a number above 0")?;
         let is_share = |value: f32| value > 0.0 && value <= 1.0;
         let weight = self.min_weight.unwrap_or(1.0);
-        rule(is_share(weight), "min_weight", weight, "above 0 and at most 1")?;
-        rule((0.0..=64.0).contains(&self.coarseness), "coarseness", self.coarseness, "0 to 64")?;
+        Error::require_option(is_share(weight), "min_weight", weight, "above 0 and at most 1")?;
+        Error::require_option(
+            (0.0..=64.0).contains(&self.coarseness),
+            "coarseness",
+            self.coarseness,
+            "0 to 64",
+        )?;
         let fill = self.fill_error.unwrap_or(1.0);
-        rule(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
+        Error::require_option(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
         let fits_rule = self.lod_rule.is_some() && self.filter.is_fitted();
-        rule(!fits_rule, "lod_rule", "a rule", "none, because the fit finds its own rule")?;
+        Error::require_option(
+            !fits_rule,
+            "lod_rule",
+            "a rule",
+            "none, because the fit finds its own rule",
+        )?;
         let scale = self.lod_scale;
-        rule(scale > 0.0 && scale.is_finite(), "lod_scale", scale, "a number above 0")?;
+        Error::require_option(
+            scale > 0.0 && scale.is_finite(),
+            "lod_scale",
+            scale,
+            "a number above 0",
+        )?;
         let holds_all = self.filter.is_fitted() || self.sees() || self.fill_error.is_some();
-        rule(
+        Error::require_option(
             self.memory.is_none() || !holds_all,
             "memory",
             "a bound beside the filter fit, min_weight, coarseness or fill_error",
@@ -238,19 +268,6 @@ impl BakeOptions {
             options["seen_from"] = cameras_json(&self.seen_from);
         }
         options
-    }
-}
-
-/// Refuses an option's value unless the rule holds.
-pub(super) fn rule(
-    holds: bool,
-    option: &'static str,
-    found: impl std::fmt::Display,
-    expected: &str,
-) -> Result<()> {
-    match holds {
-        true => Ok(()),
-        false => Err(Error::invalid_option(option, found.to_string(), expected)),
     }
 }
 

@@ -6,13 +6,13 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::LevelPlanes;
 use super::encode::{EncodeOptions, ErrorBound, LevelEncoder};
 use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
-use super::ranges::RangeSink;
+use super::ranges::{BitSearch, RangeSink};
 use super::report::Stages;
 use super::run_store::RunStore;
-use super::{LevelPlanes, MaxErrors};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::EncodedLevel;
@@ -33,15 +33,6 @@ pub trait LevelSource {
         step: Step,
         progress: &dyn Progress,
     ) -> Result<ReadSummary>;
-}
-
-/// A search for the fewest bits.
-#[derive(Debug, Clone, Copy)]
-pub struct BitSearch {
-    /// The errors to keep.
-    pub max_errors: MaxErrors,
-    /// Whether an encoding that is planned stays where the search finds none with fewer bits.
-    pub only_fewer: bool,
 }
 
 /// Everything that codes follow from, beside the levels' metadata.
@@ -90,7 +81,8 @@ impl Packing<'_> {
         let summary = self.source.stream(&sink, Step::Encode, progress)?;
         let mut encoded = sink.finish(metadata)?;
         if let Some(inheritance) = &self.inheritance {
-            inherit_levels(&mut encoded, metadata, inheritance, self)?;
+            let level = |number: usize| (self.retained[number], self.importance.get(number));
+            inherit_levels(&mut encoded, metadata, inheritance, self.zstd_level, level)?;
         }
         stages.end("encode", summary.bytes);
         Ok((encoded, summary))

@@ -2,13 +2,22 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::pack::BitSearch;
+use super::MaxErrors;
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::quantize::{ValueRange, encoding_within};
 use crate::levels::{Plane, PlaneSink};
 use crate::model::baked::{Encoding, Group, Metadata};
 use crate::model::grid::{NodeMask, row};
+
+/// A search for the fewest bits.
+#[derive(Debug, Clone, Copy)]
+pub struct BitSearch {
+    /// The errors to keep.
+    pub max_errors: MaxErrors,
+    /// Whether an encoding that is planned stays where the search finds none with fewer bits.
+    pub only_fewer: bool,
+}
 
 /// Collects the ranges of all levels.
 pub struct RangeSink<'a> {

@@ -7,7 +7,8 @@
 use serde_json::{Value, json};
 
 use super::inherit::Inheritance;
-use super::pack::{BitSearch, LevelSource, Packing};
+use super::pack::{LevelSource, Packing};
+use super::ranges::BitSearch;
 use super::report::{BakeReport, Stages, level_reports};
 use super::run::write;
 use super::{ErrorBound, LevelRule, MaxErrors};

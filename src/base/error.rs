@@ -181,6 +181,23 @@ impl Error {
         Self::new(ErrorKind::InvalidOption { option, found, expected }, Place::File)
     }
 
+    /// Refuses an option's value unless a rule holds.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::InvalidOption`].
+    pub fn require_option(
+        holds: bool,
+        option: &'static str,
+        found: impl fmt::Display,
+        expected: &str,
+    ) -> Result<()> {
+        match holds {
+            true => Ok(()),
+            false => Err(Self::invalid_option(option, found.to_string(), expected)),
+        }
+    }
+
     /// Work that was ended on request.
     pub fn cancelled() -> Self {
         Self::new(ErrorKind::Cancelled, Place::File)

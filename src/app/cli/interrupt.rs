@@ -46,9 +46,14 @@ impl Interrupts {
         watched
     }
 
-    /// Whether somebody wants what there is; answers once.
+    /// Whether the user wants the result so far; answers once.
     pub fn wants_result(&self) -> bool {
         self.interrupted.swap(false, Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
+    }
+
+    /// Whether the program was told to end, and not just interrupted.
+    pub fn is_terminated(&self) -> bool {
+        self.terminated.load(Ordering::Relaxed)
     }
 
     /// Whether the program should end.

@@ -1,6 +1,7 @@
 //! Progress bars on stderr.
 
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -14,6 +15,8 @@ use crate::base::progress::{Progress, Step};
 pub struct Bar {
     bar: ProgressBar,
     step: Mutex<Option<Step>>,
+    /// Whether the current step is a fit: an interrupt then asks for the result so far.
+    is_fit: AtomicBool,
     interrupts: Interrupts,
     /// Where there is no terminal to draw on, and bars are wanted still: a line for each step.
     lines: bool,
@@ -37,6 +40,7 @@ impl Bar {
         Self {
             bar,
             step: Mutex::new(None),
+            is_fit: AtomicBool::new(false),
             interrupts: Interrupts::watch(),
             lines: wanted && !terminal,
         }
@@ -46,6 +50,7 @@ impl Bar {
 impl Progress for Bar {
     fn begin(&self, step: Step, total: u64) {
         *self.step.lock().unwrap_or_else(PoisonError::into_inner) = Some(step);
+        self.is_fit.store(step == Step::Fit, Ordering::Relaxed);
         if self.lines {
             say(step.name());
         }
@@ -69,7 +74,10 @@ impl Progress for Bar {
     }
 
     fn cancelled(&self) -> bool {
-        self.interrupts.wants_end()
+        match self.is_fit.load(Ordering::Relaxed) {
+            true => self.interrupts.is_terminated(),
+            false => self.interrupts.wants_end(),
+        }
     }
 }
 

@@ -67,3 +67,25 @@ impl CellMask {
         })
     }
 }
+
+impl NodeMask {
+    /// The cells that have a corner in this set.
+    pub fn cells_with_a_corner(&self) -> Result<CellMask> {
+        let ([nx, ny, nz], words) = (self.nodes().0, self.row_words());
+        let lowest = NodeMask::of_planes(self.nodes(), |x, plane| {
+            if x + 1 == nx {
+                return Ok(());
+            }
+            for y in 0..ny - 1 {
+                let row = &mut plane[y * words..][..words];
+                for (i, j) in [(x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1)] {
+                    row::or_into(row, self.row(i, j));
+                }
+                row::or_shifted_down(row);
+                row::clear_from(row, nz - 1);
+            }
+            Ok(())
+        });
+        lowest.map(CellMask::of_lowest_nodes)
+    }
+}

@@ -5,7 +5,7 @@
 
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::model::grid::{BlockGrid, CellMask, Nodes, row};
+use crate::model::grid::{BlockGrid, Nodes, row};
 
 /// A set of nodes of a grid.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -109,25 +109,6 @@ impl NodeMask {
     pub fn count_common(&self, other: &Self) -> u64 {
         let both = self.bits.iter().zip(&other.bits).map(|(a, b)| (a & b).count_ones());
         both.map(u64::from).sum()
-    }
-
-    /// The cells that have a corner in this set.
-    pub fn cells_with_a_corner(&self) -> Result<CellMask> {
-        let lowest = self.per_plane(|x, plane| {
-            let [nx, ny, _] = self.nodes.0;
-            if x + 1 == nx {
-                return;
-            }
-            for y in 0..ny - 1 {
-                let row = &mut plane[y * self.words..][..self.words];
-                for (i, j) in [(x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1)] {
-                    row::or_into(row, self.row(i, j));
-                }
-                row::or_shifted_down(row);
-                row::clear_from(row, self.nodes.0[2] - 1);
-            }
-        });
-        lowest.map(CellMask::of_lowest_nodes)
     }
 
     /// What is in both sets.
