@@ -359,7 +359,7 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
         let plain = PlainField::new(dense.view(), finest_level(&field));
         // Fitted levels too: a fit differentiates by every feature.
         let mut options = BakeOptions::default();
-        (options.filter, options.fit_steps) = (Filter::Fit, 1);
+        (options.filter, options.fit_steps) = (Filter::Fit.into(), 1);
         (options.levels, options.block_size) = (Some(2), 4);
         let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
         let baked = container.read().expect("decodes");
