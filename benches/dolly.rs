@@ -28,7 +28,7 @@ use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::model::camera::{Camera, Lens, turntable};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::Bounds;
-use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, LevelChoice, render};
+use mipvog_bake::unstable::view::render::{Frame, FrameOptions, LevelChoice, Renderer, render};
 
 const FRAMES: usize = 60;
 const FARTHEST: f64 = 16.0;
@@ -48,7 +48,7 @@ fn main() {
         .collect();
     let side = arguments.own("--side").map_or(400, number);
     let cameras = dolly(&field.scene.bounds, side);
-    let unbaked = unbounded(Field::trained(&field, None, &Limits::default()).expect("a field"));
+    let unbaked = unbounded(Renderer::trained(&field, None, &Limits::default()).expect("a field"));
     let options = FrameOptions { levels: LevelChoice::Fixed(0), supersample: SUPERSAMPLE };
     let frame = |camera: &Camera| render(&unbaked, camera, &options, &Silent).expect("a frame");
     let references: Vec<Vec<Frame>> =
@@ -87,7 +87,7 @@ fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
 }
 
 /// Training's near and far would cut off what is far away.
-fn unbounded(mut field: Field) -> Field {
+fn unbounded(mut field: Renderer) -> Renderer {
     (field.view_mut().march.near, field.view_mut().march.far) = (0.0, None);
     field
 }
@@ -103,7 +103,7 @@ fn curve(
     options.filter = filter.into();
     let bytes = baked_bytes(field, &options).expect("a bake");
     let baked = open_bytes(&bytes).expect("a container").read().expect("levels");
-    let baked = unbounded(Field::baked(&baked, &Limits::default()).expect("a field"));
+    let baked = unbounded(Renderer::baked(&baked, &Limits::default()).expect("a field"));
     let psnr = |(cameras, references): (&Vec<Camera>, &Vec<Frame>)| {
         let (mut sum, mut count) = (0.0, 0);
         for (camera, reference) in cameras.iter().zip(references) {

@@ -29,7 +29,7 @@ use mipvog_bake::unstable::input::tensor;
 use mipvog_bake::unstable::model::camera::{self, Camera};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::view::render::{
-    Field, Frame, FrameOptions, LevelChoice, Statistics, render,
+    Frame, FrameOptions, LevelChoice, Renderer, Statistics, render,
 };
 
 /// Each frame is rendered this often; the fastest counts.
@@ -62,16 +62,16 @@ fn main() {
 /// Speed and distance from the twin, of the scene and of what is baked from it.
 fn measure(field: &RadianceField, cameras: &[Camera]) {
     let limits = Limits::default();
-    let dense = Field::trained(field, None, &limits).expect("a field");
+    let dense = Renderer::trained(field, None, &limits).expect("a field");
     report("dense", &dense, finest_level(field), cameras);
     let bytes = baked_bytes(field, &BakeOptions::default()).expect("a bake");
     let container = open_bytes(&bytes).expect("a container");
     let baked = container.read().expect("levels");
-    let sparse = Field::baked(&baked, &limits).expect("a field");
+    let sparse = Renderer::baked(&baked, &limits).expect("a field");
     report("baked", &sparse, baked_levels(&baked), cameras);
 }
 
-fn report(name: &str, field: &Field, levels: Vec<PlainLevel>, cameras: &[Camera]) {
+fn report(name: &str, field: &Renderer, levels: Vec<PlainLevel>, cameras: &[Camera]) {
     let plain = PlainField::new(field.view(), levels);
     let mut statistics = Statistics::default();
     let (mut seconds, mut plain_seconds, mut plain_rays) = (0.0, 0.0, 0);
@@ -115,7 +115,7 @@ fn report(name: &str, field: &Field, levels: Vec<PlainLevel>, cameras: &[Camera]
 /// Distance from reference renders, with the threshold on colour and without.
 fn compare_references(field: &RadianceField, cameras: &[Camera], folder: &Path) {
     let limits = Limits::default();
-    let mut field = Field::trained(field, None, &limits).expect("a field");
+    let mut field = Renderer::trained(field, None, &limits).expect("a field");
     let threshold = field.view().march.color_threshold;
     for camera in cameras {
         let file = folder.join(format!("{}.safetensors", camera.name));

@@ -16,14 +16,14 @@ use mipvog_bake::unstable::model::camera::{Camera, Lens, turntable};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::CellMask;
 use mipvog_bake::unstable::view::render::{
-    CameraCoverage, Field, FrameOptions, camera_coverage, render,
+    CameraCoverage, FrameOptions, Renderer, camera_coverage, render,
 };
 
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];
 
 fn coverage(field: &RadianceField, cameras: &[Camera], least: f32) -> CameraCoverage {
-    let field = Field::trained(field, None, &Limits::default()).expect("a field");
+    let field = Renderer::trained(field, None, &Limits::default()).expect("a field");
     camera_coverage(&field, cameras, least, &Silent).expect("coverage")
 }
 
@@ -111,7 +111,7 @@ fn empty_fields_and_no_cameras_see_nothing() {
 /// The importance of each node as the module says it, in float64: every point of the lattice over the
 /// whole picture, every sample, no bound on the number of rays. Boxes lie in front of the cameras.
 fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
-    let fast = Field::trained(field, None, &Limits::default()).expect("a field");
+    let fast = Renderer::trained(field, None, &Limits::default()).expect("a field");
     let view = fast.view();
     let twin = PlainField::new(view, finest_level(field));
     let (nodes, extent) = (view.nodes.0, view.bounds.extent());
@@ -241,7 +241,7 @@ fn fog_has_importance_and_keeps_its_color() {
 fn difference(a: &[u8], b: &[u8], camera: &Camera) -> f32 {
     let frame = |bytes: &[u8]| {
         let baked = open_bytes(bytes).expect("valid").read().expect("levels");
-        let field = Field::baked(&baked, &Limits::default()).expect("a field");
+        let field = Renderer::baked(&baked, &Limits::default()).expect("a field");
         render(&field, camera, &FrameOptions::default(), &Silent).expect("a frame")
     };
     let (a, b) = (frame(a), frame(b));

@@ -185,7 +185,7 @@ fn what_others_write_stays_and_what_nobody_writes_goes() {
     let folder = folder();
     let here = folder.path();
     let mut own = bytes::Output::create(&here.join("own.bin"), false).expect("writable");
-    own.append(b"mine").expect("written");
+    bytes::ByteSink::append(&mut own, b"mine").expect("written");
     std::fs::write(here.join(".mipvog-123456.partial"), b"half").expect("written");
     std::fs::write(here.join(".mipvog-notes"), b"a user's").expect("written");
     std::fs::create_dir(here.join(".mipvog-folder.partial")).expect("written");

@@ -12,7 +12,7 @@ use mipvog_bake::unstable::model::camera::turntable;
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
 use mipvog_bake::unstable::view::compare::{Reference, ScaleErrors, compare};
-use mipvog_bake::unstable::view::render::Field;
+use mipvog_bake::unstable::view::render::Renderer;
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -25,9 +25,9 @@ fn options(filter: Filter, steps: usize) -> BakeOptions {
 fn errors(field: &RadianceField, bytes: &[u8]) -> Vec<ScaleErrors> {
     let limits = Limits::default();
     let reference =
-        Reference::Field(Box::new(Field::trained(field, None, &limits).expect("a field")));
+        Reference::Field(Box::new(Renderer::trained(field, None, &limits).expect("a field")));
     let baked = open_bytes(bytes).expect("valid").read().expect("levels");
-    let baked = Field::baked(&baked, &limits).expect("a field");
+    let baked = Renderer::baked(&baked, &limits).expect("a field");
     let cameras = turntable(&field.scene.bounds, 3, [96; 2]);
     compare(&reference, &baked, &cameras, &[2, 4, 8], 1, &Silent, |_| Ok(())).expect("errors")
 }

@@ -12,15 +12,13 @@ use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::{Progress, Silent};
 use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
-use mipvog_bake::unstable::model::baked::FootprintNeighbour;
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::model::field::{March, RadianceField};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
-    Field, FrameOptions, TrainedLevels, camera_coverage, render,
+    FrameOptions, Renderer, TrainedLevels, camera_coverage, render,
 };
-use mipvog_bake::unstable::view::sample::Levels;
 
 /// Steps of which a ray through a small box takes far more than a million.
 const TOO_SHORT: [f32; 3] = [1e-7, 1e-30, f32::MIN_POSITIVE];
@@ -50,15 +48,15 @@ fn steps_that_are_too_short_are_refused_everywhere() {
     let baked = container.expect("valid").read().expect("decodes");
     for stepsize in TOO_SHORT {
         let error =
-            Field::trained(&fog(stepsize), None, &Limits::default()).expect_err("too short");
+            Renderer::trained(&fog(stepsize), None, &Limits::default()).expect_err("too short");
         assert!(is_about_steps(&error), "{error}");
         let error = baked_bytes(&fog(stepsize), &BakeOptions::default()).expect_err("too short");
         assert!(is_about_steps(&error), "{error}");
         let mut other = baked.clone();
         other.metadata.march.stepsize = stepsize;
-        let error = Field::baked(&other, &Limits::default()).expect_err("too short");
+        let error = Renderer::baked(&other, &Limits::default()).expect_err("too short");
         assert!(is_about_steps(&error), "{error}");
-        let mut field = Field::trained(&sound, None, &Limits::default()).expect("a field");
+        let mut field = Renderer::trained(&sound, None, &Limits::default()).expect("a field");
         field.view_mut().set_stepsize(stepsize);
         let camera = &cameras(&sound)[0];
         let error =
@@ -96,7 +94,7 @@ fn long_loops_end_within_a_second_of_being_told_to() {
     let field = fog((diagonal / f64::from(March::MOST_SAMPLES - 1)) as f32);
     let cameras = cameras(&field);
     let limits = Limits::default();
-    let open = || Field::trained(&field, None, &limits).expect("a field");
+    let open = || Renderer::trained(&field, None, &limits).expect("a field");
     assert_ends("render", |progress| {
         render(&open(), &cameras[0], &FrameOptions::default(), progress)
     });
@@ -105,12 +103,7 @@ fn long_loops_end_within_a_second_of_being_told_to() {
         let reference = Reference::Field(Box::new(open()));
         compare(&reference, &open(), &cameras, &[1, 4], 1, progress, |_| Ok(()))
     });
-    let filter = Filter::Fit;
-    let (blend, step_rule) = filter.rules();
-    let matter = filter.matter(&field.scene.activation);
-    let levels = Levels { most: 2, kernel: filter.kernel(), density: true, matter };
-    let level_of_detail = filter.level_of_detail(FootprintNeighbour::SameDistance);
-    let made = TrainedLevels { levels, level_of_detail, blend, step_rule };
+    let made = TrainedLevels { count: 2, ..TrainedLevels::of_training(&Filter::Fit, &field.scene) };
     let needed = [[6; 3], [3; 3]].map(|nodes| NodeMask::full(Nodes(nodes)));
     let needed = [&needed[0], &needed[1]];
     let options = FitOptions { steps: 1000, seconds: None, cameras: &cameras };

@@ -13,7 +13,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::{Container, Prefix};
 use mipvog_bake::unstable::model::camera::turntable;
-use mipvog_bake::unstable::view::render::{Field, FrameOptions, LevelChoice, render};
+use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 fn read_prefix(bytes: &[u8]) -> Result<Prefix> {
     let file = SourceFile::decoded(bytes.to_vec(), Path::new("cut.mipvog"));
@@ -82,9 +82,9 @@ fn pictures_of_a_prefix_are_those_of_the_whole_file_without_its_finer_levels() {
         let baked = whole.read().expect("decodes");
         for entry in whole.entries().iter().filter(|entry| entry.kind == *b"TABL") {
             let prefix = read_prefix(&bytes[..entry.prefix as usize]).expect("a prefix");
-            let cut = Field::baked(&prefix.read().expect("decodes"), &Limits::default());
+            let cut = Renderer::baked(&prefix.read().expect("decodes"), &Limits::default());
             let cut = cut.expect("a field");
-            let mut field = Field::baked(&baked, &Limits::default()).expect("a field");
+            let mut field = Renderer::baked(&baked, &Limits::default()).expect("a field");
             field.view_mut().finest = prefix.missing().end;
             for camera in turntable(&baked.metadata.bounds, 3, [31, 23]) {
                 for levels in [LevelChoice::Auto, LevelChoice::Fixed(0), LevelChoice::Fixed(2)] {

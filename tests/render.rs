@@ -9,7 +9,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile};
 use mipvog_bake::unstable::model::camera::{self, Camera, Lens};
-use mipvog_bake::unstable::view::render::{Field, Frame, FrameOptions, TrainedLevels, render};
+use mipvog_bake::unstable::view::render::{Frame, FrameOptions, Renderer, TrainedLevels, render};
 
 /// The bound on colour, transmittance and features.
 const BOUND: f32 = 2e-4;
@@ -53,9 +53,9 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     field.scene.march.near = 0.5;
     field.scene.march.far = Some(8.0);
     let limits = Limits::default();
-    let plain = Field::trained(&field, None, &limits).expect("a field");
+    let plain = Renderer::trained(&field, None, &limits).expect("a field");
     let levels = TrainedLevels::of_training(&Filter::Code, &field.scene);
-    let mips = Field::trained(&field, Some(levels), &limits).expect("a field");
+    let mips = Renderer::trained(&field, Some(levels), &limits).expect("a field");
     let matrices = tensor_values(&vectors, "cameras.c2w").expect("cameras");
     for (view, matrix) in matrices.chunks(16).enumerate() {
         for (name, size, focal) in [("full", 48, 66.0), ("half", 24, 33.0), ("quarter", 12, 16.5)] {
@@ -98,7 +98,7 @@ fn every_pixel_of_a_trained_scene_equals_the_oracle() {
     let cameras = fixture("trained/lego64/transforms_test.json");
     let cameras = camera::read(&cameras, Some([200; 2]), &limits).expect("cameras").cameras;
     assert_eq!(cameras[0].name, "r_0");
-    let field = Field::trained(&field, None, &limits).expect("a field");
+    let field = Renderer::trained(&field, None, &limits).expect("a field");
     let frame = render(&field, &cameras[0], &FrameOptions::default(), &Silent).expect("a frame");
     let vectors = vectors("golden/lego64.safetensors");
     let want =

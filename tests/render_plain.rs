@@ -20,7 +20,7 @@ use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
 use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
-    Field, FrameOptions, LevelChoice, TrainedLevels, camera_coverage, render,
+    FrameOptions, LevelChoice, Renderer, TrainedLevels, camera_coverage, render,
 };
 
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
@@ -162,7 +162,7 @@ fn cameras(random: &mut Random, bounds: &Bounds) -> [Camera; 3] {
 
 /// Renders and holds every pixel to the twin's.
 fn assert_same(
-    field: &Field,
+    field: &Renderer,
     plain: &PlainField,
     camera: &Camera,
     levels: LevelChoice,
@@ -226,8 +226,8 @@ fn trained_scenes_look_as_their_twins() {
         let level_of_detail = random_rule(&mut random);
         let made = TrainedLevels { filter: &filter, count, level_of_detail };
         let limits = Limits::default();
-        let alone = Field::trained(&field, None, &limits).expect("a field");
-        let fast = Field::trained(&field, Some(made), &limits).expect("a field");
+        let alone = Renderer::trained(&field, None, &limits).expect("a field");
+        let fast = Renderer::trained(&field, Some(made), &limits).expect("a field");
         let finest = PlainField::new(alone.view(), finest_level(&field));
         let plain = PlainField::new(fast.view(), trained_levels(&field, Some((&filter, count))));
         for camera in cameras(&mut random, &field.scene.bounds) {
@@ -259,7 +259,7 @@ fn baked_scenes_look_as_their_twins() {
         let field = random_scene(&mut random);
         let mut baked = random_bake(&mut random, &field);
         baked.metadata.level_of_detail = random_rule(&mut random);
-        let fast = Field::baked(&baked, &Limits::default()).expect("a field");
+        let fast = Renderer::baked(&baked, &Limits::default()).expect("a field");
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
@@ -289,7 +289,7 @@ fn levels_of_any_kind_look_as_their_twins() {
                 encoding.empty = random.between(-3.0, 3.0);
             }
         }
-        let fast = Field::baked(&baked, &Limits::default()).expect("a field");
+        let fast = Renderer::baked(&baked, &Limits::default()).expect("a field");
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
             assert_same(&fast, &plain, &camera, LevelChoice::Auto, BOUND, &format!("seed {seed}"));
@@ -304,10 +304,10 @@ fn empty_and_full_scenes_look_as_their_twins() {
         for raw in [-100.0, -1e30, 0.0, 30.0, 1e30] {
             let mut random = Random::new(3000 + seed as u64);
             let field = common::field(nodes, &vec![raw; count], &vec![0.25; 5 * count]);
-            let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
+            let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
             let plain = PlainField::new(dense.view(), finest_level(&field));
             let baked = random_bake(&mut random, &field);
-            let sparse = Field::baked(&baked, &Limits::default()).expect("a field");
+            let sparse = Renderer::baked(&baked, &Limits::default()).expect("a field");
             let plain_baked = PlainField::new(sparse.view(), baked_levels(&baked));
             for camera in cameras(&mut random, &field.scene.bounds) {
                 let case = format!("{nodes:?}, raw {raw}");
@@ -322,7 +322,7 @@ fn empty_and_full_scenes_look_as_their_twins() {
 fn thread_count_never_shows_in_a_picture() {
     let mut random = Random::new(4);
     let field = random_field(&mut random, [17, 30, 9], 7);
-    let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
+    let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
     let mut options = BakeOptions::default();
     options.filter = Filter::Paper.into();
     let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
@@ -335,7 +335,7 @@ fn thread_count_never_shows_in_a_picture() {
     let frames = |threads| {
         parallel::with_threads(threads, || {
             let limits = Limits::default();
-            let mut sparse = Field::baked(&baked, &limits).expect("a field");
+            let mut sparse = Renderer::baked(&baked, &limits).expect("a field");
             sparse.view_mut().level_of_detail = Some(rule);
             [&dense, &sparse].map(|field| {
                 render(field, &camera, &FrameOptions::default(), &Silent).expect("a frame")
@@ -355,7 +355,7 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
         let mut random = Random::new(5000 + features as u64);
         let mut field = random_field(&mut random, [7, 6, 8], 3 + features);
         field.view_mlp = Some(random_network(&mut random, features));
-        let dense = Field::trained(&field, None, &Limits::default()).expect("a field");
+        let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
         let plain = PlainField::new(dense.view(), finest_level(&field));
         // Fitted levels too: a fit differentiates by every feature.
         let mut options = BakeOptions::default();
@@ -363,7 +363,7 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
         (options.levels, options.block_size) = (Some(2), 4);
         let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
         let baked = container.read().expect("decodes");
-        let sparse = Field::baked(&baked, &Limits::default()).expect("a field");
+        let sparse = Renderer::baked(&baked, &Limits::default()).expect("a field");
         let plain_baked = PlainField::new(sparse.view(), baked_levels(&baked));
         let cameras = cameras(&mut random, &field.scene.bounds);
         for camera in &cameras {
@@ -377,5 +377,5 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
         compare(&reference, &sparse, &cameras, &[1], 1, &Silent, |_| Ok(())).expect("errors");
     }
     let more = random_field(&mut Random::new(1), [3, 3, 3], 65);
-    assert!(Field::trained(&more, None, &Limits::default()).is_err());
+    assert!(Renderer::trained(&more, None, &Limits::default()).is_err());
 }

@@ -104,6 +104,13 @@ fn the_second_reader_takes_a_later_minor_version() {
     assert_eq!(status, Some(0), "{printed}");
 }
 
+#[test]
+fn the_second_reader_refuses_rays_without_end() {
+    let container = root().join("fixtures/broken/ray-samples.mipvog");
+    let (status, printed) = read(&[&container, "--compare".as_ref(), &container]);
+    assert!(status == Some(2) && printed.contains("2^20 samples"), "{printed}");
+}
+
 /// The comparison above would be worth nothing if it never failed.
 #[test]
 fn the_second_reader_sees_a_difference_and_damage() {

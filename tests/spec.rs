@@ -5,13 +5,15 @@ mod common;
 use std::path::Path;
 
 use common::assert_golden;
+use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::finding::{Code, Severity};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ATLASES, ENTRY_BYTES, HEADER_BYTES, MASK, META, PROVENANCE, SIGNATURE, TABLE,
     VERSION, VMLP,
 };
-use mipvog_bake::unstable::model::baked::{Decode, NumberType};
+use mipvog_bake::unstable::codec::quantize::{Frame, FrameShape, run_bytes, run_codes};
+use mipvog_bake::unstable::model::baked::{Codes, Decode, NumberType};
 
 const SPEC: &str = include_str!("../formats/mipvog.md");
 const CATALOGUE: &str = include_str!("../formats/validation.md");
@@ -87,4 +89,27 @@ fn the_catalogue_lists_every_finding_and_no_other() {
     let page = [&CATALOGUE[..start], &catalogue(), &CATALOGUE[end..]].concat();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/validation.md");
     assert_golden(&path, page.as_bytes());
+}
+
+/// The codes of the worked example: one frame of one channel, in blocks of 2 nodes a side.
+const EXAMPLE: [u8; 8] = [10, 12, 10, 11, 10, 11, 13, 14];
+
+#[test]
+fn the_worked_example_is_what_the_code_makes_and_reads() {
+    let shape = FrameShape { number: NumberType::U8, channels: 1, edge: 2 };
+    let frame = Frame { codes: Codes::U8(EXAMPLE.to_vec()), needed: vec![true; 8].into() };
+    let bytes = run_bytes(shape, &[frame], 0).bytes;
+    let start = SPEC.find("bytes  meaning").expect("the example's table of bytes");
+    let table = SPEC[start..].split("```").next().expect("it ends");
+    let mut stated = Vec::new();
+    for row in table.lines().skip(1) {
+        let cells = row.split("  ").next().unwrap_or_default().split_whitespace();
+        stated.extend(cells.map(|byte| u8::from_str_radix(byte, 16).expect("a byte")));
+    }
+    assert_eq!(stated, bytes, "{bytes:02X?}");
+    let mut codes = [0u8; 8];
+    run_codes(shape, &stated, &mut codes, &Place::File).expect("a run");
+    assert_eq!(codes, EXAMPLE);
+    let listed = EXAMPLE.map(|code| code.to_string()).join(", ");
+    assert!(SPEC.contains(&format!("codes are `{listed}`")), "the page should list {listed}");
 }

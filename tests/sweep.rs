@@ -18,7 +18,7 @@ use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::checkpoint::{self, Source, SourceOptions};
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::view::compare::{Reference, References};
-use mipvog_bake::unstable::view::render::Field;
+use mipvog_bake::unstable::view::render::Renderer;
 
 fn tiny() -> Source {
     let path = fixture("trained/tiny/fine_last.tar");
@@ -266,7 +266,7 @@ fn progress_is_one_bar_that_ends_full() {
 fn pictures_that_are_kept_are_made_once() {
     let source = tiny();
     let limits = Limits::default();
-    let field = || Field::trained(&source.field, None, &limits).expect("a field");
+    let field = || Renderer::trained(&source.field, None, &limits).expect("a field");
     let (reference, cameras) = (Reference::Field(Box::new(field())), cameras(&source, 3));
     let renders = |references: &mut References| {
         let counts = Counts::default();

@@ -18,6 +18,7 @@
 //! A bound on memory ([`memory`]) changes where compressed runs wait, and when slabs are encoded.
 //! Nothing depends on the number of threads: runs are cut by frame numbers.
 
+mod baker;
 mod current;
 mod encode;
 pub mod fit;
@@ -39,6 +40,7 @@ mod report;
 mod run;
 mod run_store;
 
+pub use baker::{BakeInput, Baker};
 pub use current::is_current;
 pub use encode::{EncodeOptions, ErrorBound, Importance, LevelEncoder, LevelPlanes};
 pub use forecast::{Forecast, forecast};

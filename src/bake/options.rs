@@ -8,7 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::LARGEST_BLOCK;
 use crate::codec::quantize::Bits;
-use crate::levels::{Filter, LevelRule, SharedFilter};
+use crate::levels::{Filter, LevelFilter, LevelRule, SharedFilter};
 use crate::model::baked::{FootprintNeighbour, LevelOfDetail, Metadata};
 use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
@@ -99,6 +99,34 @@ impl Default for BakeOptions {
 }
 
 impl BakeOptions {
+    /// With another filter: a built-in one, or any type that is a [`LevelFilter`].
+    #[must_use]
+    pub fn with_filter(mut self, filter: impl LevelFilter + 'static) -> Self {
+        self.filter = filter.into();
+        self
+    }
+
+    /// With at most so many levels.
+    #[must_use]
+    pub fn with_levels(mut self, levels: usize) -> Self {
+        self.levels = Some(levels);
+        self
+    }
+
+    /// With codes of so many bits.
+    #[must_use]
+    pub fn with_bits(mut self, bits: Bits) -> Self {
+        self.bits = bits;
+        self
+    }
+
+    /// With the fewest bits that keep an error: one number for all groups, or one for each.
+    #[must_use]
+    pub fn with_max_error(mut self, max_error: impl Into<MaxErrors>) -> Self {
+        self.max_error = Some(max_error.into());
+        self
+    }
+
     /// The options that made a container, as far as its metadata and provenance tell.
     pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
         let mut options = Self::default();

@@ -31,6 +31,17 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// Of arrays in memory.
+    pub fn of_arrays() -> Self {
+        Self {
+            kind: "arrays".to_owned(),
+            digest: [0; 32],
+            covers_values: false,
+            companions: Vec::new(),
+            assumptions: Vec::new(),
+        }
+    }
+
     /// Of a trained input.
     pub fn of_source(source: &Source) -> Self {
         let assumptions = source.assumptions.iter();

@@ -8,7 +8,7 @@ use crate::base::progress::Progress;
 use crate::levels::{Visible, visible};
 use crate::model::field::{Planes, RadianceField};
 use crate::model::grid::Nodes;
-use crate::view::render::{Field, camera_coverage};
+use crate::view::render::{Renderer, camera_coverage};
 
 /// A field whose visible nodes are known.
 #[derive(Debug)]
@@ -43,7 +43,7 @@ impl<'a> Prepared<'a> {
         stages.end("prune", visible.bytes_read);
         let mut importance = Vec::new();
         if options.sees() {
-            let unbaked = Field::trained(field, None, &options.limits)?;
+            let unbaked = Renderer::trained(field, None, &options.limits)?;
             let least = options.min_weight.unwrap_or(1.0);
             let coverage = camera_coverage(&unbaked, &options.seen_from, least, progress)?;
             if options.min_weight.is_some() {

@@ -11,7 +11,7 @@ use super::pack::{BitSearch, LevelSource, Packing};
 use super::report::{BakeReport, Stages, level_reports};
 use super::run::write;
 use super::{ErrorBound, LevelRule, MaxErrors};
-use crate::base::bytes::Output;
+use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::parallel;
@@ -127,7 +127,7 @@ pub fn repack(
     unpacked: &Unpacked,
     changes: &Changes,
     limits: &Limits,
-    output: &mut Output,
+    output: &mut dyn ByteSink,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     changes.max_error.map_or(Ok(()), |max_error| max_error.check())?;

@@ -1,7 +1,5 @@
 //! A bake from a trained field to a container.
 
-use std::path::Path;
-
 use serde_json::{Value, json};
 
 use super::fit::{FitOptions, Fitted, fit};
@@ -14,7 +12,7 @@ use super::prepare::Prepared;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
 use super::{BakeOptions, BakeReport, ErrorBound, FitReport, Origin, plan};
-use crate::base::bytes::Output;
+use crate::base::bytes::ByteSink;
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
@@ -34,7 +32,7 @@ pub fn bake(
     field: &RadianceField,
     options: &BakeOptions,
     origin: &Origin,
-    output: &mut Output,
+    output: &mut dyn ByteSink,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     options.check()?;
@@ -68,8 +66,8 @@ pub fn bake(
         pipelined: memory.is_none_or(|memory| memory.pipelined),
         is_window: false,
     };
-    let folder = output.written().parent().unwrap_or(Path::new("."));
-    let store = memory.map(|memory| RunStore::new(memory.run_bytes, folder)).transpose()?;
+    let store = memory.map(|memory| RunStore::new(memory.run_bytes, &output.folder()));
+    let store = store.transpose()?;
     let packing = packing(options, &source, &visible, &importance, store.as_ref());
     let (encoded, summary) = packing.run(&mut metadata, tables, &mut stages, progress)?;
     let nonfinite = visible.nonfinite.count + planes.accepted(summary.nonfinite_color)?;
@@ -120,7 +118,7 @@ pub(super) fn packing<'a>(
 pub(super) fn write(
     head: &Head,
     encoded: &[EncodedLevel],
-    output: &mut Output,
+    output: &mut dyn ByteSink,
     stages: &mut Stages,
     progress: &dyn Progress,
 ) -> Result<Vec<Entry>> {

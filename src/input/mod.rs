@@ -1,4 +1,9 @@
-//! Trained models. [`tensor`] reads file syntax and knows no names. Each other folder reads one family of models.
+//! Trained models. [`tensor`] reads file syntax and knows no names. Each other folder reads one
+//! family of models.
 
 pub mod checkpoint;
+mod open;
 pub mod tensor;
+
+pub use checkpoint::Source;
+pub use open::open;

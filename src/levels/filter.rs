@@ -55,8 +55,7 @@ pub enum FilterDomain {
 ///     }
 /// }
 ///
-/// let mut options = BakeOptions::default();
-/// options.filter = Binomial.into();
+/// let options = BakeOptions::default().with_filter(Binomial);
 /// assert_eq!(options.filter.name(), "binomial");
 /// ```
 pub trait LevelFilter: Debug + Send + Sync {

@@ -9,7 +9,7 @@ use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::Bounds;
 use mipvog_bake::unstable::view::render::{
-    Field, Frame, FrameOptions, LevelChoice, TrainedLevels, render,
+    Frame, FrameOptions, LevelChoice, Renderer, TrainedLevels, render,
 };
 use mipvog_bake::unstable::view::sample::{Dense, Sample};
 
@@ -94,7 +94,7 @@ fn place(bounds: &Bounds, share: [f64; 3]) -> [f64; 3] {
 /// Every ray that hurts: its name, and what the renderer and its twin see.
 fn rays(mut take: impl FnMut(&str, &Frame, usize, &Pixel)) {
     let mut look = |name: &str, scene: &RadianceField, cameras: &[Camera]| {
-        let fast = Field::trained(scene, None, &Limits::default()).expect("a field");
+        let fast = Renderer::trained(scene, None, &Limits::default()).expect("a field");
         let plain = PlainField::new(fast.view(), finest_level(scene));
         for camera in cameras {
             see(&fast, &plain, camera, |frame, i, pixel| take(name, frame, i, pixel));
@@ -161,7 +161,7 @@ pub fn look_at_the_largest(mut take: impl FnMut(&Frame)) {
         for interval in [1e-7, 1e5] {
             scene.scene.activation.interval = interval;
             let made = TrainedLevels::of_training(&filter, &scene.scene);
-            let fast = Field::trained(&scene, Some(made), &Limits::default()).expect("a field");
+            let fast = Renderer::trained(&scene, Some(made), &Limits::default()).expect("a field");
             for focal in [0.5, 4.0, 100.0] {
                 let eye = place(&scene.scene.bounds, [0.3, 0.6, -0.5]);
                 let camera = straight(2, eye, 5, focal);
@@ -177,7 +177,7 @@ const SHARES: [f64; 7] = [0.0, -5e-10, 5e-10, 0.5, 1.0, 1.0 - 5e-10, 1.0 + 5e-10
 
 /// Renders both ways.
 fn see(
-    fast: &Field,
+    fast: &Renderer,
     plain: &PlainField,
     camera: &Camera,
     mut take: impl FnMut(&Frame, usize, &Pixel),
@@ -236,7 +236,7 @@ pub fn level_blend() -> Worst {
         let mut made = TrainedLevels::of_training(&filter, &scene.scene);
         made.count = 20;
         made.level_of_detail.most = None;
-        let fast = Field::trained(&scene, Some(made), &Limits::default()).expect("a field");
+        let fast = Renderer::trained(&scene, Some(made), &Limits::default()).expect("a field");
         let plain =
             PlainField::new(fast.view(), trained_levels(&scene, Some((made.filter, made.count))));
         for octave in 0..14 {

@@ -157,6 +157,10 @@ def metadata(data):
     check(meta, META)
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]
+    march = meta["march"]
+    need(march["stepsize"] > 0 and march["voxel_size"] > 0, "a step without length")
+    diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
+    need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
     need(levels[0]["density"] is not None, "level 0 has no density")
     for level, finer in zip(levels[1:], levels):
         need(all(a <= b for a, b in zip(level["dimensions"], finer["dimensions"])), "a level is finer than the next")

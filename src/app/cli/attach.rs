@@ -9,7 +9,7 @@ use serde_json::json;
 use super::common::Common;
 use super::gltf;
 use super::outcome::{Outcome, readable, warn};
-use crate::base::bytes::{Output, SourceFile};
+use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;

@@ -22,7 +22,7 @@ use crate::bake::fit::FittedLevel;
 use crate::bake::{
     BakeOptions, BakeReport, Changes, Origin, Preset, StageReport, bake, forecast, repack,
 };
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};

@@ -13,7 +13,7 @@ use super::progress::Bar;
 use super::render::CameraArguments;
 use super::values::Background;
 use crate::bake::Filter;
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 use crate::base::picture;
 use crate::base::progress::{Progress, Step};

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::attach::{check_kind, warn_of_companions};
 use super::common::Common;
 use super::outcome::{Outcome, readable};
-use crate::base::bytes::{Output, SourceFile};
+use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::detach;

@@ -16,7 +16,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input::checkpoint::{self, MlpChoice, SourceOptions};
 use crate::output::gltf::asset::{Asset, is_asset};
-use crate::view::render::{Field, TrainedLevels};
+use crate::view::render::{Renderer, TrainedLevels};
 
 /// What the user says about a scene, beside what its file says.
 #[derive(Debug, Clone, Args)]
@@ -88,7 +88,7 @@ impl SceneArguments {
         which: FieldArguments,
         filter: Option<Filter>,
         common: &Common,
-    ) -> Result<Field> {
+    ) -> Result<Renderer> {
         let limits = common.limits();
         let options = self.source_options();
         options.check()?;
@@ -98,7 +98,7 @@ impl SceneArguments {
                                states these itself";
                 return Err(Error::usage(message));
             }
-            let mut field = Field::baked(&container.read()?, &limits)?;
+            let mut field = Renderer::baked(&container.read()?, &limits)?;
             self.override_container(&mut field);
             return Ok(field);
         }
@@ -108,10 +108,10 @@ impl SceneArguments {
         }
         let scene = &source.field.scene;
         let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));
-        Field::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
+        Renderer::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
     }
 
-    fn override_container(&self, field: &mut Field) {
+    fn override_container(&self, field: &mut Renderer) {
         let view = field.view_mut();
         if let Some(stepsize) = self.stepsize {
             view.set_stepsize(stepsize);

@@ -17,7 +17,7 @@ use crate::codec::container::Container;
 use crate::model::camera::Camera;
 use crate::model::field::RadianceField;
 use crate::view::compare::{Reference, ScaleErrors, compare};
-use crate::view::render::Field;
+use crate::view::render::Renderer;
 
 /// Scales at which the error is told, as far as pictures have that many pixels.
 const SCALES: [usize; 4] = [1, 2, 4, 8];
@@ -82,8 +82,8 @@ impl GateArguments {
         bar: &Bar,
     ) -> Result<GateReport> {
         let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
-        let baked = Field::baked(&container.read()?, limits)?;
-        let reference = Reference::Field(Box::new(Field::trained(field, None, limits)?));
+        let baked = Renderer::baked(&container.read()?, limits)?;
+        let reference = Reference::Field(Box::new(Renderer::trained(field, None, limits)?));
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use crate::base::bytes::{Output, SourceFile};
+use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::Container;

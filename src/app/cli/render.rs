@@ -12,7 +12,7 @@ use super::field::{FieldArguments, SceneArguments};
 use super::outcome::Outcome;
 use super::progress::Bar;
 use crate::bake::Filter;
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::picture;

@@ -9,7 +9,7 @@ use super::common::Common;
 use super::field::FieldArguments;
 use super::outcome::{Outcome, readable};
 use super::progress::Bar;
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
 

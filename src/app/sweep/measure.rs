@@ -16,7 +16,7 @@ use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::input::checkpoint::Source;
 use crate::view::compare::References;
-use crate::view::render::Field;
+use crate::view::render::Renderer;
 
 /// The things that all settings are measured with.
 pub(super) struct Bench<'a> {
@@ -33,11 +33,13 @@ impl Bench<'_> {
         let path = record::container_path(self.folder, setting);
         let mut seconds = Vec::with_capacity(self.options.repeat);
         let mut last = None;
+        let mut options = setting.options.clone();
+        options.limits = self.options.limits.clone();
         for _ in 0..self.options.repeat {
             let mut output = Output::create(&path, true)?;
             let clock = Instant::now();
             let field = &self.source.field;
-            let report = bake(field, &setting.options, &self.origin, &mut output, &self.steps)
+            let report = bake(field, &options, &self.origin, &mut output, &self.steps)
                 .map_err(|error| error.in_file(self.source.file.path()))?;
             seconds.push(clock.elapsed().as_secs_f64());
             last = Some((output, report));
@@ -48,7 +50,7 @@ impl Bench<'_> {
         };
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
-        let field = Field::baked(&container.read()?, &self.options.limits)?;
+        let field = Renderer::baked(&container.read()?, &self.options.limits)?;
         let errors = self.references.compare(&field, &self.steps, |_| Ok(()))?;
         let levels = report.levels.len();
         let output_bytes = report.output_bytes;

@@ -13,7 +13,7 @@ use super::options::SweepOptions;
 use super::report::Measured;
 use super::setting::Setting;
 use crate::base::bytes::hex;
-use crate::base::bytes::{Output, SourceFile};
+use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::parallel;

@@ -15,7 +15,7 @@ use crate::base::progress::{Progress, Step};
 use crate::input::checkpoint::Source;
 use crate::model::camera::Camera;
 use crate::view::compare::{Reference, References};
-use crate::view::render::Field;
+use crate::view::render::Renderer;
 
 /// Bakes `source` with every setting into `folder` and writes the reports there.
 pub fn sweep(
@@ -85,7 +85,7 @@ fn results(
         let found = settings.into_iter().filter_map(|(_, _, found)| found);
         return Ok(found.map(|result| (true, Ok(result))).collect());
     }
-    let reference = Field::trained(&source.field, None, &options.limits)
+    let reference = Renderer::trained(&source.field, None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;

@@ -12,7 +12,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::baked::LevelOfDetail;
 use crate::model::field::RadianceField;
 use crate::model::grid::NodeMask;
-use crate::view::render::{Field, TrainedLevels, View, with_lanes};
+use crate::view::render::{Renderer, TrainedLevels, View, with_lanes};
 use crate::view::sample::{Dense, Stored};
 
 /// Fitted levels.
@@ -53,7 +53,7 @@ pub fn fit(
     progress: &dyn Progress,
 ) -> Result<Fitted> {
     let clock = Instant::now();
-    let mut rendered = Field::trained(field, Some(levels), limits)?;
+    let mut rendered = Renderer::trained(field, Some(levels), limits)?;
     if !masked {
         rendered.view_mut().free_space = None;
     }

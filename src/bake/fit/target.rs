@@ -8,7 +8,7 @@ use crate::base::picture::box_means;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::{Camera, Lens};
 use crate::model::grid::Bounds;
-use crate::view::render::{Field, FrameOptions, LevelChoice, render};
+use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// Cameras, evenly on a sphere; of given ones this many are taken.
 const CAMERAS: usize = 192;
@@ -37,7 +37,7 @@ pub struct Targets {
 impl Targets {
     /// Targets for levels up to `halvings`, from the `given` cameras, or from around the box.
     pub fn new(
-        field: &Field,
+        field: &Renderer,
         halvings: usize,
         given: &[Camera],
         limits: &Limits,

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::stale;
+use super::{ByteSink, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
 /// A file being written beside its final name; [`Output::finish`] renames it into place, and
@@ -51,23 +51,6 @@ impl Output {
         Ok(Self { temporary, path: path.to_owned(), overwrite, length: 0 })
     }
 
-    /// Appends `bytes`.
-    pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file().write_all(bytes).map_err(|error| Error::io(error, &self.path))?;
-        self.length += bytes.len() as u64;
-        Ok(())
-    }
-
-    /// Appends zeros up to the next multiple of `alignment`.
-    pub fn pad(&mut self, alignment: u64) -> Result<()> {
-        let zeros = [0; 64];
-        while !self.length.is_multiple_of(alignment) {
-            let count = (alignment - self.length % alignment).min(zeros.len() as u64);
-            self.append(zeros.get(..count as usize).unwrap_or_default())?;
-        }
-        Ok(())
-    }
-
     /// Overwrites bytes near the start that could not be known before.
     pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         let mut file = self.file();
@@ -78,12 +61,7 @@ impl Output {
         patched.map(|_| ()).map_err(|error| Error::io(error, &self.path))
     }
 
-    /// Bytes appended so far.
-    pub fn length(&self) -> u64 {
-        self.length
-    }
-
-    /// Where the bytes are until [`Output::finish`].
+    /// The file that holds the bytes until [`Output::finish`].
     pub fn written(&self) -> &Path {
         self.temporary.path()
     }
@@ -104,5 +82,21 @@ impl Output {
 
     fn file(&self) -> &File {
         self.temporary.as_file()
+    }
+}
+
+impl ByteSink for Output {
+    fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file().write_all(bytes).map_err(|error| Error::io(error, &self.path))?;
+        self.length += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn length(&self) -> u64 {
+        self.length
+    }
+
+    fn folder(&self) -> PathBuf {
+        self.written().parent().unwrap_or(Path::new(".")).to_owned()
     }
 }

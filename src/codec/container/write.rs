@@ -8,7 +8,7 @@ use super::layout::{
 use super::rules::{check_metadata, level_prefix};
 use super::runs::{EncodedAtlas, compress};
 use super::{mask, network};
-use crate::base::bytes::Output;
+use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::baked::{Group, Metadata, Table};
@@ -62,7 +62,11 @@ impl Content<'_> {
 }
 
 /// Writes a container of these levels, finest first, to `output` and returns its directory.
-pub fn write(head: &Head, levels: &[EncodedLevel], output: &mut Output) -> Result<Vec<Entry>> {
+pub fn write(
+    head: &Head,
+    levels: &[EncodedLevel],
+    output: &mut dyn ByteSink,
+) -> Result<Vec<Entry>> {
     check(head)?;
     let chunks = chunks(head, levels)?;
     let mut entries = Vec::with_capacity(chunks.len());

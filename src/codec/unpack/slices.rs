@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{check_levels, fill_plane};
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::picture;

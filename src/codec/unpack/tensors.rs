@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::{check_levels, fill_plane};
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};

@@ -84,6 +84,49 @@ impl Lens {
 }
 
 impl Camera {
+    /// A camera at `eye` that looks at `target`, with z up. `field_of_view` is the angle along x in
+    /// degrees, above 0 and below 180. `size` is the picture's width and height in pixels.
+    ///
+    /// ```
+    /// use mipvog_bake::Camera;
+    ///
+    /// let camera = Camera::look_at([3.0, 0.0, 1.0], [0.0; 3], 40.0, [64, 48])?;
+    /// assert_eq!((camera.lens.width, camera.lens.height), (64, 48));
+    /// # Ok::<(), mipvog_bake::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// An eye at its target, an angle or a size out of range.
+    pub fn look_at(
+        eye: [f64; 3],
+        target: [f64; 3],
+        field_of_view: f64,
+        size: [usize; 2],
+    ) -> Result<Self> {
+        let (eye, target) = (DVec3::from(eye), DVec3::from(target));
+        let back = (eye - target).normalize_or_zero();
+        // Straight up or down, y takes the place of z.
+        let up = if back.cross(DVec3::Z).length() > 1e-9 { DVec3::Z } else { DVec3::Y };
+        let right = up.cross(back).normalize_or_zero();
+        let axes = [right, back.cross(right), back].map(|axis| axis.extend(0.0));
+        let [width, height] = size;
+        let focal = 0.5 * width as f64 / libm::tan(0.5 * field_of_view.to_radians());
+        let camera = Self {
+            name: "camera".to_owned(),
+            to_world: DMat4::from_cols(axes[0], axes[1], axes[2], eye.extend(1.0)),
+            lens: Lens {
+                width,
+                height,
+                focal: [focal; 2],
+                center: [0.5 * width as f64, 0.5 * height as f64],
+            },
+            picture: None,
+        };
+        camera.check()?;
+        Ok(camera)
+    }
+
     /// Refuses what cannot be rendered.
     pub fn check(&self) -> Result<()> {
         let place = || Place::Key(format!("frame {}", self.name));

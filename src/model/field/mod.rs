@@ -1,12 +1,14 @@
 //! A radiance field as trained: dense node-centred grids, a view-dependent network, and how a ray
 //! is marched through them. Grids stay in their file and are read by position.
 
+mod builder;
 mod free_space;
 mod planes;
 mod radiance_field;
 mod scene;
 mod volume;
 
+pub use builder::FieldBuilder;
 pub use free_space::{FreeSpace, Lookup};
 pub use planes::{EMPTY_DENSITY, Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub use radiance_field::RadianceField;

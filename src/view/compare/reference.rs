@@ -8,12 +8,12 @@ use crate::base::limits::Limits;
 use crate::base::picture;
 use crate::base::progress::Progress;
 use crate::model::camera::{self, Camera};
-use crate::view::render::{Field, FrameOptions, render};
+use crate::view::render::{FrameOptions, Renderer, render};
 
 /// Where the right pictures come from.
 pub enum Reference {
     /// Rendered from a field.
-    Field(Box<Field>),
+    Field(Box<Renderer>),
     /// Files in a folder, named as the camera file names its frames.
     Pictures {
         /// The folder.

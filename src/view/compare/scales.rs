@@ -7,7 +7,7 @@ use super::{Reference, References};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::model::camera::Camera;
-use crate::view::render::{Field, Frame, FrameOptions, render};
+use crate::view::render::{Frame, FrameOptions, Renderer, render};
 
 /// Errors at one scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ pub struct FrameErrors<'a> {
 /// Compares `field` with `reference` from all cameras at all scales; `visit` gets each frame.
 pub fn compare(
     reference: &Reference,
-    field: &Field,
+    field: &Renderer,
     cameras: &[Camera],
     scales: &[usize],
     supersample: usize,
@@ -59,7 +59,7 @@ impl References<'_> {
     /// Compares `field` with the reference from all cameras at all scales; `visit` gets each frame.
     pub fn compare(
         &mut self,
-        field: &Field,
+        field: &Renderer,
         progress: &dyn Progress,
         mut visit: impl FnMut(&FrameErrors) -> Result<()>,
     ) -> Result<Vec<ScaleErrors>> {

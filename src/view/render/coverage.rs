@@ -20,9 +20,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
 
-use super::field::{Field, with_values};
 use super::march::OPAQUE_DEPTH;
 use super::packet::optical_depth;
+use super::renderer::{Renderer, with_values};
 use super::route::Route;
 use super::view::View;
 use crate::base::error::{Error, Result};
@@ -58,7 +58,7 @@ pub struct CameraCoverage {
 /// # Errors
 /// `Malformed` for cameras or rules that cannot be rendered, `Cancelled`.
 pub fn camera_coverage(
-    field: &Field,
+    field: &Renderer,
     cameras: &[Camera],
     least_weight: f32,
     progress: &dyn Progress,

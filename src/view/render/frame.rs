@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use super::field::{Field, with_values};
 use super::march::{Gathered, march};
+use super::renderer::{Renderer, with_values};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::picture::box_means;
-use crate::base::progress::{Progress, Step};
+use crate::base::progress::{Progress, Silent, Step};
 use crate::model::camera::{Camera, Lens};
 use crate::model::view_mlp::RAYS;
 use crate::view::sample::Sample;
@@ -83,9 +83,19 @@ impl std::ops::AddAssign for Statistics {
     }
 }
 
+impl Renderer {
+    /// The picture that a camera sees, one ray a pixel, over the field's background.
+    ///
+    /// # Errors
+    /// A camera that cannot be rendered: a lens or a place out of its range.
+    pub fn picture(&self, camera: &Camera) -> Result<Frame> {
+        render(self, camera, &FrameOptions::default(), &Silent)
+    }
+}
+
 /// Renders one frame.
 pub fn render(
-    field: &Field,
+    field: &Renderer,
     camera: &Camera,
     options: &FrameOptions,
     progress: &dyn Progress,

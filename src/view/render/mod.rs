@@ -8,18 +8,20 @@
 //! depend on the number of threads.
 
 mod coverage;
-mod field;
 mod footprint;
 mod frame;
 mod march;
 mod packet;
 mod path;
+mod renderer;
 mod route;
+mod sample;
 mod view;
 
 pub use coverage::{CameraCoverage, camera_coverage};
-pub use field::Field;
-pub(crate) use field::{Lanes, with_lanes};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
+pub use renderer::Renderer;
+pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;
+pub use sample::Sample;
 pub use view::{TrainedLevels, View};

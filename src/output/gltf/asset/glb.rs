@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::base::bytes::{ByteReader, Output, SourceFile};
+use crate::base::bytes::{ByteReader, ByteSink, Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
 /// First bytes of every GLB.

@@ -1,7 +1,7 @@
 //! An edited asset, written as the kind that it is.
 
 use super::tree::Tree;
-use crate::base::bytes::Output;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::Result;
 use crate::output::gltf::asset::{Asset, Fields, Piece, uri, write_glb};
 

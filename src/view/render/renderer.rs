@@ -3,14 +3,14 @@
 use super::view::{TrainedLevels, View};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::codec::container::check_metadata;
+use crate::codec::container::{Container, check_metadata};
 use crate::model::baked::BakedField;
 use crate::model::field::RadianceField;
 use crate::view::sample::{Dense, Sparse, Stored};
 
 /// A field to be rendered.
 #[derive(Debug)]
-pub struct Field {
+pub struct Renderer {
     view: View,
     values: Lanes,
 }
@@ -67,7 +67,7 @@ macro_rules! in_lanes {
     };
 }
 
-impl Field {
+impl Renderer {
     /// A trained field, with coarser levels if `levels` says so. All of its values are read.
     ///
     /// # Errors
@@ -96,6 +96,22 @@ impl Field {
         let values: Result<Lanes> =
             in_lanes!(3 + field.metadata.features, Stored::Sparse(Sparse::new(field, limits)?));
         Ok(Self { view: View::of_baked(field), values: values? })
+    }
+
+    /// All levels of a container, within the limits that it was opened with.
+    ///
+    /// # Errors
+    /// `Malformed` where its levels are damaged, and more memory than the limits allow.
+    pub fn of_container(container: &Container) -> Result<Self> {
+        Self::baked(&container.read()?, container.limits())
+    }
+
+    /// A trained field as it is, without coarser levels. All of its values are read.
+    ///
+    /// # Errors
+    /// As [`Self::trained`].
+    pub fn of_field(field: &RadianceField) -> Result<Self> {
+        Self::trained(field, None, &Limits::default())
     }
 
     /// The rules.

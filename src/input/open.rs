@@ -1,0 +1,26 @@
+//! The front door: a trained model from its file.
+
+use std::path::Path;
+
+use super::checkpoint::{self, Source, SourceOptions};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+
+/// Opens a trained model, told by its content. Grids stay in the file until they are needed.
+///
+/// ```no_run
+/// use mipvog_bake::{BakeOptions, Baker, open};
+///
+/// let source = open("fine_last.tar")?;
+/// let report = Baker::new(BakeOptions::default()).to_file(&source, "scene.mipvog", false)?;
+/// println!("{} bytes", report.output_bytes);
+/// # Ok::<(), mipvog_bake::Error>(())
+/// ```
+///
+/// # Errors
+///
+/// A file that cannot be read, is malformed, asks for more than the default
+/// [`Limits`], or holds a model that this version does not know.
+pub fn open(path: impl AsRef<Path>) -> Result<Source> {
+    checkpoint::open(path.as_ref(), &SourceOptions::default(), &Limits::default())
+}

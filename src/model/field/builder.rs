@@ -1,0 +1,186 @@
+//! Trained fields out of arrays.
+
+use std::sync::Arc;
+
+use super::{Activation, ActivationOrder, FreeSpace, March, RadianceField, Scene, Volume};
+use crate::base::bytes::Storage;
+use crate::base::error::{Error, Place, Result};
+use crate::model::grid::{Bounds, Element, Nodes};
+use crate::model::view_mlp::ViewMlp;
+
+/// Makes a [`RadianceField`] of arrays in memory.
+///
+/// Arrays are node-centred and in C order: channel slowest, then x, y, and z fastest. Nodes 0 and
+/// `N - 1` lie on the faces of the box.
+///
+/// ```
+/// use mipvog_bake::RadianceField;
+///
+/// let nodes = [4, 5, 6];
+/// let density = vec![2.0; 120];
+/// let diffuse = vec![0.0; 3 * 120];
+/// let field = RadianceField::builder(nodes, density, diffuse)
+///     .bounds([-1.0; 3], [1.0; 3])
+///     .stepsize(0.5)
+///     .background([0.0; 3])
+///     .build()?;
+/// assert_eq!(field.color_channels(), 3);
+/// # Ok::<(), mipvog_bake::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct FieldBuilder {
+    nodes: [usize; 3],
+    density: Vec<f32>,
+    diffuse: Vec<f32>,
+    features: Vec<f32>,
+    bounds: Bounds,
+    shift: f32,
+    stepsize: f32,
+    near: f32,
+    far: Option<f32>,
+    background: [f32; 3],
+    network: Option<ViewMlp>,
+    free_space: Option<FreeSpace>,
+}
+
+impl RadianceField {
+    /// Starts a field of `nodes` along x, y and z, at least 2 each. `density` holds a raw logit for
+    /// each node, `diffuse` three raw colour logits.
+    pub fn builder(nodes: [usize; 3], density: Vec<f32>, diffuse: Vec<f32>) -> FieldBuilder {
+        FieldBuilder {
+            nodes,
+            density,
+            diffuse,
+            features: Vec::new(),
+            bounds: Bounds { min: [-1.0; 3], max: [1.0; 3] },
+            shift: 0.0,
+            stepsize: 0.5,
+            near: 0.0,
+            far: None,
+            background: [1.0; 3],
+            network: None,
+            free_space: None,
+        }
+    }
+}
+
+impl FieldBuilder {
+    /// The corners of the box in world units. Default: -1 and 1 along each axis.
+    #[must_use]
+    pub fn bounds(mut self, min: [f32; 3], max: [f32; 3]) -> Self {
+        self.bounds = Bounds { min, max };
+        self
+    }
+
+    /// The number that is added to raw density before softplus. Default: 0.
+    #[must_use]
+    pub fn shift(mut self, shift: f32) -> Self {
+        self.shift = shift;
+        self
+    }
+
+    /// The step length along rays in voxels, above 0. Density is optical depth per voxel length.
+    /// Default: 0.5.
+    #[must_use]
+    pub fn stepsize(mut self, stepsize: f32) -> Self {
+        self.stepsize = stepsize;
+        self
+    }
+
+    /// The distances where rays start and where they enter the box at the latest, in world units
+    /// along the optical axis. Default: 0, and no bound.
+    #[must_use]
+    pub fn near_far(mut self, near: f32, far: Option<f32>) -> Self {
+        (self.near, self.far) = (near, far);
+        self
+    }
+
+    /// The colour behind the field, 0 to 1. Default: white.
+    #[must_use]
+    pub fn background(mut self, background: [f32; 3]) -> Self {
+        self.background = background;
+        self
+    }
+
+    /// Specular features, raw logits of as many channels as the array has for each node, and the
+    /// network that makes view-dependent colour of them.
+    #[must_use]
+    pub fn view_dependence(mut self, features: Vec<f32>, network: ViewMlp) -> Self {
+        (self.features, self.network) = (features, Some(network));
+        self
+    }
+
+    /// The mask of the space that training left free. Default: none.
+    #[must_use]
+    pub fn free_space(mut self, mask: FreeSpace) -> Self {
+        self.free_space = Some(mask);
+        self
+    }
+
+    /// The field.
+    ///
+    /// # Errors
+    ///
+    /// An array of another length than the nodes ask for, or a setting out of its range. The place
+    /// names the array or the setting.
+    pub fn build(self) -> Result<RadianceField> {
+        let sizes = self.nodes;
+        let count = sizes.iter().try_fold(1usize, |count, &size| count.checked_mul(size));
+        let volume = |name: &str, values: Vec<f32>| {
+            let channels = count.and_then(|count| values.len().checked_div(count)).unwrap_or(0);
+            if Some(values.len()) != count.and_then(|count| count.checked_mul(channels)) {
+                let found = format!("{} values", values.len());
+                let expected = format!("a multiple of {sizes:?} nodes");
+                return Err(Error::malformed(Place::Tensor(name.to_owned()), found, expected));
+            }
+            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+            let [_, ny, nz] = sizes.map(|size| size as u64);
+            Ok(Volume {
+                nodes: Nodes(sizes),
+                channels,
+                element: Element::F32,
+                storage: Storage::Memory(Arc::from(bytes)),
+                first: 0,
+                strides: [sizes[0] as u64 * ny * nz, ny * nz, nz],
+            })
+        };
+        let diffuse = volume("diffuse", self.diffuse)?;
+        if diffuse.channels != 3 {
+            let found = format!("{} channels", diffuse.channels);
+            return Err(Error::malformed(Place::Tensor("diffuse".to_owned()), found, "3 channels"));
+        }
+        let mut color = vec![diffuse];
+        if !self.features.is_empty() {
+            color.push(volume("features", self.features)?);
+        }
+        let edges = [0, 1, 2].map(|axis| f64::from(self.bounds.max[axis] - self.bounds.min[axis]));
+        let volume_of_voxel = edges.iter().product::<f64>() / count.unwrap_or(1).max(1) as f64;
+        let scene = Scene {
+            bounds: self.bounds,
+            nodes: Nodes(sizes),
+            activation: Activation {
+                shift: self.shift,
+                interval: self.stepsize,
+                order: ActivationOrder::Raw,
+            },
+            march: March {
+                stepsize: self.stepsize,
+                voxel_size: libm::cbrt(volume_of_voxel) as f32,
+                near: self.near,
+                far: self.far,
+                color_threshold: 1e-4,
+                alpha_threshold: 0.0,
+            },
+            background: self.background,
+        };
+        let field = RadianceField {
+            scene,
+            density: volume("density", self.density)?,
+            color,
+            view_mlp: self.network,
+            free_space: self.free_space,
+        };
+        field.check()?;
+        Ok(field)
+    }
+}

@@ -1,0 +1,80 @@
+//! A field's values at points of the world.
+
+use super::Renderer;
+use super::packet::optical_depth;
+use super::renderer::with_values;
+use super::view::View;
+use crate::base::error::{Error, Result};
+use crate::model::activate::lanes;
+use crate::view::sample::Sample as Values;
+
+/// A field's activated values at a point of one level.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Sample {
+    /// Opacity over one interval, 0 to 1.
+    pub opacity: f32,
+    /// Optical depth per world unit, from 0.
+    pub density: f32,
+    /// Diffuse colour, 0 to 1, in the colour space of training.
+    pub color: [f32; 3],
+    /// Specular features, 0 to 1, as the view network takes them.
+    pub features: Vec<f32>,
+}
+
+impl Renderer {
+    /// Levels of the field; 0 is the finest.
+    pub fn levels(&self) -> usize {
+        with_values!(self, values => values.levels())
+    }
+
+    /// The field's values at a `position` in world units, interpolated in one level. Outside the box,
+    /// outside the free-space mask and where nothing is stored, opacity is 0.
+    ///
+    /// # Errors
+    ///
+    /// A level that the field does not have, or a position that is not finite.
+    pub fn sample(&self, position: [f64; 3], level: usize) -> Result<Sample> {
+        let levels = self.levels();
+        if level >= levels {
+            let expected = format!("a level below {levels}");
+            return Err(Error::invalid_option("level", level.to_string(), expected));
+        }
+        if position.iter().any(|value| !value.is_finite()) {
+            let found = format!("{position:?}");
+            return Err(Error::invalid_option("position", found, "finite numbers"));
+        }
+        Ok(with_values!(self, values => sample(self.view(), values, position, level)))
+    }
+}
+
+fn sample<const C: usize>(
+    view: &View,
+    values: &impl Values<C>,
+    world: [f64; 3],
+    level: usize,
+) -> Sample {
+    let share = [0, 1, 2].map(|axis| {
+        let [min, max] = [view.bounds.min[axis], view.bounds.max[axis]].map(f64::from);
+        (world[axis] - min) / (max - min)
+    });
+    let is_free = view.free_space.as_ref().is_none_or(|mask| mask.contains(world));
+    let inside = is_free && share.iter().all(|share| (0.0..=1.0).contains(share));
+    let cell = |level| if inside { values.locate(level, share) } else { None };
+    // A level without density has level 0's.
+    let owner = if values.density_level(level) { level } else { 0 };
+    let depth = cell(owner).map_or(0.0, |cell| {
+        let density = values.density(owner, &cell);
+        optical_depth(density, values.density_domain(owner), view)
+    });
+    let raw =
+        cell(level).map_or_else(|| values.empty_color(level), |cell| values.color(level, &cell));
+    let activated = raw.map(lanes::sigmoid);
+    let interval_world = view.march.stepsize * view.march.voxel_size;
+    Sample {
+        opacity: lanes::opacity(depth),
+        density: depth / interval_world,
+        color: [activated[0], activated[1], activated[2]],
+        features: activated[3..3 + view.features].to_vec(),
+    }
+}
