@@ -111,7 +111,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         }
         options.filter = Filter::Fit.into();
         let refused = baked_bytes(&field, &options).expect_err("a fit finds its own");
-        assert!(matches!(refused.kind(), ErrorKind::Usage { .. }), "{refused}");
+        assert!(matches!(refused.kind(), ErrorKind::InvalidOption { .. }), "{refused}");
     }
 }
 

@@ -152,7 +152,7 @@ fn a_setting_that_fails_does_not_end_the_sweep() {
     options.settings.insert(0, Setting::new(impossible));
     let report = run(folder.path(), &options);
     let failure = report.settings[0].failure.as_deref().expect("a failure");
-    assert!(failure.contains("--block-size"), "{failure}");
+    assert!(failure.contains("block_size"), "{failure}");
     assert_schema("sweep", &serde_json::to_value(&report).expect("JSON"));
     assert!(report.settings[0].fronts.is_empty() && report.settings[1].failure.is_none());
     assert!(report.settings[1].fronts.iter().all(|fronts| fronts.bytes && fronts.seconds));
