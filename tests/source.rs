@@ -131,7 +131,7 @@ fn options_win() {
     ] {
         let error = checkpoint::open(&fixture("dvgo/protocol2.tar"), &broken, &Limits::default());
         let error = error.expect_err("out of range");
-        assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+        assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
     }
 }
 

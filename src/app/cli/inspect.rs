@@ -98,7 +98,7 @@ impl ContainerReport {
         Ok(Self {
             version: container.header().version,
             file_bytes: container.header().file_length,
-            dimensions: metadata.levels[0].dimensions,
+            dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
             bounds: metadata.bounds,
             levels: level_reports(metadata, container.entries()),
             mlp: metadata.view.as_ref().map(|view| view.widths.clone()),

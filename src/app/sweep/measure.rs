@@ -46,7 +46,7 @@ impl Bench<'_> {
             self.steps.advance(Step::Sweep, 1);
         }
         let Some((output, report)) = last else {
-            return Err(Error::usage("a sweep needs a repetition"));
+            return Err(Error::invalid_option("repeat", "0", "at least 1"));
         };
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;

@@ -29,7 +29,7 @@ const CHUNK: u64 = 1 << 22;
 /// What a sweep keeps about a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Record {
+pub struct SettingRecord {
     schema: String,
     setting: String,
     digest: String,
@@ -45,7 +45,7 @@ fn record_path(folder: &Path, setting: &Setting) -> PathBuf {
     folder.join(format!("{}.json", setting.name))
 }
 
-impl Record {
+impl SettingRecord {
     /// A record of a result, or without one the claim to its names.
     pub fn new(setting: &Setting, digest: &str, result: Option<Measured>) -> Self {
         let (schema, setting) = (RECORD_SCHEMA.to_owned(), setting.name.clone());
@@ -56,7 +56,7 @@ impl Record {
     pub fn write(&self, folder: &Path, setting: &Setting) -> Result<()> {
         let path = record_path(folder, setting);
         let text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::usage(format!("the record is no JSON: {error}")))?;
+            .map_err(|error| Error::malformed(Place::File, error.to_string(), "finite numbers"))?;
         write_file(&path, format!("{text}\n").as_bytes())
     }
 }
@@ -77,7 +77,7 @@ pub fn finished(
     limits: &Limits,
 ) -> Option<Measured> {
     let record = read(&record_path(folder, setting), limits)?;
-    let record: Record = serde_json::from_slice(&record).ok()?;
+    let record: SettingRecord = serde_json::from_slice(&record).ok()?;
     if record.schema != RECORD_SCHEMA || record.digest != digest {
         return None;
     }

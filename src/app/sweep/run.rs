@@ -5,11 +5,11 @@ use std::sync::atomic::AtomicU64;
 
 use super::measure::{Bench, Steps};
 use super::options::SweepOptions;
-use super::record::{self, Basis, Record};
+use super::record::{self, Basis, SettingRecord};
 use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
 use super::{csv, page};
 use crate::bake::Origin;
-use crate::base::error::{Error, ErrorKind, Result};
+use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::input::checkpoint::Source;
@@ -26,10 +26,14 @@ pub fn sweep(
     progress: &dyn Progress,
 ) -> Result<SweepReport> {
     let Some(first) = cameras.first() else {
-        return Err(Error::usage("a sweep needs at least one camera"));
+        return Err(Error::invalid_option("cameras", "none", "at least one"));
     };
     if options.repeat == 0 || options.scales.is_empty() || options.settings.is_empty() {
-        return Err(Error::usage("a sweep needs a setting, a scale and a repetition"));
+        return Err(Error::invalid_option(
+            "repeat",
+            "a sweep of nothing",
+            "a setting, a scale and a repetition",
+        ));
     }
     let basis = Basis::new(source, cameras, options)?;
     if !options.overwrite {
@@ -53,7 +57,7 @@ pub fn sweep(
         settings,
     };
     let text = serde_json::to_string_pretty(&report)
-        .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+        .map_err(|error| Error::malformed(Place::File, error.to_string(), "finite numbers"))?;
     // First the one by which a later sweep knows all three.
     record::write_file(&folder.join("sweep.json"), format!("{text}\n").as_bytes())?;
     record::write_file(&folder.join("sweep.csv"), csv::csv(&report).as_bytes())?;
@@ -101,10 +105,11 @@ fn results(
         if progress.cancelled() {
             return Err(Error::cancelled());
         }
-        Record::new(setting, &digest, None).write(folder, setting)?;
+        SettingRecord::new(setting, &digest, None).write(folder, setting)?;
         let result = match bench.measure(setting) {
             Ok(result) => {
-                Record::new(setting, &digest, Some(result.clone())).write(folder, setting)?;
+                SettingRecord::new(setting, &digest, Some(result.clone()))
+                    .write(folder, setting)?;
                 Ok(result)
             }
             Err(error) if ends_sweep(&error) => return Err(error),

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use super::march;
-use super::names::Names;
+use super::names::NamedValues;
 use super::options::SourceOptions;
 use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
@@ -32,7 +32,7 @@ pub(super) struct Coarse {
 
 /// Finds the coarse checkpoint of the fine one at `checkpoint`.
 pub(super) fn find(
-    names: &Names<'_>,
+    names: &NamedValues<'_>,
     checkpoint: &Path,
     options: &SourceOptions,
     limits: &Limits,
@@ -70,7 +70,7 @@ pub(super) fn find(
 /// The files that it may be, the likeliest first. A checkpoint states the path on the machine that
 /// trained it. Only the file name of that path counts, beside the checkpoint: a file from elsewhere
 /// must not choose which paths of this machine are opened.
-fn candidates(names: &Names<'_>, checkpoint: &Path) -> Vec<PathBuf> {
+fn candidates(names: &NamedValues<'_>, checkpoint: &Path) -> Vec<PathBuf> {
     let folder = checkpoint.parent().unwrap_or(Path::new(""));
     let stated = match names.setting("mask_cache_path") {
         // The training machine may have had other separators.
@@ -83,7 +83,7 @@ fn candidates(names: &Names<'_>, checkpoint: &Path) -> Vec<PathBuf> {
 
 fn read(path: &Path, limits: &Limits) -> Result<Coarse> {
     let file = tensor::open(path, limits)?;
-    let names = Names::new(&file);
+    let names = NamedValues::new(&file);
     let shift = match names.own_mask_number("act_shift")? {
         Some(shift) => shift,
         None => match names.number("alpha_init")? {

@@ -1,6 +1,6 @@
 //! The two grids, the box they span, and the models that this is not.
 
-use super::names::Names;
+use super::names::NamedValues;
 use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
@@ -24,7 +24,7 @@ const OTHERS: [(&[&str], &[&str], &str); 3] = [
 ];
 
 /// Refuses models that are not dense grids in a box, interpolated linearly.
-pub(super) fn refuse_others(names: &Names<'_>) -> Result<()> {
+pub(super) fn refuse_others(names: &NamedValues<'_>) -> Result<()> {
     let expected = "a dense grid in a box (Mip-VoG or DirectVoxGO)";
     for (weights, settings, reason) in OTHERS {
         let weight = weights.iter().find(|name| match name.strip_suffix('.') {
@@ -51,7 +51,7 @@ pub(super) fn refuse_others(names: &Names<'_>) -> Result<()> {
 }
 
 /// Finds density and colour, of one size, the colour of at least three channels.
-pub(super) fn find(names: &Names<'_>, limits: &Limits) -> Result<(Volume, Volume)> {
+pub(super) fn find(names: &NamedValues<'_>, limits: &Limits) -> Result<(Volume, Volume)> {
     let (density_name, density) = grid(names, "density", limits)?;
     let (color_name, color) = grid(names, "k0", limits)?;
     if density.channels != 1 {
@@ -72,7 +72,7 @@ pub(super) fn find(names: &Names<'_>, limits: &Limits) -> Result<(Volume, Volume
 }
 
 /// A grid under its name of either generation.
-fn grid(names: &Names<'_>, name: &str, limits: &Limits) -> Result<(String, Volume)> {
+fn grid(names: &NamedValues<'_>, name: &str, limits: &Limits) -> Result<(String, Volume)> {
     let newer = format!("{name}.grid");
     let Some(tensor) = names.tensor(&newer).or_else(|| names.tensor(name)) else {
         return Err(Error::unsupported(
@@ -87,14 +87,14 @@ fn grid(names: &Names<'_>, name: &str, limits: &Limits) -> Result<(String, Volum
 /// The family that wrote a checkpoint. Mip-VoG keeps its low-pass filter and its surface cache
 /// with the weights; files that were stripped of both are Mip-VoG's if their colour has its
 /// seven channels under the old names.
-pub(super) fn family(names: &Names<'_>, channels: usize) -> Family {
+pub(super) fn family(names: &NamedValues<'_>, channels: usize) -> Family {
     let own = names.has_prefix("lowpass_filter.") || names.has_prefix("surf_cache.");
     let newer = names.weight("density.grid").is_some() || names.weight("mask_cache.mask").is_some();
     if own || (!newer && channels == 7) { Family::MipVog } else { Family::Dvgo }
 }
 
 /// The box that the nodes span.
-pub(super) fn bounds(names: &Names<'_>) -> Result<Bounds> {
+pub(super) fn bounds(names: &NamedValues<'_>) -> Result<Bounds> {
     let corner = |name: &str| {
         let stored = match names.vector3(name)? {
             Some(corner) => Some(corner),

@@ -40,7 +40,7 @@ pub struct Inspection {
     /// What a bake would assume.
     pub assumptions: Vec<Assumption>,
     /// Every value, by the keys that lead to it.
-    pub values: Vec<Listed>,
+    pub values: Vec<ListedValue>,
 }
 
 /// A scene as a bake would take it.
@@ -66,7 +66,7 @@ pub struct Model {
 
 /// A value of a checkpoint.
 #[derive(Debug, Clone, Serialize)]
-pub struct Listed {
+pub struct ListedValue {
     /// The keys that lead to it, with dots between.
     pub key: String,
     /// `none`, `bool`, `int`, `float`, `text`, `tensor`, or `list` and `dict` where empty.
@@ -140,7 +140,7 @@ pub fn inspect_tensors(
 
 /// The list while it grows.
 struct List {
-    values: Vec<Listed>,
+    values: Vec<ListedValue>,
     key: String,
     /// Of the model, the optimizer, and the rest.
     bytes: [u64; 3],
@@ -171,7 +171,7 @@ impl List {
             Value::Tensor(_) => ("tensor", None),
         };
         let is_optimizer = self.key.starts_with("optimizer");
-        let mut listed = Listed {
+        let mut listed = ListedValue {
             key: self.key.clone(),
             kind,
             value: shown,

@@ -6,7 +6,7 @@
 //! interval   = stepsize * voxel_size / voxel_size_base
 //! ```
 
-use super::names::Names;
+use super::names::NamedValues;
 use super::options::SourceOptions;
 use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
@@ -32,7 +32,7 @@ pub(super) fn shift(alpha_init: f64, place: &Place) -> Result<f64> {
 
 /// Raw density to opacity, and the steps along a ray.
 pub(super) fn find(
-    names: &Names<'_>,
+    names: &NamedValues<'_>,
     family: Family,
     bounds: &Bounds,
     nodes: Nodes,
@@ -82,7 +82,7 @@ pub(super) fn find(
 }
 
 /// The shift of this checkpoint's own density: as stored, for training may have changed it.
-fn own_shift(names: &Names<'_>, assumptions: &mut Vec<Assumption>) -> Result<f64> {
+fn own_shift(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Result<f64> {
     if let Some(stored) = names.weight("act_shift") {
         return stored.number("act_shift");
     }
@@ -105,7 +105,7 @@ fn own_shift(names: &Names<'_>, assumptions: &mut Vec<Assumption>) -> Result<f64
 
 /// Voxel size in world units, and its ratio to the base voxel size.
 fn voxels(
-    names: &Names<'_>,
+    names: &NamedValues<'_>,
     bounds: &Bounds,
     nodes: Nodes,
     assumptions: &mut Vec<Assumption>,
@@ -158,7 +158,7 @@ fn voxels(
 
 /// The threshold that DirectVoxGO stores: it drops samples of at most this opacity, and those of
 /// at most this weight.
-fn threshold(names: &Names<'_>) -> Result<Option<f32>> {
+fn threshold(names: &NamedValues<'_>) -> Result<Option<f32>> {
     let Some(value) = names.number("fast_color_thres")? else { return Ok(None) };
     if (0.0..1.0).contains(&value) {
         return narrow("fast_color_thres", value).map(Some);

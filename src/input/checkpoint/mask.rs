@@ -14,7 +14,7 @@
 
 use super::coarse::{self, Coarse};
 use super::march;
-use super::names::Names;
+use super::names::NamedValues;
 use super::options::SourceOptions;
 use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
@@ -43,7 +43,7 @@ pub(super) struct Mask<'a> {
 impl<'a> Mask<'a> {
     /// The mask of a checkpoint, if it has one.
     pub(super) fn find(
-        names: &Names<'a>,
+        names: &NamedValues<'a>,
         bounds: &Bounds,
         nodes: Nodes,
         checkpoint: &std::path::Path,
@@ -131,7 +131,7 @@ fn raw_threshold(opacity: f64, shift: f64, ratio: f64) -> Result<f32> {
 }
 
 /// The box of the mask: its own, or the scene's where it has none.
-fn own_box(names: &Names<'_>, bounds: &Bounds) -> Result<Bounds> {
+fn own_box(names: &NamedValues<'_>, bounds: &Bounds) -> Result<Bounds> {
     let (min, max) = (names.vector3("mask_cache.xyz_min")?, names.vector3("mask_cache.xyz_max")?);
     let (Some(min), Some(max)) = (min, max) else { return Ok(*bounds) };
     #[expect(clippy::cast_possible_truncation, reason = "stored as float32")]

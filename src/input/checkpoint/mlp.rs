@@ -4,7 +4,7 @@
 //! `rgbnet.3` hold the three layers of a network of depth 3. Their order is that of the dotted
 //! indices, number by number.
 
-use super::names::Names;
+use super::names::NamedValues;
 use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -23,7 +23,7 @@ const DEFERRED_FEATURES: usize = 4;
 /// The network of a checkpoint whose colour has `features` more channels than three, if it has
 /// one.
 pub(super) fn find(
-    names: &Names<'_>,
+    names: &NamedValues<'_>,
     family: Family,
     features: usize,
     limits: &Limits,
@@ -61,7 +61,7 @@ pub(super) fn find(
 }
 
 /// The layers in order.
-fn layers(names: &Names<'_>, limits: &Limits) -> Result<Vec<Layer>> {
+fn layers(names: &NamedValues<'_>, limits: &Limits) -> Result<Vec<Layer>> {
     let mut indices: Vec<(Vec<u64>, &str)> = Vec::new();
     for name in names.after("rgbnet.") {
         let Some(index) = name.strip_suffix(".weight") else { continue };
@@ -79,7 +79,7 @@ fn layers(names: &Names<'_>, limits: &Limits) -> Result<Vec<Layer>> {
     indices.iter().map(|(_, index)| layer(names, index, &mut budget)).collect()
 }
 
-fn layer(names: &Names<'_>, index: &str, budget: &mut Budget) -> Result<Layer> {
+fn layer(names: &NamedValues<'_>, index: &str, budget: &mut Budget) -> Result<Layer> {
     let tensor = |part: &str| {
         let name = format!("rgbnet.{index}.{part}");
         names.tensor(&name).ok_or_else(|| {
@@ -116,7 +116,7 @@ fn finite(tensor: &Tensor, budget: &mut Budget) -> Result<Vec<f32>> {
 }
 
 /// Octaves of the direction's embedding: `viewfreq` lists 1, 2, 4, ...
-fn frequencies(names: &Names<'_>, assumptions: &mut Vec<Assumption>) -> Result<usize> {
+fn frequencies(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Result<usize> {
     let place = Place::Tensor("viewfreq".into());
     if let Some(tensor) = names.tensor("viewfreq") {
         let count = match *tensor.shape() {

@@ -19,7 +19,7 @@ mod open;
 mod options;
 mod source;
 
-pub use inspect::{Inspection, Listed, Model, inspect, inspect_tensors};
+pub use inspect::{Inspection, ListedValue, Model, inspect, inspect_tensors};
 pub use open::{open, open_tensors};
 pub use options::{MlpChoice, SourceOptions};
 pub use source::{Assumption, Companion, Family, Source};

@@ -18,13 +18,13 @@ pub(super) const SETTINGS: &str = "model_kwargs";
 pub(super) const AS_MASK: &str = "MaskCache_kwargs";
 
 /// Weights and settings of a checkpoint by name.
-pub(super) struct Names<'a> {
+pub(super) struct NamedValues<'a> {
     state: BTreeMap<&'a str, &'a Value>,
     settings: BTreeMap<&'a str, Cow<'a, Value>>,
     as_mask: Option<&'a Value>,
 }
 
-impl<'a> Names<'a> {
+impl<'a> NamedValues<'a> {
     /// Sorts what `file` holds.
     pub(super) fn new(file: &'a TensorFile) -> Self {
         let mut names = Self {
@@ -80,7 +80,7 @@ impl<'a> Names<'a> {
         self.state.range(prefix..).next().is_some_and(|(name, _)| name.starts_with(prefix))
     }
 
-    /// Names of weights that start with `prefix`, without it.
+    /// NamedValues of weights that start with `prefix`, without it.
     pub(super) fn after(&self, prefix: &str) -> impl Iterator<Item = &'a str> {
         let names: Vec<&'a str> =
             self.state.keys().filter_map(|name| name.strip_prefix(prefix)).collect();

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::mask::Mask;
-use super::names::Names;
+use super::names::NamedValues;
 use super::options::{MlpChoice, SourceOptions};
 use super::source::{Assumption, Companion, Family, Source};
 use super::{grids, march, mlp};
@@ -43,7 +43,7 @@ pub(super) fn assemble<'a>(
 ) -> Result<(Source, Option<Mask<'a>>)> {
     options.check()?;
     let path = file.file.path();
-    let names = Names::new(file);
+    let names = NamedValues::new(file);
     let (mut assumptions, mut companions) = (Vec::new(), Vec::new());
     grids::refuse_others(&names)?;
     let (density, mut color) = grids::find(&names, limits)?;
@@ -58,14 +58,18 @@ pub(super) fn assemble<'a>(
         MlpChoice::Auto => mlp::find(&names, family, features, limits, &mut assumptions)?,
         MlpChoice::File(path) => {
             let other = tensor::open(path, limits)?;
-            let names = Names::new(&other);
+            let names = NamedValues::new(&other);
             // A network that was named is meant to run once a ray.
             let found = mlp::find(&names, Family::MipVog, features, limits, &mut assumptions)
                 .map_err(|error| error.in_file(path))?;
             let digest = other.digest;
             companions.push(Companion { role: "mlp", path: path.clone(), digest });
             Some(found.ok_or_else(|| {
-                Error::usage(format!("--mlp {}: no network rgbnet in this file", path.display()))
+                Error::invalid_option(
+                    "mlp",
+                    path.display().to_string(),
+                    "a file with a network rgbnet",
+                )
             })?)
         }
     };

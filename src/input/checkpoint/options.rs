@@ -40,27 +40,25 @@ pub enum MlpChoice {
 impl SourceOptions {
     /// Refuses values that no scene has.
     pub fn check(&self) -> Result<()> {
-        let usage = |message: String| Err(Error::usage(message));
+        let refuse = |option, found: &dyn std::fmt::Debug, expected: &str| {
+            Err(Error::invalid_option(option, format!("{found:?}"), expected))
+        };
         if let Some(step) = self.stepsize.filter(|step| !(*step > 0.0 && *step <= 64.0)) {
-            return usage(format!(
-                "--stepsize {step}: expected a number of voxels above 0, up to 64"
-            ));
+            return refuse("stepsize", &step, "a number of voxels above 0, up to 64");
         }
         if let Some(near) = self.near.filter(|near| !(*near >= 0.0 && near.is_finite())) {
-            return usage(format!("--near {near}: expected a distance of 0 or more"));
+            return refuse("near", &near, "a distance of 0 or more");
         }
         let near = self.near.unwrap_or(0.0);
         if let Some(far) = self.far.filter(|far| !(*far > near && far.is_finite())) {
-            return usage(format!("--far {far}: expected a distance beyond --near {near}"));
+            return refuse("far", &far, "a distance beyond near");
         }
         if let Some(color) = self.background.filter(|c| !c.iter().all(|v| (0.0..=1.0).contains(v)))
         {
-            return usage(format!("--background {color:?}: expected three numbers from 0 to 1"));
+            return refuse("background", &color, "three numbers from 0 to 1");
         }
         if let Some(least) = self.color_threshold.filter(|t| !(0.0..1.0).contains(t)) {
-            return usage(format!(
-                "--color-threshold {least}: expected a weight from 0 to below 1"
-            ));
+            return refuse("color_threshold", &least, "a weight from 0 to below 1");
         }
         Ok(())
     }

@@ -65,7 +65,7 @@ pub fn extension<'a>(object: &Members<'a>) -> Result<Option<Node<'a>>> {
 
 /// A container inside or beside an asset.
 #[derive(Debug)]
-pub struct Payload {
+pub struct ContainerBytes {
     /// Its bytes, as a file of their own.
     pub file: Arc<SourceFile>,
     /// Where they start in the file that holds them; 0 in one of their own, and in a data URI's bytes.
@@ -73,16 +73,16 @@ pub struct Payload {
 }
 
 /// The container that a field names by `uri` or `bufferView`, its bytes not yet looked at.
-pub fn payload(
+pub fn container_bytes(
     asset: &Asset,
     root: &Members,
     field: &RadianceField,
     object: &Node,
-) -> Result<Payload> {
+) -> Result<ContainerBytes> {
     let key = |name: &str| Place::Pointer(format!("{}/{name}", object.pointer()));
     match (&field.uri, field.buffer_view) {
         (Some(uri), None) => {
-            Ok(Payload { file: uri::open(uri, asset.path(), &key("uri"))?, offset: 0 })
+            Ok(ContainerBytes { file: uri::open(uri, asset.path(), &key("uri"))?, offset: 0 })
         }
         (None, Some(number)) => view(asset, root, number, key("bufferView")),
         (uri, _) => {
@@ -92,7 +92,7 @@ pub fn payload(
     }
 }
 
-fn view(asset: &Asset, root: &Members, number: usize, place: Place) -> Result<Payload> {
+fn view(asset: &Asset, root: &Members, number: usize, place: Place) -> Result<ContainerBytes> {
     let views = asset.list(root, "bufferViews")?;
     let view = views.get(number).ok_or_else(|| missing(place, number, views.len()))?;
     let members = view.members()?;
@@ -109,7 +109,7 @@ fn view(asset: &Asset, root: &Members, number: usize, place: Place) -> Result<Pa
         return Err(Error::new(ErrorKind::Truncated { wanted: length, left }, view.place()));
     }
     let part = file.part(offset..offset + length)?;
-    Ok(Payload { file: Arc::new(part), offset: start.saturating_add(offset) })
+    Ok(ContainerBytes { file: Arc::new(part), offset: start.saturating_add(offset) })
 }
 
 /// The bytes of a buffer, and where they start in their file.

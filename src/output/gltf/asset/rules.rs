@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::document::{Asset, EXTENSION};
-use super::fields::{Fields, payload};
+use super::fields::{Fields, container_bytes};
 use super::json::{Members, Node};
 use super::properties::{MIME_TYPE, RadianceField};
 use crate::base::bytes::{hex, sha256};
@@ -67,8 +67,8 @@ pub fn field(
         let error = Error::malformed(place, format!("{:?}", field.mime_type), MIME_TYPE);
         report(Finding { code: Code::FieldProperty, error })?;
     }
-    let payload = match payload(asset, root, &field, object) {
-        Ok(payload) => payload,
+    let container_bytes = match container_bytes(asset, root, &field, object) {
+        Ok(container_bytes) => container_bytes,
         Err(error) => {
             let absent = matches!(error.kind(), ErrorKind::Io(_));
             let code = if absent { Code::FieldMissing } else { Code::FieldSource };
@@ -77,10 +77,10 @@ pub fn field(
         }
     };
     plain_view(asset, root, &field, report)?;
-    let offset = payload.offset;
-    let path = payload.file.path().to_owned();
+    let offset = container_bytes.offset;
+    let path = container_bytes.file.path().to_owned();
     let container = within(object, offset, report, |report| {
-        Container::walk(payload.file, asset.limits(), report)
+        Container::walk(container_bytes.file, asset.limits(), report)
     });
     let container = container.map_err(|error| error.in_file(&path))?;
     let container = container.map(|container| container.inside(object.pointer(), offset));

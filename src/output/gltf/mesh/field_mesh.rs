@@ -1,7 +1,7 @@
 //! The mesh of a container.
 
-use super::matter::Matter;
-use super::triangles::{Draft, Mesh};
+use super::opacity_grid::OpacityGrid;
+use super::triangles::{Mesh, TriangleSoup};
 use super::{simplify, surface};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
@@ -12,7 +12,7 @@ use crate::codec::container::Container;
 const MOST_NODES: usize = 128;
 
 /// A level is fine enough whose surface has this many times the triangles that are asked for.
-const SPARE: usize = 2;
+const SURFACE_SURPLUS: usize = 2;
 
 /// The fewest triangles of a closed surface.
 pub const FEWEST_TRIANGLES: usize = 4;
@@ -29,7 +29,7 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
     let metadata = container.metadata();
     let (_, free_space) = container.read_head()?;
     let own = |level: &usize| metadata.levels.get(*level).is_some_and(|l| l.density.is_some());
-    let mut best = Draft::default();
+    let mut best = TriangleSoup::default();
     let mut cell = 0.0;
     for level in (0..metadata.levels.len()).rev().filter(own) {
         // Each thread holds a plane of density and three of colour.
@@ -37,13 +37,13 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
         let planes = 16 * parallel::threads() as u64 * ny * nz;
         Budget::new(container.limits()).spend(planes, "bytes of planes", &Place::File)?;
         let codes = container.read_level(level)?;
-        let matter = Matter::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
-        (best, cell) = (surface::surface(&matter), matter.cell);
-        if best.triangles.len() >= SPARE * triangles || matter.averaged {
+        let grid = OpacityGrid::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
+        (best, cell) = (surface::surface(&grid), grid.cell);
+        if best.triangles.len() >= SURFACE_SURPLUS * triangles || grid.averaged {
             break;
         }
     }
-    let draft = simplify::simplify(best, triangles, cell);
-    let mesh = Mesh::of_draft(&draft);
+    let soup = simplify::simplify(best, triangles, cell);
+    let mesh = Mesh::of_soup(&soup);
     if mesh.triangles.is_empty() { Ok(Mesh::of_box(&metadata.bounds)) } else { Ok(mesh) }
 }

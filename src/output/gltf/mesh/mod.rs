@@ -1,6 +1,6 @@
 //! A triangle mesh of a baked field, for viewers that cannot march it.
 //!
-//! 1. **Matter** ([`matter`]): the nodes of one level, each with its opacity over a cell of the level and
+//! 1. **OpacityGrid** ([`opacity_grid`]): the nodes of one level, each with its opacity over a cell of the level and
 //!    its diffuse colour. Emptiness that no path from outside reaches counts as filled.
 //! 2. **Surface** ([`surface`]): where half the light passes a cell, by surface nets: one vertex for
 //!    each cell that the surface goes through, at the mean of its crossings, and a quad around each edge
@@ -12,7 +12,7 @@
 //! wants them, at the end alone.
 
 mod field_mesh;
-mod matter;
+mod opacity_grid;
 mod simplify;
 mod surface;
 mod triangles;

@@ -7,11 +7,14 @@
 //! displacement by a cell.
 //!
 //! Collapses that would turn a triangle over or pinch the surface wait until no others are left.
+//!
+//! Extents start at +0 and take a coordinate only if it is really beyond: `f64::min` and `f64::max` may
+//! return either zero of two, depending on the machine.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::triangles::Draft;
+use super::triangles::TriangleSoup;
 use super::vector::{cross, dot, length, minus};
 
 /// Weight of the distance to the vertex itself, of that to its planes.
@@ -19,9 +22,9 @@ const OWN_SHARE: f64 = 1e-3;
 /// Cosine of the angle by which a triangle may turn in one collapse.
 const LEAST_TURN: f64 = 0.2;
 
-/// At most `most` triangles of what `draft` holds; `cell` is the unit in which colours count.
-pub fn simplify(draft: Draft, most: usize, cell: f64) -> Draft {
-    let mut surface = Surface::new(draft, cell);
+/// At most `most` triangles of what `soup` holds; `cell` is the unit in which colours count.
+pub fn simplify(soup: TriangleSoup, most: usize, cell: f64) -> TriangleSoup {
+    let mut surface = Surface::new(soup, cell);
     for careful in [true, false] {
         surface.collapse(most, careful);
     }
@@ -85,9 +88,9 @@ impl Quadric {
     }
 }
 
-/// A pair of vertices that share an edge, and what merging them would lose.
+/// The collapse of an edge: the pair of its vertices, and the loss of merging them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Candidate {
+struct EdgeCollapse {
     loss: f64,
     pair: [u32; 2],
     /// Changes of both vertices when the loss was computed.
@@ -95,15 +98,15 @@ struct Candidate {
     to: [f64; 3],
 }
 
-impl Eq for Candidate {}
+impl Eq for EdgeCollapse {}
 
-impl PartialOrd for Candidate {
+impl PartialOrd for EdgeCollapse {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Candidate {
+impl Ord for EdgeCollapse {
     fn cmp(&self, other: &Self) -> Ordering {
         let order = self.loss.total_cmp(&other.loss).then(self.pair.cmp(&other.pair));
         order.then(self.changes.cmp(&other.changes))
@@ -111,7 +114,7 @@ impl Ord for Candidate {
 }
 
 struct Surface {
-    draft: Draft,
+    soup: TriangleSoup,
     /// Triangles of each vertex; empty once it was merged into another.
     around: Vec<Vec<u32>>,
     /// By triangle; false once it is gone.
@@ -130,29 +133,30 @@ struct Surface {
 }
 
 impl Surface {
-    fn new(mut draft: Draft, cell: f64) -> Self {
-        let origin = draft.positions.first().copied().unwrap_or_default();
-        draft.positions.iter_mut().for_each(|position| *position = minus(*position, origin));
+    fn new(mut soup: TriangleSoup, cell: f64) -> Self {
+        let origin = soup.positions.first().copied().unwrap_or_default();
+        soup.positions.iter_mut().for_each(|position| *position = minus(*position, origin));
         let bound = |pick: fn(f64, f64) -> f64| {
             let join = |a: [f64; 3], b: &[f64; 3]| std::array::from_fn(|i| pick(a[i], b[i]));
-            draft.positions.iter().fold([0.0; 3], join)
+            soup.positions.iter().fold([0.0; 3], join)
         };
-        let extent = [bound(f64::min), bound(f64::max)];
-        let vertices = draft.positions.len();
+        let extent =
+            [bound(|a, b| if b < a { b } else { a }), bound(|a, b| if b > a { b } else { a })];
+        let vertices = soup.positions.len();
         let mut surface = Self {
             around: vec![Vec::new(); vertices],
-            alive: vec![true; draft.triangles.len()],
-            count: draft.triangles.len(),
+            alive: vec![true; soup.triangles.len()],
+            count: soup.triangles.len(),
             quadrics: vec![Quadric::default(); vertices],
             weights: vec![0.0; vertices],
             changes: vec![0; vertices],
             cell: cell * cell,
             origin,
             extent,
-            draft,
+            soup,
         };
-        for (number, corners) in surface.draft.triangles.iter().enumerate() {
-            let [a, b, c] = corners.map(|corner| surface.draft.positions[corner as usize]);
+        for (number, corners) in surface.soup.triangles.iter().enumerate() {
+            let [a, b, c] = corners.map(|corner| surface.soup.positions[corner as usize]);
             let normal = cross(minus(b, a), minus(c, a));
             let twice = length(normal);
             for &corner in corners {
@@ -161,7 +165,7 @@ impl Surface {
                 if twice > 0.0 {
                     let area = twice / 6.0;
                     let plane = Quadric::plane(normal.map(|n| n / twice), a, area);
-                    let own = surface.draft.positions[corner];
+                    let own = surface.soup.positions[corner];
                     let point = Quadric::point(own, OWN_SHARE * area);
                     let quadric = surface.quadrics[corner].plus(&plane).plus(&point);
                     surface.quadrics[corner] = quadric;
@@ -172,27 +176,27 @@ impl Surface {
         surface
     }
 
-    /// Collapses edges until at most `most` triangles are left, or no candidate is.
+    /// Collapses edges until at most `most` triangles are left, or no edge can.
     fn collapse(&mut self, most: usize, careful: bool) {
         let mut heap = BinaryHeap::new();
         if self.count > most {
             for vertex in 0..self.around.len() as u32 {
                 let others = self.neighbours(vertex).into_iter().filter(|other| *other > vertex);
-                heap.extend(others.map(|other| Reverse(self.candidate(vertex, other))));
+                heap.extend(others.map(|other| Reverse(self.edge_collapse(vertex, other))));
             }
         }
-        while let Some(Reverse(candidate)) = heap.pop() {
+        while let Some(Reverse(edge)) = heap.pop() {
             if self.count <= most {
                 break;
             }
-            let current = candidate.pair.map(|vertex| self.changes[vertex as usize]);
-            if current != candidate.changes || (careful && !self.is_harmless(&candidate)) {
+            let current = edge.pair.map(|vertex| self.changes[vertex as usize]);
+            if current != edge.changes || (careful && !self.is_harmless(&edge)) {
                 continue;
             }
-            let [kept, _] = candidate.pair;
-            self.merge(&candidate);
+            let [kept, _] = edge.pair;
+            self.merge(&edge);
             for other in self.neighbours(kept) {
-                heap.push(Reverse(self.candidate(kept.min(other), kept.max(other))));
+                heap.push(Reverse(self.edge_collapse(kept.min(other), kept.max(other))));
             }
         }
     }
@@ -200,48 +204,50 @@ impl Surface {
     /// The other corners of a vertex's triangles, each once, in the order of their numbers.
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
         let triangles = self.around[vertex as usize].iter();
-        let corners = triangles.flat_map(|&triangle| self.draft.triangles[triangle as usize]);
+        let corners = triangles.flat_map(|&triangle| self.soup.triangles[triangle as usize]);
         let mut others: Vec<u32> = corners.filter(|&corner| corner != vertex).collect();
         others.sort_unstable();
         others.dedup();
         others
     }
 
-    fn candidate(&self, low: u32, high: u32) -> Candidate {
+    fn edge_collapse(&self, low: u32, high: u32) -> EdgeCollapse {
         let [a, b] = [low as usize, high as usize];
         let quadric = self.quadrics[a].plus(&self.quadrics[b]);
-        let [from, to] = [self.draft.positions[a], self.draft.positions[b]];
+        let [from, to] = [self.soup.positions[a], self.soup.positions[b]];
         let middle = std::array::from_fn(|axis| 0.5 * (from[axis] + to[axis]));
         let to = quadric.least().unwrap_or(middle);
         let [lowest, highest] = self.extent;
         let to = std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis]));
-        let colors = minus(self.draft.colors[a], self.draft.colors[b]);
+        let colors = minus(self.soup.colors[a], self.soup.colors[b]);
         let (wa, wb) = (self.weights[a], self.weights[b]);
         let mean = if wa + wb > 0.0 { wa * wb / (wa + wb) } else { 0.0 };
-        let loss = quadric.at(to).max(0.0) + self.cell * mean * dot(colors, colors);
-        Candidate { loss, pair: [low, high], changes: [self.changes[a], self.changes[b]], to }
+        let error = quadric.at(to);
+        let error = if error > 0.0 { error } else { 0.0 };
+        let loss = error + self.cell * mean * dot(colors, colors);
+        EdgeCollapse { loss, pair: [low, high], changes: [self.changes[a], self.changes[b]], to }
     }
 
     /// Whether no triangle turns over, and the surface around the edge stays a surface: the vertices
     /// that both ends are joined to are the third corners of the edge's two triangles.
-    fn is_harmless(&self, candidate: &Candidate) -> bool {
-        let [a, b] = candidate.pair;
+    fn is_harmless(&self, edge: &EdgeCollapse) -> bool {
+        let [a, b] = edge.pair;
         let (near, far) = (self.neighbours(a), self.neighbours(b));
         let common = near.iter().filter(|vertex| far.binary_search(vertex).is_ok()).count();
         let shared = self.around[a as usize].iter();
-        let shared = shared.filter(|&&t| self.draft.triangles[t as usize].contains(&b)).count();
+        let shared = shared.filter(|&&t| self.soup.triangles[t as usize].contains(&b)).count();
         if common != 2 || shared != 2 {
             return false;
         }
         let own = [a, b].into_iter().flat_map(|vertex| &self.around[vertex as usize]);
-        own.map(|&triangle| self.draft.triangles[triangle as usize])
+        own.map(|&triangle| self.soup.triangles[triangle as usize])
             .filter(|corners| !(corners.contains(&a) && corners.contains(&b)))
             .all(|corners| {
-                let old = corners.map(|corner| self.draft.positions[corner as usize]);
+                let old = corners.map(|corner| self.soup.positions[corner as usize]);
                 let mut new = old;
                 for (position, corner) in new.iter_mut().zip(corners) {
                     if corner == a || corner == b {
-                        *position = candidate.to;
+                        *position = edge.to;
                     }
                 }
                 let [before, after] = [old, new].map(|[p, q, r]| cross(minus(q, p), minus(r, p)));
@@ -249,26 +255,26 @@ impl Surface {
             })
     }
 
-    fn merge(&mut self, candidate: &Candidate) {
-        let [kept, gone] = candidate.pair.map(|vertex| vertex as usize);
+    fn merge(&mut self, edge: &EdgeCollapse) {
+        let [kept, gone] = edge.pair.map(|vertex| vertex as usize);
         let (wa, wb) = (self.weights[kept], self.weights[gone]);
         if wa + wb > 0.0 {
-            let [a, b] = [self.draft.colors[kept], self.draft.colors[gone]];
-            self.draft.colors[kept] = std::array::from_fn(|i| (wa * a[i] + wb * b[i]) / (wa + wb));
+            let [a, b] = [self.soup.colors[kept], self.soup.colors[gone]];
+            self.soup.colors[kept] = std::array::from_fn(|i| (wa * a[i] + wb * b[i]) / (wa + wb));
         }
         self.weights[kept] = wa + wb;
         self.quadrics[kept] = self.quadrics[kept].plus(&self.quadrics[gone]);
-        self.draft.positions[kept] = candidate.to;
+        self.soup.positions[kept] = edge.to;
         self.changes[kept] += 1;
         self.changes[gone] += 1;
         for triangle in std::mem::take(&mut self.around[gone]) {
-            let corners = &mut self.draft.triangles[triangle as usize];
-            if corners.contains(&candidate.pair[0]) {
+            let corners = &mut self.soup.triangles[triangle as usize];
+            if corners.contains(&edge.pair[0]) {
                 self.remove(triangle);
                 continue;
             }
             for corner in corners.iter_mut().filter(|corner| **corner as usize == gone) {
-                *corner = candidate.pair[0];
+                *corner = edge.pair[0];
             }
             let corners = *corners;
             match self.twin(kept, corners) {
@@ -286,7 +292,7 @@ impl Surface {
         let same = [[a, b, c], [b, c, a], [c, a, b]];
         let turned = [[a, c, b], [c, b, a], [b, a, c]];
         self.around[vertex].iter().find_map(|&other| {
-            let corners = self.draft.triangles[other as usize];
+            let corners = self.soup.triangles[other as usize];
             let faces_away = turned.contains(&corners);
             (faces_away || same.contains(&corners)).then_some((other, faces_away))
         })
@@ -296,18 +302,18 @@ impl Surface {
         if std::mem::replace(&mut self.alive[triangle as usize], false) {
             self.count -= 1;
         }
-        for corner in self.draft.triangles[triangle as usize] {
+        for corner in self.soup.triangles[triangle as usize] {
             self.around[corner as usize].retain(|&other| other != triangle);
         }
     }
 
-    fn finish(mut self) -> Draft {
+    fn finish(mut self) -> TriangleSoup {
         let mut alive = self.alive.iter();
-        self.draft.triangles.retain(|_| alive.next() == Some(&true));
+        self.soup.triangles.retain(|_| alive.next() == Some(&true));
         let origin = self.origin;
-        for position in &mut self.draft.positions {
+        for position in &mut self.soup.positions {
             *position = std::array::from_fn(|axis| position[axis] + origin[axis]);
         }
-        self.draft
+        self.soup
     }
 }

@@ -18,7 +18,7 @@ pub struct Mesh {
 
 /// Vertices and triangles while they are worked on.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Draft {
+pub(super) struct TriangleSoup {
     pub(super) positions: Vec<[f64; 3]>,
     /// As the field has them: display-referred sRGB.
     pub(super) colors: Vec<[f64; 3]>,
@@ -26,8 +26,8 @@ pub(super) struct Draft {
 }
 
 impl Mesh {
-    pub(super) fn of_draft(draft: &Draft) -> Self {
-        let rounded: Vec<[f32; 3]> = draft.positions.iter().map(|p| p.map(|v| v as f32)).collect();
+    pub(super) fn of_soup(soup: &TriangleSoup) -> Self {
+        let rounded: Vec<[f32; 3]> = soup.positions.iter().map(|p| p.map(|v| v as f32)).collect();
         // Rounding can flatten a sliver.
         let area = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(|corner| rounded[corner as usize].map(f64::from));
@@ -40,13 +40,13 @@ impl Mesh {
             visible: true,
         };
         let mut numbers = vec![u32::MAX; rounded.len()];
-        for corners in draft.triangles.iter().filter(|corners| area(corners)) {
+        for corners in soup.triangles.iter().filter(|corners| area(corners)) {
             mesh.triangles.push(corners.map(|corner| {
                 let number = &mut numbers[corner as usize];
                 if *number == u32::MAX {
                     *number = mesh.positions.len() as u32;
                     mesh.positions.push(rounded[corner as usize]);
-                    mesh.colors.push(draft.colors[corner as usize].map(linear));
+                    mesh.colors.push(soup.colors[corner as usize].map(linear));
                 }
                 *number
             }));
@@ -92,7 +92,11 @@ impl Mesh {
                 std::array::from_fn(|axis| pick(bound[axis], position[axis]))
             })
         };
-        [fold(f32::INFINITY, f32::min), fold(f32::NEG_INFINITY, f32::max)]
+        // `f32::min` and `f32::max` may return either zero of two, depending on the machine.
+        [
+            fold(f32::INFINITY, |bound, value| if value < bound { value } else { bound }),
+            fold(f32::NEG_INFINITY, |bound, value| if value > bound { value } else { bound }),
+        ]
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a level holds at its nodes: opacity and colour.
+//! Opacity and colour at the nodes of one level.
 
 use crate::base::error::Result;
 use crate::base::parallel;
@@ -12,7 +12,7 @@ pub const INSIDE: f64 = 0.5;
 
 /// A grid of nodes with one layer of empty nodes around it, z fastest.
 #[derive(Debug)]
-pub struct Matter {
+pub struct OpacityGrid {
     /// Nodes along each axis, the layer around included.
     pub sizes: [usize; 3],
     /// World positions along each axis; the layer around lies on the box's faces, so that no surface
@@ -28,7 +28,7 @@ pub struct Matter {
     pub averaged: bool,
 }
 
-impl Matter {
+impl OpacityGrid {
     /// The nodes of a level; the means of several where there are more than `most` along an axis.
     pub fn of_level(
         metadata: &Metadata,
@@ -37,9 +37,9 @@ impl Matter {
         free_space: Option<&FreeSpace>,
         most: usize,
     ) -> Result<Self> {
-        let of_level = &metadata.levels[level];
-        let nodes = of_level.dimensions;
-        let spacing = of_level.grid().nodes.spacing(&metadata.bounds);
+        let level_metadata = &metadata.levels[level];
+        let nodes = level_metadata.dimensions;
+        let spacing = level_metadata.grid().nodes.spacing(&metadata.bounds);
         let stride = nodes.map(|count| count.div_ceil(most));
         let inner: [usize; 3] = std::array::from_fn(|axis| nodes[axis].div_ceil(stride[axis]));
         let sizes = inner.map(|count| count + 2);
@@ -64,9 +64,9 @@ impl Matter {
             let plane = || vec![0.0f32; nodes[1] * nodes[2]];
             let (mut density, mut color) = (plane(), [plane(), plane(), plane()]);
             for x in i * stride[0]..((i + 1) * stride[0]).min(nodes[0]) {
-                fill_plane(codes, of_level, Group::Density, 0, x, &mut density);
+                fill_plane(codes, level_metadata, Group::Density, 0, x, &mut density);
                 for (channel, color) in color.iter_mut().enumerate() {
-                    fill_plane(codes, of_level, Group::Diffuse, channel, x, color);
+                    fill_plane(codes, level_metadata, Group::Diffuse, channel, x, color);
                 }
                 for (number, &raw) in density.iter().enumerate() {
                     let (y, z) = (number / nodes[2], number % nodes[2]);
@@ -100,9 +100,9 @@ impl Matter {
             }
         }
         let averaged = stride != [1; 3];
-        let mut matter = Self { sizes, at, opacity, color, cell, averaged };
-        matter.fill_cavities();
-        Ok(matter)
+        let mut grid = Self { sizes, at, opacity, color, cell, averaged };
+        grid.fill_cavities();
+        Ok(grid)
     }
 
     /// Distances of neighbouring nodes along each axis.
@@ -145,7 +145,8 @@ struct NodeRules<'a> {
 }
 
 impl NodeRules<'_> {
-    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where nobody sees it.
+    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is below
+    /// visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
         if stored <= self.domain.unseen(activation) {
