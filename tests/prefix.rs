@@ -97,3 +97,34 @@ fn pictures_of_a_prefix_are_those_of_the_whole_file_without_its_finer_levels() {
         }
     }
 }
+
+#[cfg(feature = "cli")]
+#[test]
+fn prefixes_are_inspected_and_rendered_and_else_refused() {
+    let folder = common::folder();
+    let here = folder.path();
+    let bytes = std::fs::read(common::fixture("baked/tiny.rate.mipvog")).expect("a golden file");
+    let whole = common::open_bytes(&bytes).expect("valid");
+    let levels = whole.metadata().levels.len();
+    let own = whole.entries().iter().filter(|entry| entry.level == Some(1));
+    let prefix = own.map(|entry| entry.prefix).max().expect("a level");
+    std::fs::write(here.join("cut.mipvog"), &bytes[..prefix as usize]).expect("writable");
+    let run = |arguments: &[&str]| {
+        let output = common::program().current_dir(here).args(arguments).output().expect("starts");
+        (output.status.code(), output.stdout, String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, report, message) = run(&["inspect", "cut.mipvog", "--format", "json"]);
+    assert_eq!(code, Some(0), "{message}");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("a report");
+    common::assert_schema("inspect", &report);
+    assert_eq!(report["levels_missing"], serde_json::json!([0]));
+    let view = ["--turntable", "1", "--size", "8x8", "-o", "pictures"];
+    let (code, _, message) = run(&[&["render", "cut.mipvog"][..], &view].concat());
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains(&format!("the finest 1 of {levels} levels are missing")), "{message}");
+    for refused in
+        [&["validate", "cut.mipvog"][..], &["unpack", "cut.mipvog", "-o", "x.safetensors"]]
+    {
+        assert_ne!(run(refused).0, Some(0), "{refused:?}");
+    }
+}

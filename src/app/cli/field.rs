@@ -111,6 +111,35 @@ impl SceneArguments {
         Renderer::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
     }
 
+    /// As [`Self::open`]; of a container that ends at a level, the levels that are there.
+    pub fn open_or_prefix(
+        &self,
+        path: &Path,
+        which: FieldArguments,
+        filter: Option<Filter>,
+        common: &Common,
+    ) -> Result<Renderer> {
+        let limits = common.limits();
+        let file = Arc::new(SourceFile::open(path)?);
+        if !is_container(&file) || filter.is_some() {
+            return self.open(path, which, filter, common);
+        }
+        let prefix = Container::read_prefix(file, &limits)?;
+        let missing = prefix.missing();
+        if missing.is_empty() {
+            return self.open(path, which, filter, common);
+        }
+        let (count, levels) = (missing.len(), prefix.metadata().levels.len());
+        warn(
+            &format!("the file ends early: the finest {count} of {levels} levels are missing"),
+            common,
+        );
+        self.source_options().check()?;
+        let mut renderer = Renderer::baked(&prefix.read()?, &limits)?;
+        self.override_container(&mut renderer);
+        Ok(renderer)
+    }
+
     fn override_container(&self, field: &mut Renderer) {
         let view = field.view_mut();
         if let Some(stepsize) = self.stepsize {

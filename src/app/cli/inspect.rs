@@ -36,6 +36,8 @@ struct ContainerReport {
     levels: Vec<LevelReport>,
     /// Layer widths.
     mlp: Option<Vec<usize>>,
+    /// Levels that a file which was cut does not hold; 0 is the finest.
+    levels_missing: Vec<usize>,
     chunks: Vec<ChunkReport>,
     metadata: Metadata,
     provenance: Option<Value>,
@@ -75,7 +77,9 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     let path = &arguments.file;
     let file = Arc::new(SourceFile::open(path)?);
     if is_container(&file) {
-        let report = ContainerReport::of(&Container::open(file, limits)?)?;
+        let prefix = Container::read_prefix(file, limits)?;
+        let mut report = ContainerReport::of(prefix.container())?;
+        report.levels_missing = prefix.missing().collect();
         return Outcome::new("inspect", &report, container_text(path, &report));
     }
     if is_asset(&file) {
@@ -102,6 +106,7 @@ impl ContainerReport {
             bounds: metadata.bounds,
             levels: level_reports(metadata, container.entries()),
             mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
+            levels_missing: Vec::new(),
             chunks: container.entries().iter().map(chunk).collect(),
             metadata: metadata.clone(),
             provenance: container.provenance()?,

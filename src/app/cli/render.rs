@@ -141,8 +141,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if arguments.scales.iter().any(|&scale| !(1..=1024).contains(&scale)) {
         return Err(Error::usage("--scales must be whole numbers from 1 to 1024"));
     }
-    let field =
-        arguments.scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
+    let field = arguments.scene.open_or_prefix(
+        &arguments.field,
+        arguments.which,
+        arguments.filter,
+        common,
+    )?;
     let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;

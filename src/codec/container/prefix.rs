@@ -54,6 +54,11 @@ impl Container {
 }
 
 impl Prefix {
+    /// The directory and the metadata of the whole file. Its levels that are missing cannot be read.
+    pub fn container(&self) -> &Container {
+        &self.container
+    }
+
     /// The metadata of the whole file.
     pub fn metadata(&self) -> &Metadata {
         self.container.metadata()
