@@ -33,7 +33,7 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for path in std::env::args().skip(1).filter(|argument| !argument.starts_with("--")) {
-        parallel::with_threads(1, || measure(Path::new(&path)));
+        parallel::with_threads(1, || measure(Path::new(&path))).expect("a thread");
     }
 }
 

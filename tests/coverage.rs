@@ -8,7 +8,6 @@ use common::{Random, baked_bytes, field, open_bytes, packed, plain, random_field
 use glam::DVec3;
 use mipvog_bake::unstable::bake::{BakeOptions, Changes};
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
 use mipvog_bake::unstable::model::baked::Group;
@@ -84,7 +83,7 @@ fn nothing_depends_on_threads_and_least_weights_nest() {
     let field = random_field(&mut random, [17, 2, 23], 4);
     let cameras = turntable(&field.scene.bounds, 5, [50, 30]);
     let runs =
-        [1, 4].map(|threads| parallel::with_threads(threads, || coverage(&field, &cameras, 1e-2)));
+        [1, 4].map(|threads| common::with_threads(threads, || coverage(&field, &cameras, 1e-2)));
     assert_eq!(runs[0].importance, runs[1].importance);
     assert_eq!(
         runs[0].cells.lowest_nodes().count_common(runs[1].cells.lowest_nodes()),
@@ -323,7 +322,7 @@ fn what_was_coarsened_bakes_again_to_the_same_bytes() {
     options.seen_from = turntable(&field.scene.bounds, 2, [40, 40]);
     (options.coarseness, options.min_weight) = (2.0, Some(1e-3));
     let bytes = [1, 3].map(|threads| {
-        parallel::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
+        common::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
     });
     assert_eq!(bytes[0], bytes[1]);
     let unpacked = unpack(&open_bytes(&bytes[0]).expect("valid")).expect("unpacks");

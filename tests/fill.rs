@@ -9,7 +9,6 @@ use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter};
 use mipvog_bake::unstable::base::bytes::Storage;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
@@ -171,7 +170,7 @@ fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
         let mut options = options(edge, Some(0.08));
         options.bits = bits;
         let bytes = [1, 3].map(|threads| {
-            parallel::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
+            common::with_threads(threads, || baked_bytes(&field, &options).expect("a bake"))
         });
         assert_eq!(bytes[0], bytes[1]);
         let container = open_bytes(&bytes[0]).expect("valid");

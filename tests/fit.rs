@@ -6,7 +6,6 @@ use common::{baked_bytes, open_bytes, trained};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::model::camera::turntable;
 use mipvog_bake::unstable::model::field::RadianceField;
@@ -48,9 +47,9 @@ fn fitted_levels_are_closer_than_filtered_ones() {
 fn thread_count_never_shows_in_a_fit() {
     let field = trained("tiny/fine_last.tar");
     let bake = || baked_bytes(&field, &options(Filter::Fit, 6)).expect("a bake");
-    let one = parallel::with_threads(1, bake);
+    let one = common::with_threads(1, bake);
     for threads in [2, 3, 8] {
-        assert!(one == parallel::with_threads(threads, bake), "{threads} threads");
+        assert!(one == common::with_threads(threads, bake), "{threads} threads");
     }
 }
 

@@ -9,7 +9,6 @@ use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
 use mipvog_bake::unstable::base::bytes::Storage;
 use mipvog_bake::unstable::base::error::{ErrorKind, Place};
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
@@ -157,7 +156,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
         for max_error in ERRORS {
             options.max_error = Some(max_error.into());
             let bake = || baked_bytes(&field, &options).expect("a bake");
-            let [one, three] = [1, 3].map(|threads| parallel::with_threads(threads, bake));
+            let [one, three] = [1, 3].map(|threads| common::with_threads(threads, bake));
             assert!(one == three, "{max_error}");
             let container = open_bytes(&one).expect("valid");
             let levels = container.metadata().levels.iter();

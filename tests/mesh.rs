@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 
 use common::{Random, baked_bytes, field, open_bytes, random_field};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::output::gltf::mesh::{Mesh, mesh};
 
 fn options(filter: Filter) -> BakeOptions {
@@ -191,7 +190,7 @@ fn thread_count_never_shows() {
     let scene = random_field(&mut Random::new(3), [23, 19, 31], 7);
     let bytes = baked_bytes(&scene, &options(Filter::RateTent)).expect("baked");
     let meshes = [1, 2, 3, 8].map(|threads| {
-        parallel::with_threads(threads, || {
+        common::with_threads(threads, || {
             mesh(&open_bytes(&bytes).expect("a container"), 500).expect("a mesh")
         })
     });

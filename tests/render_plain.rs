@@ -9,7 +9,6 @@ use glam::{DMat4, DVec3};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
@@ -333,7 +332,7 @@ fn thread_count_never_shows_in_a_picture() {
         ..random_camera(&mut random, &field.scene.bounds)
     };
     let frames = |threads| {
-        parallel::with_threads(threads, || {
+        common::with_threads(threads, || {
             let limits = Limits::default();
             let mut sparse = Renderer::baked(&baked, &limits).expect("a field");
             sparse.view_mut().level_of_detail = Some(rule);

@@ -9,7 +9,6 @@ use common::{
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, LevelRule};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
@@ -121,7 +120,7 @@ fn thread_count_never_shows() {
         let mut options = BakeOptions::default();
         options.filter = filter.into();
         let bytes = |threads| {
-            parallel::with_threads(threads, || {
+            common::with_threads(threads, || {
                 baked_bytes(&trained("lego64/fine_last.tar"), &options).expect("a bake")
             })
         };

@@ -12,7 +12,6 @@ use mipvog_bake::unstable::app::sweep::{
 };
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::base::progress::{Progress, Silent, Step};
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::checkpoint::{self, Source, SourceOptions};
@@ -129,7 +128,7 @@ fn results_do_not_depend_on_threads_or_folders() {
         .into_iter()
         .zip(&folders)
         .map(|(threads, folder)| {
-            parallel::with_threads(threads, || run(folder.path(), &options(&[4, 8])))
+            common::with_threads(threads, || run(folder.path(), &options(&[4, 8])))
         })
         .collect();
     for (one, other) in reports[0].settings.iter().zip(&reports[1].settings) {

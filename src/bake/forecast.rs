@@ -48,6 +48,7 @@ pub fn forecast(
     progress: &dyn Progress,
 ) -> Result<Forecast> {
     options.check()?;
+    field.check()?;
     if options.filter.is_fitted() {
         let found = format!("{}, whose end is not known beforehand", options.filter.name());
         return Err(Error::invalid_option("filter", found, "a filter without a fit"));

@@ -13,6 +13,14 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
 /// One for each group: of opacity over one interval for density, of what is activated (0 to 1) for diffuse colours and
 /// for features. As text one number, or three with colons between.
+///
+/// ```
+/// use mipvog_bake::MaxErrors;
+///
+/// let errors: MaxErrors = "0.02:0.018:0.05".parse().expect("three errors");
+/// assert_eq!(errors, MaxErrors::new(0.02, 0.018, 0.05));
+/// assert_eq!("0.01".parse(), Ok(MaxErrors::from(0.01)));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaxErrors {
     /// By [`Group`].

@@ -4,6 +4,13 @@ use super::{BakeOptions, Filter, MaxErrors};
 use crate::codec::quantize::Bits;
 
 /// A set of options for a purpose.
+///
+/// ```
+/// use mipvog_bake::{Bits, Preset};
+///
+/// assert_eq!(Preset::Archive.options().bits, Bits::F32);
+/// assert_eq!(Preset::Faithful.options().filter.name(), "code");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preset {
     /// What the checkpoint was trained with: the research code's levels, 8 bits.

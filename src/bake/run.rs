@@ -37,6 +37,7 @@ pub fn bake(
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     options.check()?;
+    field.check()?;
     let mut stages = Stages::start();
     let memory = MemoryPlan::of_bake(field, options)?;
     let Prepared { planes, sizes, mut visible, importance } =

@@ -3,6 +3,11 @@
 //! The only door to rayon. What each call computes depends on its index alone, results come back
 //! in index order, and of several errors the one with the lowest index is returned.
 
+#[cfg(feature = "parallel")]
+use std::path::Path;
+
+#[cfg(feature = "parallel")]
+use crate::base::error::Error;
 use crate::base::error::Result;
 
 /// Calls `make(i)` for `i` in `0..count` and returns the results in order, or the error with the
@@ -62,17 +67,25 @@ pub fn threads() -> usize {
 }
 
 /// Runs `work` with this many threads; 0 means one for each processor.
-pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+///
+/// # Errors
+///
+/// The system gives no more threads.
+pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     #[cfg(feature = "parallel")]
     {
         let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        if let Ok(pool) = builder.start_handler(|_| keep_freed_memory()).build() {
-            return pool.install(work);
-        }
+        let pool = builder.start_handler(|_| keep_freed_memory()).build();
+        let pool = pool.map_err(|error| {
+            Error::io(std::io::Error::other(error.to_string()), Path::new("threads"))
+        })?;
+        Ok(pool.install(work))
     }
     #[cfg(not(feature = "parallel"))]
-    let _ = threads;
-    work()
+    {
+        let _ = threads;
+        Ok(work())
+    }
 }
 
 /// Has a thread keep what it frees. glibc's allocator gives memory back, and fetches it again page by page, under a lock
@@ -99,7 +112,7 @@ mod tests {
     #[test]
     fn order_and_errors_do_not_depend_on_threads() {
         for threads in [1, 2, 5] {
-            with_threads(threads, || {
+            let done = with_threads(threads, || {
                 let squares = map(100, |i| Ok(i * i)).expect("no error");
                 assert!(squares.iter().enumerate().all(|(i, &s)| s == i * i));
                 let failed =
@@ -109,6 +122,7 @@ mod tests {
                 let old = map_mut(&mut items, |i, item| Ok(std::mem::replace(item, i)));
                 assert_eq!((old.expect("no error"), items), (vec![1, 2, 3], [0, 1, 2]));
             });
+            done.expect("threads");
         }
     }
 }

@@ -169,6 +169,14 @@ impl PartialEq for SharedFilter {
 }
 
 /// The filters that have a name on the command line.
+///
+/// ```
+/// use mipvog_bake::{Filter, LevelFilter};
+///
+/// let filter: Filter = "paper".parse().expect("a filter");
+/// assert_eq!(filter, Filter::Paper);
+/// assert_eq!(filter.weights(), [0.2; 5]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Filter {

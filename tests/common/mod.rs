@@ -153,6 +153,11 @@ pub fn program() -> std::process::Command {
     command
 }
 
+/// Runs `work` with this many threads.
+pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    mipvog_bake::unstable::base::parallel::with_threads(threads, work).expect("threads")
+}
+
 /// A temporary folder that goes with the value.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")

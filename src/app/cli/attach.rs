@@ -9,7 +9,8 @@ use serde_json::json;
 use super::common::Common;
 use super::gltf;
 use super::outcome::{Outcome, readable, warn};
-use crate::base::bytes::{ByteSink, Output, SourceFile};
+use super::output::create as create_output;
+use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;
@@ -45,7 +46,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let container = Container::open(file, &limits)?;
     let path = &arguments.output;
     check_kind(&asset, path)?;
-    let mut output = Output::create(path, arguments.force)?;
+    let mut output = create_output(path, arguments.force)?;
     let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };
     let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
     let bytes = output.length();

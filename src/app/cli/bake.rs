@@ -15,6 +15,7 @@ use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
 use super::outcome::{Outcome, readable, say, warn};
+use super::output::create as create_output;
 use super::progress::Bar;
 use super::stored::StoredArguments;
 use super::values::Background;
@@ -120,7 +121,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         return arguments.forecast(&file, &options, &limits, common);
     }
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
-    let mut output = Output::create(&arguments.output, replace)?;
+    let mut output = create_output(&arguments.output, replace)?;
     let mut asset = arguments.gltf.create(&arguments.output, replace)?;
     let mut depfile = arguments.incremental.create_depfile()?;
     let bar = Bar::new(common);

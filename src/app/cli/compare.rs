@@ -9,11 +9,12 @@ use serde::Serialize;
 use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
 use super::outcome::Outcome;
+use super::output::create as create_output;
 use super::progress::Bar;
 use super::render::CameraArguments;
 use super::values::Background;
 use crate::bake::Filter;
-use crate::base::bytes::{ByteSink, Output};
+use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, Result};
 use crate::base::picture;
 use crate::base::progress::{Progress, Step};
@@ -144,7 +145,7 @@ impl Arguments {
         let Some(folder) = &self.output else { return Ok(()) };
         let path = folder.join(format!("{}.s{}.error.png", errors.frame, errors.scale));
         let map = errors.want.heat_map(errors.got, FULL_HEAT);
-        let mut output = Output::create(&path, self.force)?;
+        let mut output = create_output(&path, self.force)?;
         output.append(&picture::png(errors.want.width, errors.want.height, &map)?)?;
         output.finish()
     }

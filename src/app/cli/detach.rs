@@ -9,7 +9,8 @@ use serde_json::json;
 use super::attach::{check_kind, warn_of_companions};
 use super::common::Common;
 use super::outcome::{Outcome, readable};
-use crate::base::bytes::{ByteSink, Output, SourceFile};
+use super::output::create as create_output;
+use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::detach;
@@ -36,7 +37,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let asset = Asset::open(file, &common.limits())?;
     let path = &arguments.output;
     check_kind(&asset, path)?;
-    let mut output = Output::create(path, arguments.force)?;
+    let mut output = create_output(path, arguments.force)?;
     let detached = detach(&asset, arguments.field, &mut output)?;
     let bytes = output.length();
     output.finish()?;

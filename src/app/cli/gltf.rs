@@ -6,6 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use super::output::create as create_output;
 use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -58,7 +59,7 @@ impl GltfArguments {
         if !(FEWEST_TRIANGLES..=10_000_000).contains(&self.fallback_triangles) {
             return Err(Error::usage("--fallback-triangles must be from 4 to 10000000"));
         }
-        Output::create(path, overwrite).map(Some)
+        create_output(path, overwrite).map(Some)
     }
 
     /// Writes the asset of the container in the file `written`, whose name will be `path`.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::output::create as create_output;
 use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
@@ -38,7 +39,7 @@ impl IncrementalArguments {
     /// Starts writing the dependency file, if there is to be one. It is always replaced: build systems
     /// do not ask either.
     pub fn create_depfile(&self) -> Result<Option<Output>> {
-        self.depfile.as_deref().map(|path| Output::create(path, true)).transpose()
+        self.depfile.as_deref().map(|path| create_output(path, true)).transpose()
     }
 
     /// What the container that is there says of itself, if nothing has changed since it was baked.

@@ -16,6 +16,7 @@ mod incremental;
 mod inspect;
 mod interrupt;
 mod outcome;
+mod output;
 mod program;
 mod progress;
 mod render;

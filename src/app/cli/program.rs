@@ -74,6 +74,7 @@ pub fn main() -> ExitCode {
         }
         Verb::Man => document::man(&Cli::command()).map(|()| None),
     });
+    let outcome = outcome.and_then(|outcome| outcome);
     let printed = outcome.and_then(|outcome| {
         let Some(outcome) = outcome else { return Ok(ExitCode::SUCCESS) };
         print(&outcome, common)?;

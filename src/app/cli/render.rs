@@ -10,9 +10,10 @@ use serde::Serialize;
 use super::common::Common;
 use super::field::{FieldArguments, SceneArguments};
 use super::outcome::Outcome;
+use super::output::create as create_output;
 use super::progress::Bar;
 use crate::bake::Filter;
-use crate::base::bytes::{ByteSink, Output};
+use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::picture;
@@ -252,7 +253,7 @@ fn refuse_existing<'a>(
 }
 
 fn write_file(path: &Path, bytes: &[u8], overwrite: bool) -> Result<()> {
-    let mut output = Output::create(path, overwrite)?;
+    let mut output = create_output(path, overwrite)?;
     output.append(bytes)?;
     output.finish()
 }

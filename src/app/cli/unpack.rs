@@ -8,8 +8,9 @@ use serde_json::json;
 use super::common::Common;
 use super::field::FieldArguments;
 use super::outcome::{Outcome, readable};
+use super::output::create as create_output;
 use super::progress::Bar;
-use crate::base::bytes::{ByteSink, Output};
+use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
 
@@ -63,7 +64,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let text = format!("{}: slices of {count} levels\n", output.display());
         return Outcome::new("unpack", &report, text);
     }
-    let mut tensors = Output::create(output, arguments.force)?;
+    let mut tensors = create_output(output, arguments.force)?;
     write_tensors(&container, levels, &mut tensors, &Bar::new(common))?;
     let bytes = tensors.length();
     tensors.finish()?;

@@ -16,4 +16,5 @@ pub use output::Output;
 pub use reader::ByteReader;
 pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
+pub use stale::remove as remove_stale;
 pub use storage::Storage;

@@ -37,7 +37,6 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        stale::remove(folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(stale::PREFIX).suffix(stale::SUFFIX);
         // The mode that a plain `File::create` would ask for; the umask still applies.

@@ -60,6 +60,13 @@ impl Container {
     }
 
     /// Opens a container in memory; see [`Self::open`].
+    ///
+    /// ```
+    /// use mipvog_bake::{Container, ErrorKind, Limits};
+    ///
+    /// let error = Container::from_bytes(vec![0; 10], &Limits::default()).expect_err("no container");
+    /// assert!(matches!(error.kind(), ErrorKind::Truncated { .. }), "{error}");
+    /// ```
     pub fn from_bytes(bytes: Vec<u8>, limits: &Limits) -> Result<Self> {
         Self::open(Arc::new(SourceFile::decoded(bytes, Path::new("memory"))), limits)
     }

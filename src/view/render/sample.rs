@@ -31,6 +31,18 @@ impl Renderer {
     /// The field's values at a `position` in world units, interpolated in one level. Outside the box,
     /// outside the free-space mask and where nothing is stored, opacity is 0.
     ///
+    /// ```
+    /// use mipvog_bake::{RadianceField, Renderer};
+    ///
+    /// let field = RadianceField::builder([4; 3], vec![9.0; 64], vec![0.0; 192]).build()?;
+    /// let renderer = Renderer::of_field(&field)?;
+    /// let inside = renderer.sample([0.2, 0.0, -0.4], 0)?;
+    /// assert_eq!(inside.color, [0.5; 3]);
+    /// assert_eq!(renderer.sample([5.0; 3], 0)?.opacity, 0.0, "outside the box");
+    /// assert!(renderer.sample([0.0; 3], 1).is_err(), "there is one level");
+    /// # Ok::<(), mipvog_bake::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// A level that the field does not have, or a position that is not finite.
