@@ -6,10 +6,11 @@
 //! ```
 //!
 //! Upsamples the scene to each size (`--half` in float16) once, in `--scenes` (default
-//! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, once with a cold file cache, what
-//! threads gain, stages with bytes and GB/s, peak resident memory as the operating system counts it, and the ratio to a floor measured in the
-//! same run: one pass over the density with all threads, a copy of the colour of needed nodes, and zstd of
-//! the codes at the same level and threads.
+//! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, once with a
+//! cold file cache, what threads gain, stages with bytes and GB/s, peak resident memory as the
+//! operating system counts it, and the ratio to a floor measured in the same run: one pass over the
+//! density with all threads, a copy of the colour of needed nodes, and zstd of the codes at the
+//! same level and threads.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]

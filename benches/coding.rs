@@ -4,10 +4,11 @@
 //! cargo bench --bench coding -- CONTAINER...
 //! ```
 //!
-//! For each group of level 0, and all of them: bytes, and their share of the plain codes with zstd at level 19 (frame by
-//! frame, each with all channels); how fast one thread makes codes of runs, with the share of zstd in it, as a ratio to
-//! a copy of the codes; and how fast one thread makes runs of codes, with the share of compression in it. MB are
-//! of codes; the best of some rounds counts.
+//! For each group of level 0, and all of them: bytes, and their share of the plain codes with zstd
+//! at level 19 (frame by frame, each with all channels); how fast one thread makes codes of runs,
+//! with the share of zstd in it, as a ratio to a copy of the codes; and how fast one thread makes
+//! runs of codes, with the share of compression in it. MB are of codes; the best of some rounds
+//! counts.
 
 use std::hint::black_box;
 use std::path::Path;

@@ -1,17 +1,17 @@
-//! Whether levels pop: a camera that moves away from the box, 60 frames from the distance where the box
-//! fills the picture to 16 times that.
+//! Whether levels pop: a camera that moves away from the box, 60 frames from the distance where the
+//! box fills the picture to 16 times that.
 //!
 //! ```text
 //! cargo bench --bench dolly -- [SCENE] [--side PIXELS] [--filters NAME,...] [--svg FILE]
 //!                              [--stepsize S] [--near T] [--far T]
 //! ```
 //!
-//! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel, over the pixels
-//! that show something. Far away those are few, and where they happen to fall is noise of a decibel or
-//! two; so a frame at n times the distance is taken from n^2 directions around the box, and from at least
-//! 16, lest one more direction be a kink. Prints the curve of errors in dB, one column a filter, and the largest second
-//! difference of each: a level that pops is a kink. `--svg` draws the curves. Without arguments the scene
-//! is `fixtures/trained/lego64`.
+//! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel, over the
+//! pixels that show something. Far away those are few, and where they happen to fall is noise of a
+//! decibel or two; so a frame at n times the distance is taken from n^2 directions around the box,
+//! and from at least 16, lest one more direction be a kink. Prints the curve of errors in dB, one
+//! column a filter, and the largest second difference of each: a level that pops is a kink. `--svg`
+//! draws the curves. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]

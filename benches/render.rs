@@ -6,10 +6,10 @@
 //! ```
 //!
 //! Renders a trained scene, and a container baked from it, and prints rays a second, samples a ray,
-//! the share of samples that were skipped, how many times faster that is than the slow twin of the tests
-//! on some of the same pixels (the floor), and the largest differences from it. `--references` names a
-//! folder of float64 renders, a file for each frame, to compare with instead. Without arguments the
-//! scene is `fixtures/trained/lego64`.
+//! the share of samples that were skipped, how many times faster that is than the slow twin of the
+//! tests on some of the same pixels (the floor), and the largest differences from it.
+//! `--references` names a folder of float64 renders, a file for each frame, to compare with
+//! instead. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]

@@ -452,7 +452,8 @@ fn settings_are_swept_and_resumed() {
     bad(&[], 5, "sweep.csv");
     assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
 
-    // What cannot be rendered has nothing to compare with: no setting's fault, and nothing is written.
+    // What cannot be rendered has nothing to compare with: no setting's fault, and nothing is
+    // written.
     let mut bytes = std::fs::read(fixture("trained/dvgo/flat.safetensors")).expect("a fixture");
     let header = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
     let density = 8 + header + 44..8 + header + 1304;

@@ -108,8 +108,9 @@ fn empty_fields_and_no_cameras_see_nothing() {
     }
 }
 
-/// The importance of each node as the module says it, in float64: every point of the lattice over the
-/// whole picture, every sample, no bound on the number of rays. Boxes lie in front of the cameras.
+/// The importance of each node as the module says it, in float64: every point of the lattice over
+/// the whole picture, every sample, no bound on the number of rays. Boxes lie in front of the
+/// cameras.
 fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
     let fast = Renderer::trained(field, None, &Limits::default()).expect("a field");
     let view = fast.view();

@@ -52,7 +52,8 @@ fn between(node: usize, nodes: usize, coarser: usize) -> (usize, f64) {
     (low, at as f64 / (nodes - 1) as f64)
 }
 
-/// What a level's node should hold if it is filled: a sum over eight corners, and the nearest of all codes' values.
+/// What a level's node should hold if it is filled: a sum over eight corners, and the nearest of
+/// all codes' values.
 fn plain_fill(
     encoding: &Encoding,
     coarser: &[f32],

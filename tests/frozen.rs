@@ -1,6 +1,6 @@
-//! Files that former versions wrote read to the same values for ever: `formats/compatibility.md`. Nothing in
-//! `fixtures/frozen/` is ever written anew. A new folder there, with files that its version wrote, gets the digests
-//! that this test prints.
+//! Files that former versions wrote read to the same values for ever: `formats/compatibility.md`.
+//! Nothing in `fixtures/frozen/` is ever written anew. A new folder there, with files that its
+//! version wrote, gets the digests that this test prints.
 
 mod common;
 
@@ -46,7 +46,8 @@ fn open(path: &Path) -> Container {
     opened.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A line for each array of a container: SHA-256 of its values as little-endian f32, its shape, its name.
+/// A line for each array of a container: SHA-256 of its values as little-endian f32, its shape, its
+/// name.
 fn digests(container: &Container, name: &str) -> String {
     let unpacked = unpack(container).expect("unpacks");
     let root = unpacked.file().root.entries();

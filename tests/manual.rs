@@ -84,8 +84,8 @@ fn verbs() -> Vec<&'static str> {
     heads.map(|head| head.trim_end_matches('`')).collect()
 }
 
-/// Long options in the first cells of the tables under each heading of the chapter of options, and other
-/// headings that the text links to.
+/// Long options in the first cells of the tables under each heading of the chapter of options, and
+/// other headings that the text links to.
 fn sections() -> BTreeMap<&'static str, (BTreeSet<&'static str>, Vec<&'static str>)> {
     let chapter = MANUAL.split("\n## Options\n").nth(1).expect("the chapter of options");
     let mut sections = BTreeMap::new();

@@ -1,4 +1,5 @@
-//! `max_error`: every needed node of every level is within it, by a second bake that keeps all bits.
+//! `max_error`: every needed node of every level is within it, by a second bake that keeps all
+//! bits.
 
 mod common;
 
@@ -49,8 +50,8 @@ fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
     visible.expect("visible").levels.into_iter().map(|level| level.retained).collect()
 }
 
-/// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and returns
-/// the encodings of all levels.
+/// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and
+/// returns the encodings of all levels.
 fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Vec<Encoding> {
     let limits = options.max_error.expect("errors");
     let bytes = baked_bytes(field, options).expect("a bake");

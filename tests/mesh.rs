@@ -96,8 +96,8 @@ fn a_ball_becomes_a_ball() {
     let scale = extent.map(|length| length / 32.0);
     let exact = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
     let exact = exact * scale.iter().product::<f64>();
-    // An icosahedron in the ball, of 20 triangles, has 0.61 of its volume; meshes of few triangles are made of
-    // coarse levels, whose cells round the ball off further.
+    // An icosahedron in the ball, of 20 triangles, has 0.61 of its volume; meshes of few triangles
+    // are made of coarse levels, whose cells round the ball off further.
     for (triangles, least) in [(20, 0.5), (200, 0.75), (2000, 0.9)] {
         let mesh = mesh(&container, triangles).expect("a mesh");
         assert!(mesh.visible && mesh.triangles.len() <= triangles);

@@ -1,8 +1,9 @@
 //! Whether a container that is there already is what a bake would write.
 //!
-//! Provenance says what a container was made from: tool and version, the input's digest, options, what
-//! was assumed. The rest of what decides its bytes, settings of the scene, is in its metadata. Where all
-//! that is as it would be, and the container is whole, a bake would write the same bytes again.
+//! Provenance says what a container was made from: tool and version, the input's digest, options,
+//! what was assumed. The rest of what decides its bytes, settings of the scene, is in its metadata.
+//! Where all that is as it would be, and the container is whole, a bake would write the same bytes
+//! again.
 
 use serde_json::Value;
 

@@ -1,7 +1,7 @@
 //! Planes of a level to compressed runs, as they come.
 //!
-//! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of codes.
-//! They wait as frames until all threads have runs of them to compress.
+//! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of
+//! codes. They wait as frames until all threads have runs of them to compress.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -154,7 +154,8 @@ impl<'a> LevelEncoder<'a> {
         Arc::clone(&self.planes)
     }
 
-    /// Encodes the stored blocks of planes that have come. They are told about in order, each time a block's thickness.
+    /// Encodes the stored blocks of planes that have come. They are told about in order, each time
+    /// a block's thickness.
     pub fn take(&mut self, planes: Range<usize>) -> Result<()> {
         let grid = self.table.grid();
         let row = planes.start / grid.edge;

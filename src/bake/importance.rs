@@ -1,9 +1,10 @@
 //! How much errors of each level's nodes matter to given cameras.
 //!
-//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level `k` is `2^k` times as far
-//! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
-//! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
-//! averaged and resized as levels are, in units of its own mean again.
+//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level
+//! `k` is `2^k` times as far away, and sees of it what it would see of level 0: a coarser node
+//! matters as much, against the mean of its level, as the finer nodes around it do against the mean
+//! of theirs. So each level's is the one before it, averaged and resized as levels are, in units of
+//! its own mean again.
 
 use super::{BakeOptions, Importance};
 use crate::levels::Kernel;

@@ -1,11 +1,11 @@
 //! Blocks that inherit their colours from the next coarser level.
 //!
 //! From the second coarsest level to level 0, each block's colours are compared with those that a
-//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). Where no
-//! retained node's colour would move by more than is allowed, the block's own colours are left out;
-//! its density stays. Coarser levels are decided first, so blocks are compared with exactly the
-//! colours that readers will see. Memory is the colours' codes of one level and of the next coarser
-//! one.
+//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). Where
+//! no retained node's colour would move by more than is allowed, the block's own colours are left
+//! out; its density stays. Coarser levels are decided first, so blocks are compared with exactly
+//! the colours that readers will see. Memory is the colours' codes of one level and of the next
+//! coarser one.
 
 use super::importance::LevelImportance;
 use crate::base::error::Result;
@@ -29,8 +29,9 @@ pub struct Inheritance<'a> {
     pub among: Option<&'a [Table]>,
 }
 
-/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as that
-/// moves values. `level_nodes` gives each level's retained nodes, and their importance to cameras.
+/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as
+/// that moves values. `level_nodes` gives each level's retained nodes, and their importance to
+/// cameras.
 pub fn inherit_levels<'a>(
     encoded: &mut [EncodedLevel],
     metadata: &mut Metadata,
@@ -125,7 +126,8 @@ struct InheritanceTest<'a> {
 }
 
 impl InheritanceTest<'_> {
-    /// The most that filling a block would move a colour of each group by; none where that is too much.
+    /// The most that filling a block would move a colour of each group by; none where that is too
+    /// much.
     fn color_shifts(
         &self,
         place: [usize; 3],

@@ -1,8 +1,8 @@
 //! Bakes within a bound on memory.
 //!
 //! Everything that a bake holds at once follows from sizes and the number of threads, except the
-//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their way
-//! through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
+//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their
+//! way through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
 //! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. Where the
 //! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
 //! halves the planes. No byte of the output depends on either.
@@ -91,8 +91,9 @@ impl Needs<'_> {
         inflated.sum::<u64>() + free_space
     }
 
-    /// Bits of nodes. While it is found what is needed: what is opaque and what is needed of all levels, matter, cells and
-    /// corners of level 0. Then, of all levels, what is needed and what is read for it; matter, and all of level 0.
+    /// Bits of nodes. While it is found what is needed: what is opaque and what is needed of all
+    /// levels, matter, cells and corners of level 0. Then, of all levels, what is needed and what
+    /// is read for it; matter, and all of level 0.
     fn masks(&self) -> u64 {
         let all: u64 = self.sizes.iter().map(|&nodes| NodeMask::bytes(nodes)).sum();
         2 * all + 4 * NodeMask::bytes(self.sizes[0])
@@ -110,7 +111,8 @@ impl Needs<'_> {
 
     /// Planes of density on their way through the levels, and the light that is followed.
     fn pruning(&self) -> u64 {
-        // A slab's amounts, what each thread works on, what waits for the next level; each level a fourth of the last.
+        // A slab's amounts, what each thread works on, what waits for the next level; each level a
+        // fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
         // Depths, what passes and what is seen.
         planes * Self::plane(self.sizes[0]) * 4 / 3 + 3 * self.visibility()
@@ -122,7 +124,8 @@ impl Needs<'_> {
         domain.map_or(0, seen)
     }
 
-    /// Planes of all channels on their way through the levels, and codes that are not compressed yet.
+    /// Planes of all channels on their way through the levels, and codes that are not compressed
+    /// yet.
     fn encoding(&self, pipelined: bool) -> u64 {
         let channels = 1 + self.field.color_channels() as u64;
         let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();

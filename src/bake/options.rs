@@ -31,9 +31,10 @@ pub struct BakeOptions {
     pub levels: Option<usize>,
     /// Bits of a code. Default: 8
     pub bits: Bits,
-    /// Largest error, at any needed node of any level, of what is decoded from what was to be stored:
-    /// in opacity over one interval, in colour and features from 0 to 1. Each group of each level gets
-    /// the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
+    /// Largest error, at any needed node of any level, of what is decoded from what was to be
+    /// stored: in opacity over one interval, in colour and features from 0 to 1. Each group of each
+    /// level gets the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none,
+    /// `bits` count
     pub max_error: Option<MaxErrors>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
@@ -41,29 +42,34 @@ pub struct BakeOptions {
     pub block_size: usize,
     /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
-    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds its own
+    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds
+    /// its own
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's factor. Default: 1
     pub lod_scale: f32,
     /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
     pub fit_steps: usize,
-    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no bound
+    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no
+    /// bound
     pub fit_seconds: Option<f64>,
     /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
     pub fit_cameras: Vec<Camera>,
-    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
-    /// Default: none, all matter is kept
+    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0
+    /// to 1. Default: none, all matter is kept
     pub min_weight: Option<f32>,
-    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their level does of
-    /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
+    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their
+    /// level does of what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64.
+    /// Default: 0
     pub coarseness: f32,
-    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where the next coarser
-    /// level says them so well at every needed node, beyond that of their codes; with [`seen_from`](Self::seen_from)
-    /// at nodes that make up as much as the mean, and more where it is less. Default: none, all are stored
+    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where
+    /// the next coarser level says them so well at every needed node, beyond that of their codes;
+    /// with [`seen_from`](Self::seen_from) at nodes that make up as much as the mean, and more
+    /// where it is less. Default: none, all are stored
     pub fill_error: Option<f32>,
     /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
-    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it. Default: no bound
+    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it.
+    /// Default: no bound
     pub memory: Option<u64>,
     /// What happens to values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,

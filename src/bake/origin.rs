@@ -13,16 +13,16 @@ const SAMPLES: u64 = 64;
 /// Bytes of a sample.
 const SAMPLE_BYTES: u64 = 4096;
 
-/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in any
-/// place.
+/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in
+/// any place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// Kind of the input file.
     pub kind: String,
     /// SHA-256 of what identifies the input without reading it all.
     pub digest: [u8; 32],
-    /// Whether the digest covers the grids' values, by their checksums. Where it does not, a bake adds
-    /// checksums of values.
+    /// Whether the digest covers the grids' values, by their checksums. Where it does not, a bake
+    /// adds checksums of values.
     pub covers_values: bool,
     /// Role and SHA-256 of other files that were used.
     pub companions: Vec<(&'static str, [u8; 32])>,

@@ -15,8 +15,8 @@ pub enum Preset {
 }
 
 /// What `web` lets values err by. On trained scenes the largest, of those tried in a sweep, whose
-/// pictures stay more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features reach
-/// pictures only through the network, which answers to them weakly: they may err by more.
+/// pictures stay more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features
+/// reach pictures only through the network, which answers to them weakly: they may err by more.
 const WEB_ERRORS: MaxErrors = MaxErrors::new(0.02, 0.018, 0.05);
 
 impl Preset {

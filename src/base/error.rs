@@ -215,8 +215,8 @@ impl Error {
         self
     }
 
-    /// Says that the error's place is in the container that a value of a JSON document embeds, whose
-    /// first byte is the file's byte `offset`.
+    /// Says that the error's place is in the container that a value of a JSON document embeds,
+    /// whose first byte is the file's byte `offset`.
     #[must_use]
     pub fn within(mut self, pointer: &str, offset: u64) -> Self {
         let place = Box::new(std::mem::replace(&mut self.0.place, Place::File));

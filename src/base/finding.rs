@@ -116,7 +116,8 @@ codes! {
     MetadataValue = "metadata-value", Error,
         at "key of the metadata",
         do "bake again; tell whoever wrote the file";
-    /// Rays may take more samples than a renderer has to be ready for: the step length is too short.
+    /// Rays may take more samples than a renderer has to be ready for: the step length is too
+    /// short.
     RaySamples = "ray-samples", Error,
         at "key of the metadata",
         do "bake again with a longer step";
@@ -160,7 +161,8 @@ codes! {
     FieldProperty = "field-property", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
-    /// A radiance field names no container, two, bytes that are not there, or those of vertices or indices.
+    /// A radiance field names no container, two, bytes that are not there, or those of vertices or
+    /// indices.
     FieldSource = "field-source", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
@@ -188,7 +190,8 @@ codes! {
     FieldFallback = "field-fallback", Warning,
         at "JSON pointer",
         do "give the node a mesh, or attach with one";
-    /// A file of tensors cannot be read: it is damaged, holds what is refused, or asks for too much.
+    /// A file of tensors cannot be read: it is damaged, holds what is refused, or asks for too
+    /// much.
     Input = "input", Error,
         at "byte, tensor or zip entry",
         do "save it again with a current version of what wrote it";
@@ -216,7 +219,8 @@ codes! {
     SpaceEmpty = "space-empty", Warning,
         at "tensor",
         do "retrain, or check the step length and the activation's shift";
-    /// Of 100 nodes not one has an opacity over one interval of at most 0.001: nothing can be pruned.
+    /// Of 100 nodes not one has an opacity over one interval of at most 0.001: nothing can be
+    /// pruned.
     SpaceFull = "space-full", Warning,
         at "tensor",
         do "retrain with a loss that clears empty space, or check the activation's shift";

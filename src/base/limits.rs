@@ -26,7 +26,8 @@ pub struct Limits {
     pub blocks: u64,
     /// Objects that a pickle makes. Default: 2,097,152
     pub pickle_objects: u64,
-    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16 GiB
+    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16
+    /// GiB
     pub memory: u64,
 }
 

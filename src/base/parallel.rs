@@ -75,10 +75,10 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     work()
 }
 
-/// Has a thread keep what it frees. glibc's allocator gives memory back, and fetches it again page by page, under a lock
-/// that all threads share: a fifth of a bake's time on two. Once a piece of 31 MiB (more does not count) was freed, it
-/// keeps 62 MiB; what is freed next is room made in one step. Nothing is touched, so nothing is taken, and other allocators
-/// do not mind.
+/// Has a thread keep what it frees. glibc's allocator gives memory back, and fetches it again page
+/// by page, under a lock that all threads share: a fifth of a bake's time on two. Once a piece of
+/// 31 MiB (more does not count) was freed, it keeps 62 MiB; what is freed next is room made in one
+/// step. Nothing is touched, so nothing is taken, and other allocators do not mind.
 #[cfg(feature = "parallel")]
 fn keep_freed_memory() {
     for mebibytes in [&[31][..], &[28, 28]] {

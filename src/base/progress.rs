@@ -46,11 +46,13 @@ pub trait Progress: Sync {
     fn advance(&self, _step: Step, _by: u64) {}
     /// `step` is this good by now, in dB.
     fn quality(&self, _step: Step, _psnr: f64) {}
-    /// Asked between pieces of work that only make a result better; `true` ends them with what there is.
+    /// Asked between pieces of work that only make a result better; `true` ends them with what
+    /// there is.
     fn enough(&self) -> bool {
         false
     }
-    /// Asked between pieces of work; `true` ends it with [`crate::base::error::ErrorKind::Cancelled`].
+    /// Asked between pieces of work; `true` ends it with
+    /// [`crate::base::error::ErrorKind::Cancelled`].
     fn cancelled(&self) -> bool {
         false
     }

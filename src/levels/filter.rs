@@ -1,7 +1,7 @@
 //! Filters: how coarser levels are made, and the rules to render them by.
 //!
-//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes, the
-//! reference renderer and the metadata of containers ask it.
+//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes,
+//! the reference renderer and the metadata of containers ask it.
 
 use std::fmt::Debug;
 use std::ops::Deref;
@@ -62,15 +62,15 @@ pub trait LevelFilter: Debug + Send + Sync {
     /// The name that containers and reports state.
     fn name(&self) -> &str;
 
-    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number of
-    /// them, centred, with sum 1.
+    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number
+    /// of them, centred, with sum 1.
     fn weights(&self) -> Vec<f64>;
 
     /// The values that are averaged.
     fn domain(&self) -> FilterDomain;
 
-    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4 nodes
-    /// along the longest axis.
+    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4
+    /// nodes along the longest axis.
     fn level_count(&self, finest: Nodes) -> usize {
         default_level_count(finest)
     }
@@ -83,8 +83,8 @@ pub trait LevelFilter: Debug + Send + Sync {
         }
     }
 
-    /// How far apart samples of coarser levels are. Default: as far as the level's nodes where alpha
-    /// is averaged, else as far as at level 0.
+    /// How far apart samples of coarser levels are. Default: as far as the level's nodes where
+    /// alpha is averaged, else as far as at level 0.
     fn step_rule(&self) -> StepRule {
         match self.domain() {
             FilterDomain::Alpha { .. } => StepRule::LevelOfDetail,
@@ -129,14 +129,15 @@ impl dyn LevelFilter + '_ {
         }
     }
 
-    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter makes.
+    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter
+    /// makes.
     pub fn level_sizes(&self, finest: Nodes, count: Option<usize>) -> Vec<Nodes> {
         level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
     }
 
     /// The rule of levels, with footprints measured to `neighbour`. Training measured them to the
-    /// sample of the same index. Containers measure them at the same distance, which does not depend
-    /// on the place where rays enter the box.
+    /// sample of the same index. Containers measure them at the same distance, which does not
+    /// depend on the place where rays enter the box.
     pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let (factor, bias, most) = self.level_of_detail();
         LevelOfDetail { factor, bias, neighbour, most }
@@ -172,7 +173,8 @@ impl PartialEq for SharedFilter {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Filter {
-    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from afar.
+    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from
+    /// afar.
     RateTent,
     /// Means of opacity over one interval under a box, stored as opacity.
     Coverage,

@@ -1,8 +1,8 @@
 //! Nodes above each level's opacity threshold, found as density streams by.
 //!
 //! Where logits are averaged, one pass over all of density makes every level. Where alpha is
-//! averaged, a first pass over all of density finds the nodes of level 0, and the nodes that are not
-//! empty; a second pass reads just those and makes the coarser levels.
+//! averaged, a first pass over all of density finds the nodes of level 0, and the nodes that are
+//! not empty; a second pass reads just those and makes the coarser levels.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -64,7 +64,8 @@ impl OpacitySearch<'_> {
     ///
     /// # Errors
     ///
-    /// Those of reading, a wrong checksum of density, and [`crate::base::error::ErrorKind::Cancelled`].
+    /// Those of reading, a wrong checksum of density, and
+    /// [`crate::base::error::ErrorKind::Cancelled`].
     pub fn run(&self, progress: &dyn Progress) -> Result<Opacity> {
         let (domain, weights) = (self.domain(), self.filter.weights());
         let extent = extent_in_intervals(&self.planes.field().scene);

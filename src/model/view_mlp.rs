@@ -157,8 +157,8 @@ impl ViewMlp {
         values
     }
 
-    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of half
-    /// the squared error by what the ray accumulated, through the network alone.
+    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of
+    /// half the squared error by what the ray accumulated, through the network alone.
     pub fn differentiate(
         &self,
         direction: [f64; 3],

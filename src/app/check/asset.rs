@@ -1,5 +1,5 @@
-//! Findings of a glTF asset: what general validators of glTF cannot know, its radiance fields and the
-//! containers behind them.
+//! Findings of a glTF asset: what general validators of glTF cannot know, its radiance fields and
+//! the containers behind them.
 
 use std::sync::Arc;
 
@@ -36,8 +36,8 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     Ok(())
 }
 
-/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere, because the rules
-/// of the library look behind them unchecked.
+/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere,
+/// because the rules of the library look behind them unchecked.
 fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     let accessors = root.accessors.len();
     let name = Checked::Valid(Semantic::Positions);

@@ -30,7 +30,8 @@ impl Default for CheckOptions {
     }
 }
 
-/// Validates a container, a glTF asset with the containers of its radiance fields, or an input of a bake.
+/// Validates a container, a glTF asset with the containers of its radiance fields, or an input of a
+/// bake.
 ///
 /// # Errors
 /// Only where the file cannot be opened or read at all; what is wrong with its bytes is in the

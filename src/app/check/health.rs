@@ -1,8 +1,8 @@
 //! The health of a trained scene: one pass over its values, plane by plane.
 //!
-//! Memory is two planes a thread and a few numbers a plane, whatever the scene's size. What training leaves
-//! broken without anybody noticing has a finding: values that are no numbers or far beyond all others,
-//! nothing or everything opaque, channels and network inputs that do nothing.
+//! Memory is two planes a thread and a few numbers a plane, whatever the scene's size. What
+//! training leaves broken without anybody noticing has a finding: values that are no numbers or far
+//! beyond all others, nothing or everything opaque, channels and network inputs that do nothing.
 
 use serde::Serialize;
 
@@ -13,7 +13,8 @@ use crate::model::activate;
 use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField, Volume, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
-/// Opacity over one interval up to which a node counts as empty: what a bake without options prunes by.
+/// Opacity over one interval up to which a node counts as empty: what a bake without options prunes
+/// by.
 const EMPTY_OPACITY: f64 = 1e-3;
 /// Raw values beyond this come from no training that worked: logits of trained scenes end near 100.
 const LARGEST_RAW: f32 = 1e4;
@@ -55,8 +56,8 @@ struct Tally {
     checksum: crc32fast::Hasher,
 }
 
-/// Reports what is wrong with a scene's values and network, and what was measured; nothing where values
-/// cannot be read.
+/// Reports what is wrong with a scene's values and network, and what was measured; nothing where
+/// values cannot be read.
 pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health>> {
     let Some(planes) = checked(tallies(field), Code::Input, report)? else { return Ok(None) };
     checksums(field, &planes, report)?;

@@ -12,7 +12,8 @@ use crate::input::checkpoint::{self, SourceOptions};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
-/// Reports everything that is wrong with a file of tensors; what was measured of its values, where it got so far.
+/// Reports everything that is wrong with a file of tensors; what was measured of its values, where
+/// it got so far.
 pub fn check(
     file: Arc<SourceFile>,
     options: &SourceOptions,

@@ -342,7 +342,8 @@ impl Arguments {
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }
 
-    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would ignore.
+    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would
+    /// ignore.
     fn refuse_ignored(&self, anew: bool) -> Result<()> {
         let (scene, stored) = (&self.scene, &self.stored);
         let ignored = [

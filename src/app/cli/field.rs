@@ -1,5 +1,5 @@
-//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what the user
-//! says about it.
+//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what
+//! the user says about it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -80,8 +80,8 @@ impl SceneArguments {
         }
     }
 
-    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes coarser levels of a trained
-    /// input; without it there is level 0 alone.
+    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes
+    /// coarser levels of a trained input; without it there is level 0 alone.
     pub fn open(
         &self,
         path: &Path,

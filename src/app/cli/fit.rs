@@ -19,8 +19,8 @@ pub struct FitArguments {
     /// bound]
     #[arg(long, value_name = "SECONDS")]
     fit_seconds: Option<f64>,
-    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default: spheres
-    /// around the box]
+    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default:
+    /// spheres around the box]
     #[arg(long, value_name = "FILE")]
     fit_cameras: Option<PathBuf>,
 }

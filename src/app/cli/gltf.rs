@@ -47,8 +47,8 @@ pub fn is_glb(path: &Path) -> Result<bool> {
 }
 
 impl GltfArguments {
-    /// Starts writing, if an asset is asked for: before the work, so that nobody waits for a name that is
-    /// taken.
+    /// Starts writing, if an asset is asked for: before the work, so that nobody waits for a name
+    /// that is taken.
     pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
         let Some(path) = &self.gltf else { return Ok(None) };
         is_glb(path)?;

@@ -15,11 +15,12 @@ use crate::model::field::RadianceField;
 /// When to bake, and what to tell build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
-    /// Bake only if input, options or version differ from those of the container that is there, which
-    /// is then replaced
+    /// Bake only if input, options or version differ from those of the container that is there,
+    /// which is then replaced
     #[arg(long)]
     if_changed: bool,
-    /// Write a dependency file for Make or Ninja: the container, and all files that it was made from
+    /// Write a dependency file for Make or Ninja: the container, and all files that it was made
+    /// from
     #[arg(long, value_name = "FILE.d")]
     depfile: Option<PathBuf>,
 }
@@ -35,8 +36,8 @@ impl IncrementalArguments {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
     }
 
-    /// Starts writing the dependency file, if there is to be one. It is always replaced: build systems
-    /// do not ask either.
+    /// Starts writing the dependency file, if there is to be one. It is always replaced: build
+    /// systems do not ask either.
     pub fn create_depfile(&self) -> Result<Option<Output>> {
         self.depfile.as_deref().map(|path| Output::create(path, true)).transpose()
     }
@@ -64,8 +65,8 @@ impl IncrementalArguments {
     }
 }
 
-/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as Make
-/// and Ninja read them.
+/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as
+/// Make and Ninja read them.
 pub fn depfile_rule(output: &Path, inputs: &[PathBuf]) -> String {
     let escaped = |path: &Path| {
         let mut escaped = String::new();

@@ -13,8 +13,8 @@ pub enum Asked {
     Nothing,
 }
 
-/// What the header `Range` asks of `length` bytes. What is not understood counts as not asked, and so do several
-/// ranges at once: both are a server's right.
+/// What the header `Range` asks of `length` bytes. What is not understood counts as not asked, and
+/// so do several ranges at once: both are a server's right.
 pub fn asked(header: Option<&str>, length: u64) -> Asked {
     let Some((first, last)) = header
         .and_then(|header| header.split_once('='))

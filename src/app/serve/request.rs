@@ -139,7 +139,8 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
             _ => {}
         }
     }
-    // Ranges are defined for GET alone, and no answer here carries a validator that a condition could hold by.
+    // Ranges are defined for GET alone, and no answer here carries a validator that a condition
+    // could hold by.
     let range = range.filter(|_| !is_head && !is_conditional);
     match host {
         Some(host) if is_here(host, address) => Ok(Request { is_head, path, range, keeps_alive }),

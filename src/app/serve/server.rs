@@ -60,7 +60,8 @@ impl Server {
         let open = Arc::new(AtomicUsize::new(0));
         for connection in self.listener.incoming() {
             let Ok(connection) = connection else {
-                // Where the system has no file left for one more, asking again at once would only burn time.
+                // Where the system has no file left for one more, asking again at once would only
+                // burn time.
                 std::thread::sleep(PAUSE);
                 continue;
             };

@@ -22,7 +22,8 @@ const VIEWER: [(&str, &str, &[u8]); 4] = [
     ("/style.css", "text/css; charset=utf-8", include_bytes!("../../../viewer/dist/style.css")),
 ];
 
-/// With every answer: the page runs its own scripts alone, talks to nobody else and is kept nowhere.
+/// With every answer: the page runs its own scripts alone, talks to nobody else and is kept
+/// nowhere.
 pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
     Content-Security-Policy: default-src 'none'; script-src 'self'; worker-src 'self'; \
     style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:; \

@@ -1,4 +1,5 @@
-//! The results as a table for spreadsheets: one row a setting, after RFC 4180 but for its line ends.
+//! The results as a table for spreadsheets: one row a setting, after RFC 4180 but for its line
+//! ends.
 
 use std::fmt::Write;
 

@@ -15,7 +15,8 @@ pub struct SweepOptions {
     pub repeat: usize,
     /// Whether files that no sweep wrote may be replaced. Default: false
     pub overwrite: bool,
-    /// Bounds on what is read back: containers, and results of former sweeps. Default: the usual ones
+    /// Bounds on what is read back: containers, and results of former sweeps. Default: the usual
+    /// ones
     pub limits: Limits,
 }
 

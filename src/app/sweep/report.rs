@@ -19,8 +19,8 @@ pub const SCHEMA: &str = "mipvog-sweep/1";
 pub struct Measured {
     /// Bytes of the container.
     pub output_bytes: u64,
-    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting for
-    /// the disk at the end.
+    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting
+    /// for the disk at the end.
     pub seconds: f64,
     /// Levels of the container.
     pub levels: usize,

@@ -61,8 +61,8 @@ impl Grid {
         without == Self::default()
     }
 
-    /// Its settings, each once: filters vary slowest, compression levels fastest, presets come last.
-    /// Without any list and any preset these are [`Self::usual`]'s.
+    /// Its settings, each once: filters vary slowest, compression levels fastest, presets come
+    /// last. Without any list and any preset these are [`Self::usual`]'s.
     pub fn settings(&self) -> Vec<Setting> {
         if *self == Self::default() {
             return Self::usual().settings();

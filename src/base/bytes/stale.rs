@@ -1,8 +1,8 @@
 //! Temporary files of runs that were killed.
 //!
-//! Every output that is being written is locked; the system drops the lock with the process, however it ends.
-//! So what has the name of such a file and no lock is nobody's, and the next run that writes to the folder
-//! removes it. Where a file system has no locks nothing is removed.
+//! Every output that is being written is locked; the system drops the lock with the process,
+//! however it ends. So what has the name of such a file and no lock is nobody's, and the next run
+//! that writes to the folder removes it. Where a file system has no locks nothing is removed.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -16,7 +16,8 @@ pub const PREFIX: &str = ".mipvog-";
 /// How they end.
 pub const SUFFIX: &str = ".partial";
 
-/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are large.
+/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are
+/// large.
 pub fn remove(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);

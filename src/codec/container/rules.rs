@@ -339,8 +339,8 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown critical ones
-    // were reported.
+    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown
+    // critical ones were reported.
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),

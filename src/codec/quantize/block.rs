@@ -72,8 +72,8 @@ pub struct BlockEncoder {
 }
 
 impl BlockEncoder {
-    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get values that nobody
-    /// sees.
+    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get values that
+    /// nobody sees.
     pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
         let shape = FrameShape { number: encoding.number, channels, edge };
         let coarsener = Coarsener::new(&encoding, activation);
@@ -98,9 +98,10 @@ impl BlockEncoder {
         self.dont_care_max
     }
 
-    /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
-    /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
-    /// Codes of other nodes are any: they are filled with what costs least.
+    /// The codes of a block, of which the nodes `needed` count, whose channels start at
+    /// `first_channel` of the slab, coarser ones where `coarsening` says so, and the most that the
+    /// colour or opacity of a needed node was moved for that. Codes of other nodes are any: they
+    /// are filled with what costs least.
     pub fn frame(
         &self,
         source: BlockSource,

@@ -1,11 +1,11 @@
 //! Coarser values where little of them is seen.
 //!
-//! A node may take the mean of its lower neighbours (as prediction sees it), in all channels of its group at
-//! once, where each of its codes is so near to it as its importance allows. Such nodes are not live
-//! ([`super::run`]) and cost next to nothing; the others keep their codes. To round those too, to fewer codes,
-//! would save little: what is off the mean at all costs nearly as much as it does exactly. Distances are counted
-//! in codes, not in colours: what is interpolated is what codes stand for, and beside a node where the activation
-//! is flat may be one where it is steep.
+//! A node may take the mean of its lower neighbours (as prediction sees it), in all channels of its
+//! group at once, where each of its codes is so near to it as its importance allows. Such nodes are
+//! not live ([`super::run`]) and cost next to nothing; the others keep their codes. To round those
+//! too, to fewer codes, would save little: what is off the mean at all costs nearly as much as it
+//! does exactly. Distances are counted in codes, not in colours: what is interpolated is what codes
+//! stand for, and beside a node where the activation is flat may be one where it is steep.
 
 use super::code_word::Code;
 use super::frame::FrameShape;
@@ -18,8 +18,8 @@ use crate::model::field::Activation;
 pub struct Coarsening<'a> {
     /// Of each node of the block; 1 is the mean of its level.
     pub importance: &'a [f32],
-    /// Codes that a node of importance 1 may be moved by. Distances grow with one over the root of importance,
-    /// so that every node adds as much to the squared error of pictures.
+    /// Codes that a node of importance 1 may be moved by. Distances grow with one over the root of
+    /// importance, so that every node adds as much to the squared error of pictures.
     pub coarseness: f32,
 }
 
@@ -38,9 +38,9 @@ impl Coarsener {
         is_integer.then(|| Self { activated: encoding.values().map(activated).collect() })
     }
 
-    /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are going to be:
-    /// their mean, or `dont_care_max` where that is lower. Returns the most that a needed node's colour or
-    /// opacity is moved by.
+    /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are
+    /// going to be: their mean, or `dont_care_max` where that is lower. Returns the most that a
+    /// needed node's colour or opacity is moved by.
     pub fn coarsen<T: Code>(
         &self,
         shape: FrameShape,

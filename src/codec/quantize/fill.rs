@@ -1,9 +1,9 @@
 //! Colours of filled blocks: what the next coarser level says there.
 //!
-//! A filled block has no colours of its own. Each of its nodes gets the next coarser level's decoded colours at
-//! the same place of the box, interpolated in f64 and then given the nearest code of its own level, so that
-//! whoever reads a level finds codes like any others. Everything is exact or rounded once to f64, in a stated
-//! order: `formats/mipvog.md`, section 5.
+//! A filled block has no colours of its own. Each of its nodes gets the next coarser level's
+//! decoded colours at the same place of the box, interpolated in f64 and then given the nearest
+//! code of its own level, so that whoever reads a level finds codes like any others. Everything is
+//! exact or rounded once to f64, in a stated order: `formats/mipvog.md`, section 5.
 
 use crate::base::parallel;
 use crate::model::baked::{
@@ -32,12 +32,13 @@ pub struct Filler<'a> {
     empty: f64,
 }
 
-/// A node of an axis between two of the coarser level's: the lower one, and the share of the upper one.
+/// A node of an axis between two of the coarser level's: the lower one, and the share of the upper
+/// one.
 type Between = (usize, f64);
 
 impl<'a> Filler<'a> {
-    /// Of blocks of `level` from `coarser`, whose metadata is `of_coarser`; none where a level does not have
-    /// the group's `channels` in integer codes.
+    /// Of blocks of `level` from `coarser`, whose metadata is `of_coarser`; none where a level does
+    /// not have the group's `channels` in integer codes.
     pub fn new(
         level: &LevelMetadata,
         (of_coarser, coarser): (&LevelMetadata, &'a BakedLevel),

@@ -1,7 +1,8 @@
 //! Planes of values to planes of codes.
 //!
-//! Values are quantized plane by plane, as soon as they are known and while they are in a processor's caches; codes are a
-//! quarter as large or less. They wait until all planes of a slab are there, and blocks are cut from them.
+//! Values are quantized plane by plane, as soon as they are known and while they are in a
+//! processor's caches; codes are a quarter as large or less. They wait until all planes of a slab
+//! are there, and blocks are cut from them.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -59,8 +60,8 @@ impl CodeSlab {
 }
 
 impl<'a> CodePlanes<'a> {
-    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a bound: what colours and
-    /// opacities may be moved by.
+    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a
+    /// bound: what colours and opacities may be moved by.
     pub fn new<'e>(
         needed: &'a NodeMask,
         activation: Activation,
@@ -80,8 +81,8 @@ impl<'a> CodePlanes<'a> {
         Self { needed, activation, channels, planes }
     }
 
-    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its group's bound, if there is
-    /// one.
+    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its
+    /// group's bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, spare } = &self.channels[channel];
         let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();

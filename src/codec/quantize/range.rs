@@ -1,18 +1,18 @@
 //! Ranges and error bounds.
 //!
 //! Nodes far below the opacity threshold, and far inside matter, still shape surfaces by
-//! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB. So
-//! codes extent down to -100, what unseen nodes hold, and as far up; they are dense where opacity
-//! changes and sparse elsewhere ([`Encoding`]). Emptiness has a code of its own, so that it stays
-//! exactly what it was. Colour likewise reaches far into saturation.
+//! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB.
+//! So codes extent down to -100, what unseen nodes hold, and as far up; they are dense where
+//! opacity changes and sparse elsewhere ([`Encoding`]). Emptiness has a code of its own, so that it
+//! stays exactly what it was. Colour likewise reaches far into saturation.
 //!
 //! **The bound.** Codes' values ascend and a value gets the code between whose borders it lies. The
 //! activation is monotone, so the farthest that a value's activation can be from its code's is at a
 //! border, or, beyond the ends, where the activation ends. Borders are f32 numbers that values are
-//! compared with exactly, so no rounding is left to add: the bound is the largest of these distances.
-//! Where all values are known to lie between a lowest and a highest ([`super::search`]), the
-//! activation ends there: what is between borders is cut off at both, and codes whose values would
-//! all lie beyond count for nothing.
+//! compared with exactly, so no rounding is left to add: the bound is the largest of these
+//! distances. Where all values are known to lie between a lowest and a highest ([`super::search`]),
+//! the activation ends there: what is between borders is cut off at both, and codes whose values
+//! would all lie beyond count for nothing.
 
 use super::nearest::border;
 use crate::model::activate;
@@ -224,8 +224,8 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     encoding
 }
 
-/// An encoding as floats have it; integers get their codes after. A value's activation does not move
-/// at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
+/// An encoding as floats have it; integers get their codes after. A value's activation does not
+/// move at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
 /// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
 /// that are subnormal in f16. Beyond 65504, where f16 ends, `activation` may go on: short intervals
 /// see raw density grow for long.

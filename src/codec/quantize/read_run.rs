@@ -5,7 +5,8 @@ use super::frame::{FrameShape, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::predict::{self, CHANNELS_BEFORE, Channel, Lanes, WEIGHTS};
 
-/// For each byte of live bits, how many are set below each: where the residual of a live node is among those of eight.
+/// For each byte of live bits, how many are set below each: where the residual of a live node is
+/// among those of eight.
 const PLACES: [[u8; 8]; 256] = places();
 
 const fn places() -> [[u8; 8]; 256] {
@@ -179,10 +180,12 @@ impl<'a> RunParts<'a> {
         }
     }
 
-    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are live.
+    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are
+    /// live.
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
-        // The next bytes of each plane. After the last live node there may be fewer than eight, and none is needed.
+        // The next bytes of each plane. After the last live node there may be fewer than eight, and
+        // none is needed.
         let mut last = [[0; 8]; 4];
         let mut next = [&[0; 8]; 4];
         for (byte, (next, last)) in next.iter_mut().zip(&mut last).enumerate().take(T::BYTES) {

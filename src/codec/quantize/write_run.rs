@@ -183,7 +183,8 @@ const fn live_places() -> [[u8; 8]; 256] {
     places
 }
 
-/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those come first.
+/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those
+/// come first.
 #[inline(always)]
 fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
     let mut whole = [T::default(); 8];

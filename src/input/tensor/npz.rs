@@ -162,8 +162,8 @@ struct Header {
     shape: Vec<u64>,
 }
 
-/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the `L`
-/// of Python 2 and commas at the end.
+/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the
+/// `L` of Python 2 and commas at the end.
 fn read_header(literal: &[u8]) -> Option<Header> {
     let mut json: String = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
     for (python, plain) in [

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Codes are dense around `center`, where an activation is steep, and grow sparse towards the ends,
-//! which only have to be in proportion: a surface lies where interpolation between a node inside and
-//! one far outside crosses the visible range.
+//! which only have to be in proportion: a surface lies where interpolation between a node inside
+//! and one far outside crosses the visible range.
 
 use std::ops::RangeInclusive;
 
@@ -112,7 +112,8 @@ impl Encoding {
         (1 << self.bits) - 1
     }
 
-    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded up.
+    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded
+    /// up.
     pub fn error_after(&self, moved: f64) -> f32 {
         if moved > 0.0 {
             ((f64::from(self.max_error) + moved) * (1.0 + 1e-6)) as f32

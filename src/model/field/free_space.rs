@@ -33,8 +33,8 @@ pub enum Lookup {
 }
 
 impl FreeSpace {
-    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along an
-    /// axis.
+    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along
+    /// an axis.
     ///
     /// # Errors
     /// `Malformed`.

@@ -63,8 +63,8 @@ impl NonfiniteCount {
 }
 
 impl<'a> Planes<'a> {
-    /// Planes of `field`. Nodes in `outside` lose their density. `nonfinite` says whether values that
-    /// are not finite are an error.
+    /// Planes of `field`. Nodes in `outside` lose their density. `nonfinite` says whether values
+    /// that are not finite are an error.
     pub fn new(field: &'a RadianceField, outside: Option<NodeMask>, nonfinite: Nonfinite) -> Self {
         Self { field, outside, nonfinite }
     }
@@ -164,7 +164,8 @@ fn replace_nonfinite(
     found
 }
 
-/// Whether no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors do it.
+/// Whether no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors
+/// do it.
 fn all_finite(values: &[f32]) -> bool {
     const EXPONENT: u32 = 0xff << 23;
     let found = |found, value: &f32| found | u32::from(value.to_bits() & EXPONENT == EXPONENT);

@@ -37,8 +37,8 @@ pub struct Activation {
 }
 
 impl Activation {
-    /// The raw density of an opacity of 1e-10: renderers need not look at cells whose corners are all
-    /// at or below it, and bakes fill nodes that nobody needs with at most this.
+    /// The raw density of an opacity of 1e-10: renderers need not look at cells whose corners are
+    /// all at or below it, and bakes fill nodes that nobody needs with at most this.
     pub fn unseen_raw(&self) -> f32 {
         activate::raw_at_opacity(UNSEEN_OPACITY, self.shift.into(), self.interval.into()) as f32
     }

@@ -163,8 +163,8 @@ impl Picture {
         }
     }
 
-    /// The largest channel's error of each pixel as a colour: black for none, through red and yellow
-    /// to white for `full` and above.
+    /// The largest channel's error of each pixel as a colour: black for none, through red and
+    /// yellow to white for `full` and above.
     pub fn heat_map(&self, other: &Self, full: f32) -> Vec<u8> {
         let heat = |(a, b): (&[f32; 3], &[f32; 3])| {
             let error = (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);

@@ -52,7 +52,8 @@ pub struct Frame {
     pub color: Vec<[f32; 3]>,
     /// Light left behind the field.
     pub transmittance: Vec<f32>,
-    /// Expected distance in world units; what is left behind the field counts at `far`, if there is one.
+    /// Expected distance in world units; what is left behind the field counts at `far`, if there is
+    /// one.
     pub distance: Vec<f32>,
     /// Weighted mean level of the samples; 0 where there are none.
     pub level: Vec<f32>,
@@ -228,7 +229,8 @@ impl Frame {
         }
     }
 
-    /// The mean of `factor` by `factor` pixels; what is left over at the right and below is dropped.
+    /// The mean of `factor` by `factor` pixels; what is left over at the right and below is
+    /// dropped.
     #[must_use]
     pub fn box_downsampled(self, factor: usize) -> Self {
         if factor == 1 {

@@ -25,8 +25,8 @@ pub struct Packet {
     intervals: [f32; PACKET],
 }
 
-/// What a ray's packets add up to. In f64: a ray may have 10^5 samples, and in f32 equal small ones would
-/// all be rounded the same way, to a part in 300 of their sum.
+/// What a ray's packets add up to. In f64: a ray may have 10^5 samples, and in f32 equal small ones
+/// would all be rounded the same way, to a part in 300 of their sum.
 pub struct Sums<const C: usize> {
     /// Optical depth.
     pub depth: f64,
@@ -79,7 +79,8 @@ impl Packet {
         self.count == PACKET || (self.level != level && self.count > 0)
     }
 
-    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the next.
+    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the
+    /// next.
     #[inline(always)]
     pub fn push(&mut self, k: f64, level: usize, blend: f32, intervals: f32) {
         self.level = level;
@@ -89,8 +90,8 @@ impl Packet {
         self.count += 1;
     }
 
-    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the packets
-    /// before it.
+    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the
+    /// packets before it.
     pub fn shade<const C: usize>(
         &mut self,
         view: &View,
@@ -240,8 +241,8 @@ fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -
     }
 }
 
-/// The optical depth over one interval of an interpolated density. Finite even of the largest numbers, so
-/// that mixing two of them gives no NaN.
+/// The optical depth over one interval of an interpolated density. Finite even of the largest
+/// numbers, so that mixing two of them gives no NaN.
 #[inline(always)]
 pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     let Activation { shift, interval, order } = view.activation;

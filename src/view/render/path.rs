@@ -4,11 +4,12 @@ use super::view::View;
 use crate::model::baked::FootprintNeighbour;
 use crate::model::camera::Ray;
 
-/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries are
-/// faces, and rounding must not decide whether a ray's first sample counts.
+/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries
+/// are faces, and rounding must not decide whether a ray's first sample counts.
 const ON_FACE: f64 = 1e-9;
 
-/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each axis.
+/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each
+/// axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Path {
     /// Sample 0.
@@ -106,8 +107,8 @@ fn step_world(view: &View) -> f64 {
     f64::from(view.march.stepsize) * f64::from(view.march.voxel_size)
 }
 
-/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along each
-/// axis of the box.
+/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along
+/// each axis of the box.
 fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
     let extent = view.bounds.extent();
     let start =

@@ -18,8 +18,8 @@ pub struct Route {
 }
 
 impl Route {
-    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and y, if
-    /// the level depends on them. None if the ray misses the box.
+    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and
+    /// y, if the level depends on them. None if the ray misses the box.
     pub fn new(
         view: &View,
         levels: usize,

@@ -50,8 +50,8 @@ pub struct TrainedLevels<'a> {
 }
 
 impl<'a> TrainedLevels<'a> {
-    /// As many levels as `filter` makes of a scene, rendered by the rules of training where training
-    /// had such levels.
+    /// As many levels as `filter` makes of a scene, rendered by the rules of training where
+    /// training had such levels.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
         let neighbour = match filter.blend() {
             Blend::BeforeActivation => FootprintNeighbour::SameIndex,

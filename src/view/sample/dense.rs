@@ -26,8 +26,8 @@ pub struct Dense<const C: usize> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one, level
-    /// 0 alone.
+    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one,
+    /// level 0 alone.
     ///
     /// # Errors
     ///

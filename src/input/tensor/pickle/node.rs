@@ -124,8 +124,8 @@ pub(super) struct Allowance {
 
 impl Allowance {
     fn new(limits: &Limits) -> Self {
-        // State dictionaries take about as much more than their pickle; lists take up to half as much again while
-        // they grow.
+        // State dictionaries take about as much more than their pickle; lists take up to half as
+        // much again while they grow.
         let memory = limits.header_bytes.saturating_mul(2);
         let budget = Budget::new(&Limits { memory, ..limits.clone() });
         Self { objects: 0, allowed: limits.pickle_objects, budget }

@@ -68,7 +68,8 @@ pub fn extension<'a>(object: &Members<'a>) -> Result<Option<Node<'a>>> {
 pub struct ContainerBytes {
     /// Its bytes, as a file of their own.
     pub file: Arc<SourceFile>,
-    /// Where they start in the file that holds them; 0 in one of their own, and in a data URI's bytes.
+    /// Where they start in the file that holds them; 0 in one of their own, and in a data URI's
+    /// bytes.
     pub offset: u64,
 }
 

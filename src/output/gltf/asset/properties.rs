@@ -1,5 +1,6 @@
 //! The objects of `MIPVOG_radiance_field`: what a viewer must know before it fetches the container.
-//! Words for rules are those of the container's metadata, so that nobody has to map one to the other.
+//! Words for rules are those of the container's metadata, so that nobody has to map one to the
+//! other.
 
 use serde::{Deserialize, Serialize};
 

@@ -54,8 +54,8 @@ pub fn open(uri: &str, base: &Path, place: &Place) -> Result<Arc<SourceFile>> {
     SourceFile::open(&folder.join(path)).map(Arc::new)
 }
 
-/// The relative reference by which a file in the folder of `from` names the file `to`; neither needs
-/// to be there yet, their folders do.
+/// The relative reference by which a file in the folder of `from` names the file `to`; neither
+/// needs to be there yet, their folders do.
 pub fn relative(from: &Path, to: &Path) -> Result<String> {
     let folder = |file: &Path| {
         let folder = match file.parent() {

@@ -54,8 +54,8 @@ pub struct Attached {
 }
 
 /// Writes `asset` with the field in `container` to `output`, complete but not yet finished.
-/// `container_path` is the container's name, and `output_path` that of the asset, for the URI between
-/// them.
+/// `container_path` is the container's name, and `output_path` that of the asset, for the URI
+/// between them.
 ///
 /// # Errors
 /// Containers and documents that break their rules; options that do not fit the document.

@@ -1,7 +1,7 @@
 //! Numbers of nodes and buffer views, wherever a document refers to them.
 //!
-//! Extensions that nobody here knows refer to things by number too. By convention such a property is
-//! named after what it refers to, so every property of these names counts, at any depth.
+//! Extensions that nobody here knows refer to things by number too. By convention such a property
+//! is named after what it refers to, so every property of these names counts, at any depth.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -15,8 +15,8 @@ pub const INSIDE: f64 = 0.5;
 pub struct OpacityGrid {
     /// Nodes along each axis, the layer around included.
     pub sizes: [usize; 3],
-    /// World positions along each axis; the layer around lies on the box's faces, so that no surface
-    /// leaves the box.
+    /// World positions along each axis; the layer around lies on the box's faces, so that no
+    /// surface leaves the box.
     pub at: [Vec<f64>; 3],
     /// Opacity over a cell.
     pub opacity: Vec<f64>,
@@ -145,8 +145,8 @@ struct NodeRules<'a> {
 }
 
 impl NodeRules<'_> {
-    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is below
-    /// visibility.
+    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is
+    /// below visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
         if stored <= self.domain.unseen(activation) {
