@@ -1,4 +1,4 @@
-//! What the coding of atlases gains, and what it costs.
+//! Measures the gain and the cost of the coding of atlases.
 //!
 //! ```text
 //! cargo bench --bench coding -- CONTAINER...
@@ -38,7 +38,7 @@ fn main() {
     }
 }
 
-/// What one group, or all, came to.
+/// Figures of one group, or of all.
 #[derive(Default, Clone, Copy)]
 struct Figures {
     bytes: usize,

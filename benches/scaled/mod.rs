@@ -18,7 +18,7 @@ const MATTER: f32 = 0.0;
 /// Half the spread of the noise in raw values.
 const NOISE: f32 = 0.5;
 
-/// How numbers are stored.
+/// Stored number types.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
     F32,

@@ -1,4 +1,4 @@
-//! What is fuzzed: every parser of bytes that strangers write, each as a function that must return.
+//! Fuzz targets: every parser of bytes that strangers write, each as a function that must return.
 //!
 //! A target takes any bytes. Where checksums would stop nearly every mutation at the door, it mends
 //! them or puts the bytes where only their meaning is judged. Errors and readings are both fine;
@@ -85,8 +85,8 @@ pub fn container(bytes: &[u8]) {
     let (file, limits) = (file(bytes), limits());
     let strict = Container::open(Arc::clone(&file), &limits).and_then(|container| container.read());
     let report = check_file(file, &CheckOptions::default(), &limits);
-    // What strict readers take has no finding; what has no finding they take, as long as all of it
-    // fits in memory at once.
+    // A file that strict readers take has no finding. A file without findings is taken, as long as
+    // all of it fits in memory at once.
     let valid = report.is_ok_and(|report| report.valid);
     let fits =
         !matches!(&strict, Err(error) if matches!(error.kind(), ErrorKind::OverLimit { .. }));

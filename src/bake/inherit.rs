@@ -109,14 +109,14 @@ pub fn inherit_levels<'a>(
 /// A group that may be filled.
 struct ColorGroup<'a> {
     filler: &'a Filler<'a>,
-    /// What is stored so far.
+    /// The codes stored so far.
     codes: &'a Codes,
     /// The colour of each code.
     activated: Vec<f64>,
     channels: usize,
 }
 
-/// What blocks of a level are judged by.
+/// The test that a level's blocks must pass to inherit.
 struct InheritanceTest<'a> {
     grid: BlockGrid,
     needed: &'a NodeMask,
@@ -211,7 +211,7 @@ fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtl
     let (count, full) = (codes.len() / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {
         let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
-        // Every code counts: those that nobody needs were chosen when the level was encoded.
+        // Every code counts: codes of don't-care nodes were chosen when the level was encoded.
         CompressedRun::new(shape, &frames, 0, zstd_level)
     })?;
     EncodedAtlas::new(full, runs)

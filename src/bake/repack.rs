@@ -41,9 +41,9 @@ pub struct Changes {
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's factor.
     pub lod_scale: Option<f32>,
-    /// Where rays start.
+    /// Start of rays.
     pub near: Option<f32>,
-    /// Where rays enter the box at the latest.
+    /// Farthest entry of rays into the box.
     pub far: Option<f32>,
     /// Colour behind the field.
     pub background: Option<[f32; 3]>,

@@ -1,4 +1,4 @@
-//! How the library tells what it is doing. It never prints.
+//! Reports of the library on its current step. It never prints.
 
 /// A part of the work, in the order in which a bake does them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -58,7 +58,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// Progress that nobody watches.
+/// Progress without a watcher.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

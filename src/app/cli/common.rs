@@ -5,10 +5,10 @@ use clap::{Args, ValueEnum};
 use super::values;
 use crate::base::limits::Limits;
 
-/// What all verbs share.
+/// Options that all verbs share.
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// How to print reports
+    /// Format of reports
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
     /// Threads to use; 0 is one for each processor

@@ -1,4 +1,5 @@
-//! Baking only what changed: skipping what is current, and telling build systems what a bake read.
+//! Bakes of changes only: current outputs are skipped, and build systems learn the inputs of a
+//! bake.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,12 +27,12 @@ pub struct IncrementalArguments {
 }
 
 impl IncrementalArguments {
-    /// Whether a current output is to be left as it is.
+    /// True if a current output is to be left as it is.
     pub fn is_asked(&self) -> bool {
         self.if_changed
     }
 
-    /// Whether an existing output may be replaced: a container may, where only changes are baked.
+    /// True if an existing output may be replaced: a container may, if only changes are baked.
     pub fn replaces(&self, output: &Path) -> bool {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
     }
@@ -42,7 +43,7 @@ impl IncrementalArguments {
         self.depfile.as_deref().map(|path| Output::create(path, true)).transpose()
     }
 
-    /// What the container that is there says of itself, if nothing has changed since it was baked.
+    /// The existing container's figures, if nothing has changed since it was baked.
     pub fn current(
         &self,
         output: &Path,
@@ -54,7 +55,7 @@ impl IncrementalArguments {
         if !self.replaces(output) {
             return Ok(None);
         }
-        // What cannot be read is baked anew.
+        // An unreadable container is baked anew.
         let file = Arc::new(SourceFile::open(output)?);
         let Ok(container) = Container::open(Arc::clone(&file), limits) else {
             return Ok(None);

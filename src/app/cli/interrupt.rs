@@ -26,7 +26,7 @@ pub fn outlive_file_limits() {
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
 }
 
-/// What has been asked for.
+/// The signals received.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupts {
     interrupted: Arc<AtomicBool>,
@@ -38,8 +38,8 @@ impl Interrupts {
     pub fn watch() -> Self {
         let watched = Self::default();
         for (signal, asked) in [(SIGINT, &watched.interrupted), (SIGTERM, &watched.terminated)] {
-            // Whoever asks twice gets it: this looks at what the next line sets. A signal that
-            // cannot be watched keeps ending the program.
+            // The second signal ends the program: this line tests the flag that the next line sets.
+            // A signal that cannot be watched keeps ending the program.
             flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
             flag::register_usize(signal, Arc::clone(last()), signal.unsigned_abs() as usize).ok();
             flag::register(signal, Arc::clone(asked)).ok();
@@ -47,17 +47,17 @@ impl Interrupts {
         watched
     }
 
-    /// Whether the user wants the result so far; answers once.
+    /// True if the user wants the result so far; answers once.
     pub fn wants_result(&self) -> bool {
         self.interrupted.swap(false, Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
     }
 
-    /// Whether the program was told to end, and not just interrupted.
+    /// True if the program was told to end, and not just interrupted.
     pub fn is_terminated(&self) -> bool {
         self.terminated.load(Ordering::Relaxed)
     }
 
-    /// Whether the program should end.
+    /// True if the program should end.
     pub fn wants_end(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
     }

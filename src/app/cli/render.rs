@@ -82,12 +82,12 @@ pub struct CameraArguments {
 pub struct Size([usize; 2]);
 
 impl CameraArguments {
-    /// Whether there is a camera file or a turntable.
+    /// True if there is a camera file or a turntable.
     pub fn given(&self) -> bool {
         self.cameras.is_some() || self.turntable.is_some()
     }
 
-    /// Whether a size or frames are given.
+    /// True if a size or frames are given.
     pub fn selects(&self) -> bool {
         self.size.is_some() || !self.frames.is_empty()
     }
@@ -120,7 +120,7 @@ struct Report {
     output: String,
     seconds: f64,
     rays_per_second: f64,
-    /// Samples looked at, of those between the rays' entry and exit.
+    /// Samples read between the rays' entry and exit.
     samples_per_ray: f64,
     skipped_share: f64,
     frames: Vec<FrameReport>,

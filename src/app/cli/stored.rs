@@ -1,4 +1,4 @@
-//! Options of `bake` that say what is stored.
+//! Options of `bake` for the stored values.
 
 use clap::{Args, ValueEnum};
 
@@ -7,11 +7,11 @@ use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors};
 use crate::codec::quantize::Bits;
 use crate::model::field::Nonfinite;
 
-/// What is stored, and how exactly.
+/// The stored values and their precision.
 #[derive(Debug, Args)]
 pub struct StoredArguments {
-    /// How coarser levels are made: rate-tent, coverage, fit, code, paper, none, mean3, mean5,
-    /// mean7, gauss3, gauss5, gauss7 [default: rate-tent]
+    /// Filter of coarser levels: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
+    /// gauss3, gauss5, gauss7 [default: rate-tent]
     #[arg(long, value_name = "NAME")]
     pub filter: Option<Filter>,
     /// Levels in all, at most [default: down to 4 nodes along the longest axis]
@@ -58,7 +58,7 @@ pub struct StoredArguments {
     /// output is the same [default: no bound]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
-    /// What to do with values that are not finite
+    /// Treatment of values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
 }
@@ -72,7 +72,7 @@ enum NonfiniteChoice {
 }
 
 impl StoredArguments {
-    /// Whether values that are not finite become empty.
+    /// True if values that are not finite become empty.
     pub fn replaces_nonfinite(&self) -> bool {
         self.nonfinite == NonfiniteChoice::Empty
     }

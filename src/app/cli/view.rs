@@ -69,8 +69,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     Ok(())
 }
 
-/// Says which files the asset needs that the viewer will not get. What is wrong with it is the
-/// viewer's to tell.
+/// Names the files that the asset refers to and that the viewer will not get. Faults of the asset
+/// are the viewer's to tell.
 fn warn_of_companions(file: &Path, common: &Common) {
     let asset = SourceFile::open(file).map(Arc::new);
     let asset = asset.and_then(|file| Asset::open(file, &common.limits()));

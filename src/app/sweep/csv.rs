@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::report::{SettingReport, SweepReport};
 
-/// What each scale's columns hold.
+/// Columns of each scale.
 const FIGURES: [&str; 8] = [
     "psnr",
     "ssim",
@@ -17,7 +17,7 @@ const FIGURES: [&str; 8] = [
     "front_seconds",
 ];
 
-/// The table. Columns of scale `k` end in `_sk`; what is unknown is empty.
+/// The table. Columns of scale `k` end in `_sk`; unknown values are empty.
 pub fn csv(report: &SweepReport) -> String {
     let head = [
         "name",

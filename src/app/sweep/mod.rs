@@ -1,5 +1,5 @@
-//! Bakes over settings: what each costs in time and bytes, what it loses at every scale, and which
-//! of them are worth having.
+//! Bakes over settings: each one's cost in time and bytes, its loss at every scale, and the choice
+//! of those worth having.
 //!
 //! 1. **Settings** ([`Grid`]): every combination of the lists that were given, each once, in a
 //!    stable order and under a stable name.
@@ -11,8 +11,8 @@
 //! 4. **Tell**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
 //!    ([`csv`]) and `sweep.html` ([`page`]), written anew by every run.
 //!
-//! A setting that cannot be baked has a failure for a result, and the others go on; an operating
-//! system that fails, or a caller who cancels, ends the sweep. What was finished stays.
+//! A setting that cannot be baked has a failure for a result, and the others go on. An operating
+//! system that fails, or a caller who cancels, ends the sweep. Finished results stay.
 
 mod csv;
 mod escape;

@@ -15,7 +15,7 @@ const FRAME: [f64; 4] = [56.0, 10.0, 326.0, 226.0];
 pub(super) struct PlotPoint {
     /// Along the axes.
     pub(super) at: [f64; 2],
-    /// Whether the front goes through it.
+    /// True if the front goes through it.
     pub(super) on_front: bool,
     /// Stands beside it.
     pub(super) label: String,

@@ -57,7 +57,7 @@ pub struct Rays<'a, const C: usize> {
 #[derive(Debug, Clone, Copy)]
 struct Part<const C: usize> {
     level: usize,
-    /// How much of the sample it is.
+    /// Its share of the sample.
     share: f32,
     cell: Cell,
     /// Interpolated density.
