@@ -1,4 +1,4 @@
-//! What given cameras see of a field, and bakes that keep nothing else.
+//! Nodes of a field that given cameras cover, and bakes that keep nothing else.
 
 mod common;
 
@@ -44,7 +44,7 @@ fn from_side(side: f64) -> Camera {
     Camera::looking_at(middle, DVec3::new(side, 0.0, 0.0), 7.0, "side".to_owned(), lens)
 }
 
-/// Whether any cell of plane `x` is in the set.
+/// True if any cell of plane `x` is in the set.
 fn any(cells: &CellMask, x: usize) -> bool {
     cells.lowest_nodes().plane(x).iter().any(|&word| word != 0)
 }

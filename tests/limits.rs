@@ -33,8 +33,7 @@ fn with(name: &str, count: u64) -> Limits {
     limits
 }
 
-/// The least value of a limit under which a file is read; one below, the limit is what is in the
-/// way.
+/// The least value of a limit under which a file is read; one below, the limit is the error.
 fn least(name: &str, path: &Path, read: fn(&Path, &Limits) -> Result<()>) -> u64 {
     let (mut refused, mut taken) = (0, 1 << 40);
     read(path, &with(name, taken)).expect("a sound file");

@@ -72,7 +72,7 @@ fn every_command_of_the_manual_runs() {
     }
     let verbs: BTreeSet<&str> = verbs().into_iter().collect();
     assert_eq!(ran, verbs, "verbs with a command in the manual");
-    // What is held to a schema elsewhere is there, and what went wrong on purpose is not.
+    // Files that are held to a schema elsewhere exist, and outputs that failed on purpose do not.
     for name in ["scene.sarif", "cut.sarif", "health.json", "out/chair.mipvog", "sweep/sweep.html"]
     {
         assert!(folder.path().join(name).is_file(), "no {name}");

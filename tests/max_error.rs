@@ -28,7 +28,7 @@ fn errors(seed: usize) -> MaxErrors {
     if seed.is_multiple_of(3) { one.into() } else { MaxErrors::new(one, two, three) }
 }
 
-/// What a stored value comes to.
+/// The activation of a stored value.
 fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
     let value = f64::from(value);
     match decode {
@@ -136,7 +136,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
             }
         }
     }
-    // Far ends in one scene: what is beyond all reach must not cost what is near.
+    // Far ends in one scene: values beyond all reach must not cost precision of the near ones.
     let density: Vec<f32> = (0..125).map(|i| [-1e30, 1e30, -20.0, 4.0, 6.5][i % 5]).collect();
     let color: Vec<f32> = (0..375).map(|i| [-1e30, 1e30, 0.1, -2.0][i % 4]).collect();
     let field = field([5; 3], &density, &color);
@@ -219,7 +219,7 @@ fn unpacked_values_are_kept_within_the_error() {
                 }
             }
         }
-        // What came out is a container like any other.
+        // The result is a container like any other.
         let again =
             packed(&unpacked(&packed(&input, &changes).expect("packs")).0, &Changes::default());
         assert!(again.expect("packs") == packed(&input, &changes).expect("packs"), "seed {seed}");

@@ -35,7 +35,7 @@ fn volume(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(of).sum()
 }
 
-/// What every mesh must be.
+/// Checks the rules of every mesh.
 fn assert_sound(mesh: &Mesh, min: [f32; 3], max: [f32; 3], case: &str) {
     assert_eq!(mesh.positions.len(), mesh.colors.len());
     assert!(!mesh.triangles.is_empty(), "{case}");

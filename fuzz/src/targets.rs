@@ -1,7 +1,7 @@
 //! Fuzz targets: every parser of bytes that strangers write, each as a function that must return.
 //!
-//! A target takes any bytes. Where checksums would stop nearly every mutation at the door, it mends
-//! them or puts the bytes where only their meaning is judged. Errors and readings are both fine;
+//! A target takes any bytes. Checksums would stop nearly every mutation at once; a target mends
+//! them or puts the bytes at a place that only checks meaning. Errors and readings are both fine;
 //! panics, hangs and memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with
 //! a plain mutator.
 

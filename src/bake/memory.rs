@@ -3,7 +3,7 @@
 //! Everything that a bake holds at once follows from sizes and the number of threads, except the
 //! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their
 //! way through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
-//! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. Where the
+//! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. If the
 //! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
 //! halves the planes. No byte of the output depends on either.
 //!

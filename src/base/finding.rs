@@ -190,7 +190,7 @@ codes! {
     FieldFallback = "field-fallback", Warning,
         at "JSON pointer",
         do "give the node a mesh, or attach with one";
-    /// A file of tensors cannot be read: it is damaged, holds what is refused, or asks for too
+    /// A file of tensors cannot be read: it is damaged, holds refused instructions, or asks for too
     /// much.
     Input = "input", Error,
         at "byte, tensor or zip entry",

@@ -21,7 +21,7 @@ const RATE_SPAN: f32 = 4.5;
 pub enum FilterDomain {
     /// Logits as they are stored, as in training.
     Logits {
-        /// Whether coarser levels have density of their own. Without it they have colours only, and
+        /// True if coarser levels have density of their own. Without it they have colours only, and
         /// density is level 0's.
         density: bool,
     },
@@ -34,7 +34,7 @@ pub enum FilterDomain {
     },
 }
 
-/// How coarser levels are made, and the rules to render them by.
+/// The rules to make coarser levels, and to render them by.
 ///
 /// ```
 /// use mipvog_bake::{BakeOptions, FilterDomain, LevelFilter};
@@ -75,7 +75,7 @@ pub trait LevelFilter: Debug + Send + Sync {
         default_level_count(finest)
     }
 
-    /// How two levels are mixed. Default: after activation where alpha is averaged, else before.
+    /// Mixing of two levels. Default: after activation if alpha is averaged, else before.
     fn blend(&self) -> Blend {
         match self.domain() {
             FilterDomain::Alpha { .. } => Blend::AfterActivation,
@@ -83,8 +83,8 @@ pub trait LevelFilter: Debug + Send + Sync {
         }
     }
 
-    /// How far apart samples of coarser levels are. Default: as far as the level's nodes where
-    /// alpha is averaged, else as far as at level 0.
+    /// Distance of samples of coarser levels. Default: that of the level's nodes if alpha is
+    /// averaged, else that of level 0.
     fn step_rule(&self) -> StepRule {
         match self.domain() {
             FilterDomain::Alpha { .. } => StepRule::LevelOfDetail,
@@ -98,7 +98,7 @@ pub trait LevelFilter: Debug + Send + Sync {
         (0.5, 0.0, None)
     }
 
-    /// Whether levels are fitted to pictures of level 0 after they were filtered. Default: no.
+    /// True if levels are fitted to pictures of level 0 after they were filtered. Default: no.
     fn is_fitted(&self) -> bool {
         false
     }
@@ -106,7 +106,7 @@ pub trait LevelFilter: Debug + Send + Sync {
 
 /// The questions that the pipeline asks of a filter; all answers follow from the trait's.
 impl dyn LevelFilter + '_ {
-    /// Whether coarser levels have density of their own.
+    /// True if coarser levels have density of their own.
     pub fn has_density(&self) -> bool {
         self.domain() != FilterDomain::Logits { density: false }
     }

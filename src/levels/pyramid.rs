@@ -85,7 +85,7 @@ pub struct Pyramid<'a> {
     pub content: Content<'a>,
     /// Planes of a slab, at least 1.
     pub slab: usize,
-    /// Whether the sink works on slabs while the next ones are made: faster, with twice as many in
+    /// True if the sink works on slabs while the next ones are made: faster, with twice as many in
     /// memory.
     pub pipelined: bool,
 }

@@ -1,7 +1,7 @@
 //! The nodes of each level that must come out right: the retained ones, and those that coarser
 //! levels read.
 //!
-//! Where alpha is averaged, most nodes have alpha 0 and add nothing. Coarser levels then read only
+//! If alpha is averaged, most nodes have alpha 0 and add nothing. Coarser levels then read only
 //! nodes that are not empty, so cost follows the scene and not the box around it.
 
 use super::taps::AxisTaps;

@@ -104,7 +104,7 @@ impl<'a> LevelFinisher<'a> {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
             for (start, end) in row::spans(self.retained.row(x, y), nz, BRIDGED_NODES) {
                 let span = y * nz + start..y * nz + end;
-                // Each node's own value of a channel, and a little of those around it.
+                // Each node's own value of a channel, and a little of its neighbours' values.
                 let mut total = |channel: usize, totals: &mut [f64]| {
                     let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
                     let column = &mut column[..high - low];

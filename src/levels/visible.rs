@@ -9,8 +9,8 @@
 //! dropped only if it holds no retained node. All its cells then stay below the threshold even
 //! where its neighbours are kept and its own nodes read as empty.
 //!
-//! Coarser levels follow the same rule on their own filtered density. Where density is not filtered
-//! (the research code's levels) a cell is visible if it overlaps a visible cell of level 0.
+//! Coarser levels follow the same rule on their own filtered density. If density is not filtered
+//! (the research code's levels), a cell is visible if it overlaps a visible cell of level 0.
 
 use super::filter::LevelFilter;
 use super::free_space::{any_in_ranges, inside_cells, masked_share};
@@ -44,7 +44,7 @@ pub struct Visible {
     pub levels: Vec<VisibleLevel>,
     /// Raw density of the opacity threshold; a node at or below it cannot be seen.
     pub raw_threshold: f32,
-    /// Whether pictures would change if the free-space mask were dropped.
+    /// True if pictures would change without the free-space mask.
     pub mask_is_required: bool,
     /// Visibility, where coarser levels average alpha.
     pub visibility: Option<Visibility>,

@@ -41,7 +41,7 @@ pub fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// What the user must say about inputs, which cannot say it.
+/// Settings that the user must give, because the inputs lack them.
 pub fn said() -> SourceOptions {
     SourceOptions { stepsize: Some(0.5), ..SourceOptions::default() }
 }

@@ -1,5 +1,5 @@
-//! Containers as lists of chunks, so that tests can write what the writer would not. How a chunk's
-//! bytes are coded is nobody's business here.
+//! Containers as lists of chunks, so that tests can write containers that the writer would not. The
+//! coding of a chunk's bytes has no place here.
 
 use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, META,

@@ -42,7 +42,7 @@ pub fn visibility(
     all_nodes(nodes).map(interpolated).collect()
 }
 
-/// Whether a raw density has alpha 0.
+/// True if a raw density has alpha 0.
 fn is_empty(domain: &AlphaDomain, raw: f64) -> bool {
     raw <= f64::from(domain.empty_up_to())
 }

@@ -282,7 +282,7 @@ pub fn color_of_levels() -> Worst {
     worst
 }
 
-/// What values are activated by.
+/// The activation of values.
 type Activate = Box<dyn Fn(f64) -> f64>;
 
 /// Every encoding of some bits.
@@ -301,7 +301,7 @@ fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
     all
 }
 
-/// What values are once they were stored in a block.
+/// The values as decoded from a stored block.
 fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
     let mut padded = values.to_vec();

@@ -44,7 +44,7 @@ pub struct SceneArguments {
     pub coarse: Option<std::path::PathBuf>,
 }
 
-/// Which of several fields.
+/// The choice of one of several fields.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FieldArguments {
     /// Of a glTF asset, the field of this number

@@ -59,7 +59,7 @@ pub struct Arguments {
     force: bool,
 }
 
-/// Which cameras to render from.
+/// The cameras to render from.
 #[derive(Debug, Clone, Args)]
 pub struct CameraArguments {
     /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's

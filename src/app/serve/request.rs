@@ -21,7 +21,7 @@ pub struct Request {
     pub keeps_alive: bool,
 }
 
-/// Why a request is not answered.
+/// Reasons to refuse a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
     /// Not HTTP, or a request with a body.

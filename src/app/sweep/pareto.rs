@@ -1,4 +1,4 @@
-//! Which results are worth having.
+//! The results worth having.
 //!
 //! A result is on the front if no other costs at most as much and is at least as good, and better
 //! in one of the two. Of results that are equal in both, the first is on it.

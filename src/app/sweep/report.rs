@@ -74,7 +74,7 @@ pub struct SettingReport {
     pub errors: Vec<ScaleErrors>,
     /// One for each scale; empty where it failed.
     pub fronts: Vec<Fronts>,
-    /// Why there is no result.
+    /// The failure of a setting without a result.
     pub failure: Option<String>,
 }
 

@@ -74,7 +74,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether a reader must understand the chunk.
+    /// True if a reader must understand the chunk.
     pub fn is_critical(&self) -> bool {
         self.kind.first().is_some_and(u8::is_ascii_uppercase)
     }

@@ -32,14 +32,14 @@ pub struct Container {
     pub(super) inside: Option<(String, u64)>,
 }
 
-/// Whether a file starts like a container.
+/// True if a file starts like a container.
 pub fn is_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
-/// Whether a file is meant as a container, though the signature may be damaged: half of its bytes
-/// are there.
+/// True if half of the signature's bytes are there: the file is meant as a container, though its
+/// signature may be damaged.
 pub fn starts_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     let read = file.read_into(0, &mut start).is_ok();

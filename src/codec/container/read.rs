@@ -43,8 +43,7 @@ impl Container {
         self.in_file(read())
     }
 
-    /// Decodes everything, coarse to fine, and keeps nothing but what one level needs, reporting
-    /// what is wrong.
+    /// Decodes everything, coarse to fine, and reports all faults. Memory is that of one level.
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
         let mut coarser = None;

@@ -52,7 +52,7 @@ pub struct CompressedRun {
     stored: bool,
 }
 
-/// Where bytes wait until they are written.
+/// Bytes that wait to be written.
 #[derive(Debug)]
 enum Held {
     InMemory(Vec<u8>),
@@ -60,7 +60,7 @@ enum Held {
 }
 
 impl CompressedRun {
-    /// Compresses a run of `frames`. Codes that nobody needs become at most `most`.
+    /// Compresses a run of `frames`. Codes of don't-care nodes become at most `dont_care_max`.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32, level: i32) -> Result<Self> {
         let run = run_bytes(shape, frames, most);
         let packed = compress_sections(&run, level)?;

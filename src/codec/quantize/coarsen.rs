@@ -1,11 +1,11 @@
-//! Coarser values where little of them is seen.
+//! Coarser values for nodes that pictures hardly show.
 //!
-//! A node may take the mean of its lower neighbours (as prediction sees it), in all channels of its
-//! group at once, where each of its codes is so near to it as its importance allows. Such nodes are
-//! not live ([`super::run`]) and cost next to nothing; the others keep their codes. To round those
-//! too, to fewer codes, would save little: what is off the mean at all costs nearly as much as it
-//! does exactly. Distances are counted in codes, not in colours: what is interpolated is what codes
-//! stand for, and beside a node where the activation is flat may be one where it is steep.
+//! A node may take the mean of its lower neighbours (the one that prediction uses), in all channels
+//! of its group at once, if each of its codes is so near to it as its importance allows. Such nodes
+//! are not live ([`super::run`]) and cost next to nothing; the others keep their codes. To round
+//! those too, to fewer codes, would save little: a code off the mean costs nearly as much rounded
+//! as exact. Distances are counted in codes, not in colours. Interpolation works on codes' values,
+//! and beside a node where the activation is flat may be one where it is steep.
 
 use super::code_word::Code;
 use super::frame::FrameShape;
@@ -13,7 +13,7 @@ use super::predict::{for_each_node, mean};
 use crate::model::baked::Encoding;
 use crate::model::field::Activation;
 
-/// Which nodes of a block may be moved by how much.
+/// Movable nodes of a block, and the bound of each one's move.
 #[derive(Debug, Clone, Copy)]
 pub struct Coarsening<'a> {
     /// Of each node of the block; 1 is the mean of its level.

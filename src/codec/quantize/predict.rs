@@ -30,12 +30,12 @@ const SHIFT: usize = 5;
 /// A number for each of `L` blocks, for each node.
 pub type Lanes<T, const L: usize> = Vec<[T; L]>;
 
-/// What is known of one channel of some blocks.
+/// Codes, means and differences of one channel of some blocks.
 #[derive(Debug, Clone, Default)]
 pub struct Channel<T: Code, const L: usize> {
     /// Its codes.
     pub codes: Lanes<T, L>,
-    /// How far they are from the means of lower neighbours.
+    /// Their differences from the means of lower neighbours.
     pub off: Lanes<T::Wide, L>,
 }
 
@@ -57,13 +57,13 @@ impl<T: Code, const L: usize> Channel<T, L> {
     }
 }
 
-/// Where a node is in its block.
+/// Place of a node in its block.
 #[derive(Debug, Clone, Copy)]
 pub struct At {
     /// Its number, z fastest.
     pub node: usize,
     edge: usize,
-    /// Whether the block has lower neighbours along x, y and z.
+    /// True for each axis along which the block has a lower neighbour.
     has: [bool; 3],
 }
 
@@ -130,8 +130,8 @@ fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) 
     ]
 }
 
-/// How far codes of the channels before are from their means at a node, the nearest first; 0 where
-/// there is none.
+/// Differences of codes from their means at a node, for the channels before, the nearest first; 0
+/// if there is none.
 #[inline(always)]
 fn others<'a, T: Code, const L: usize>(
     before: &'a [Channel<T, L>],
@@ -205,8 +205,9 @@ pub fn restore<T: Code, const L: usize>(
     });
 }
 
-/// Gives codes that nobody needs their mean, or `most` where that is lower, finds the means, and
-/// sets all bits in `live` of nodes whose code is another. `needed` has all bits of what is needed.
+/// Gives codes of don't-care nodes their mean, or `dont_care_max` if that is lower, and finds the
+/// means. Sets all bits in `live` of nodes whose code is not the mean. `retained` has all bits set
+/// for retained nodes.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn fill<T: Code, const L: usize>(
     edge: usize,
@@ -277,7 +278,7 @@ pub fn sums<T: Code, const L: usize>(
         let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
         let mut all = [[0.0; L]; WEIGHTS + 1];
         for lane in 0..L {
-            // Of what is not live the mean is right, whatever the weights.
+            // The mean is right for nodes that are not live, whatever the weights.
             let live = live[at.node][lane] != T::default();
             let mean = mean[lane].wide();
             let terms = terms::<T, L>(lane, mean, beyond, others);
@@ -340,7 +341,7 @@ mod tests {
         (code.rem_euclid(1 << width) as u64, mean as u64)
     }
 
-    /// Holds what is restored from random residuals with the largest of weights to the
+    /// Compares codes that are restored from random residuals with the largest weights to the
     /// specification.
     fn hold<T: Code>(edge: usize) {
         let nodes = edge.pow(3);

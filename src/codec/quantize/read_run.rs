@@ -43,7 +43,7 @@ pub struct RunParts<'a> {
     residuals: &'a [u8],
 }
 
-/// What batches of frames are restored in.
+/// Buffers for restoring batches of frames.
 pub struct Scratch<T: Code, const L: usize> {
     live: Lanes<T, L>,
     residuals: Lanes<T, L>,
@@ -165,7 +165,7 @@ impl<'a> RunParts<'a> {
         spare.append(&mut known);
     }
 
-    /// Residuals of one frame and channel. What is not live may get anything.
+    /// Residuals of one frame and channel. Nodes that are not live may get any value.
     fn take_residuals<T: Code>(&self, frame: usize, channel: usize, row: &mut [T]) {
         let planes = self.residuals.get(channel * T::BYTES * self.count + self.starts[frame]..);
         let planes = planes.unwrap_or_default();

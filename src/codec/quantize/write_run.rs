@@ -27,7 +27,8 @@ pub struct Encoder<T: Code, const L: usize> {
 }
 
 impl<T: Code, const L: usize> Encoder<T, L> {
-    /// Takes frames, and gives codes that nobody needs their mean, or `most` where that is lower.
+    /// Takes frames, and gives codes of don't-care nodes their mean, or `dont_care_max` if that is
+    /// lower.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
         let nodes = shape.nodes();
         let origin = T::origin(shape.number);

@@ -23,7 +23,7 @@ use crate::model::grid::Element;
 /// Signature, version and the longest header length.
 const PREFIX: u64 = 12;
 
-/// What the names of arrays end with inside the archive.
+/// Extension of arrays inside the archive.
 const EXTENSION: &str = ".npy";
 
 /// Opens a zip file of arrays: reads their headers.

@@ -5,8 +5,8 @@
 //! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for
 //! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`].
 
-/// `exp(x)` for x in -80 to 88; beyond, the value at the end. What follows from the smallest,
-/// 2e-35, is still no subnormal number, which processors are slow with.
+/// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, leads to
+/// no subnormal numbers, which processors are slow with.
 ///
 /// `x = n ln 2 + r` with r within half of ln 2, `exp(r)` by its Taylor polynomial of degree 6
 /// (whose remainder is 1.2e-7 relative at the ends, 4e-9 in the mean), and `2^n` by its exponent
@@ -35,7 +35,7 @@ pub fn exp(x: f32) -> f32 {
 pub fn softplus(x: f32) -> f32 {
     let y = exp(-x.abs());
     let z = y / (2.0 + y);
-    // Where squares would be subnormal the series is 1 anyway.
+    // If squares would be subnormal, the series is 1 anyway.
     let s = z.max(1e-18) * z.max(1e-18);
     let series = 1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s / 11.0))));
     x.max(0.0) + 2.0 * z * series
@@ -46,7 +46,7 @@ pub fn softplus(x: f32) -> f32 {
 #[inline(always)]
 pub fn opacity(depth: f32) -> f32 {
     let far = 1.0 - exp(-depth);
-    // Where products would be subnormal the series is 1 anyway.
+    // If products would be subnormal, the series is 1 anyway.
     let d = depth.clamp(1e-18, 0.5);
     let series = 1.0 / 720.0 - d * (1.0 / 5040.0 - d * (1.0 / 40_320.0));
     let series = 1.0 / 24.0 - d * (1.0 / 120.0 - d * series);
@@ -64,7 +64,7 @@ pub fn sigmoid(x: f32) -> f32 {
 /// and `s = (m - 1) / (m + 1)`, the series to s^17.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
-    // What is added to the bits carries into the exponent where m would be above 1.5.
+    // This addend carries into the exponent if m would be above 1.5.
     const CARRY: u64 = 1 << 51;
     const ONE: u64 = 1023 << 52;
     let exponent = x.to_bits().wrapping_add(CARRY) >> 52;

@@ -68,7 +68,7 @@ impl BakedField {
 /// One level's codes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BakedLevel {
-    /// Which blocks are stored.
+    /// The indirection table.
     pub table: Table,
     /// Codes by [`Group`]; `None` where the level has no such values.
     pub atlases: [Option<Codes>; 3],

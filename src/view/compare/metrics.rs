@@ -94,7 +94,7 @@ fn blurred(values: &[f64], width: usize, height: usize) -> Vec<f64> {
     means
 }
 
-/// How absolute errors are distributed.
+/// The distribution of absolute errors.
 #[derive(Debug, Clone)]
 pub struct Errors {
     histogram: Vec<u64>,
@@ -144,7 +144,7 @@ impl Picture {
         (12 * colors + 4 * self.opacity.as_ref().map_or(0, Vec::len)) as u64
     }
 
-    /// The mean of `scale` by `scale` pixels; what is left over at the right and below is dropped.
+    /// The mean of `scale` by `scale` pixels; the remainder at the right and below is dropped.
     #[must_use]
     pub fn downsampled(&self, scale: usize) -> Self {
         let size = [self.width, self.height];

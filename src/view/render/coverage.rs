@@ -47,8 +47,8 @@ const BATCH: usize = 8;
 pub struct CameraCoverage {
     /// The cells in which a ray has a sample of enough weight.
     pub cells: CellMask,
-    /// The importance of each node, z fastest, in units of the mean of those above 0; 0 where no
-    /// ray meets anything.
+    /// The importance of each node, z fastest, in units of the mean of the values above 0; 0 where
+    /// no ray meets anything.
     pub importance: Vec<f32>,
 }
 
@@ -67,7 +67,7 @@ pub fn camera_coverage(
     view.check()?;
     cameras.iter().try_for_each(Camera::check)?;
     let mut cells = CellMask::empty(view.nodes);
-    // Whole numbers, so that the order in which rays add up does not matter.
+    // Whole numbers, so that the sums are the same in any order of rays.
     let sums: Vec<AtomicU64> = (0..view.nodes.count()).map(|_| AtomicU64::new(0)).collect();
     progress.begin(Step::Render, cameras.len() as u64);
     for batch in cameras.chunks(BATCH) {
@@ -88,7 +88,7 @@ pub fn camera_coverage(
     Ok(CameraCoverage { cells, importance: relative(&sums) })
 }
 
-/// Sums in units of the mean of those that are not zero.
+/// Sums in units of the mean of the sums that are not zero.
 fn relative(sums: &[AtomicU64]) -> Vec<f32> {
     let sums = || sums.iter().map(|sum| sum.load(Ordering::Relaxed));
     let count = sums().filter(|&sum| sum > 0).count();

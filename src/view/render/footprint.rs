@@ -8,7 +8,7 @@
 
 use crate::model::baked::LevelOfDetail;
 
-/// How a ray's level of detail follows from its sample index.
+/// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
     /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole

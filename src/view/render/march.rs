@@ -11,7 +11,7 @@ use crate::view::sample::Sample;
 /// white.
 pub(super) const OPAQUE_DEPTH: f64 = 11.6;
 
-/// What a ray gathers.
+/// Sums along a ray.
 #[derive(Debug, Clone, Copy)]
 pub struct Gathered<const C: usize> {
     /// Weighted activated colour and features.

@@ -1,4 +1,4 @@
-//! Where a ray's samples lie.
+//! The samples of a ray.
 
 use super::view::View;
 use crate::model::baked::FootprintNeighbour;
@@ -18,7 +18,7 @@ pub struct Path {
     pub step: [f64; 3],
     /// The first sample inside the box.
     pub first: f64,
-    /// Where samples end.
+    /// End of the samples.
     pub last: f64,
     /// `t` of sample 0, and for each step.
     entry: f64,
@@ -28,7 +28,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// Where the ray samples the box; none if it misses it.
+    /// The part of the ray that samples the box; none if it misses it.
     pub fn new(view: &View, ray: &Ray) -> Option<Self> {
         let (entry, length) = (entry_t(view, ray), ray.direction.length());
         let t_step = step_world(view) / length;

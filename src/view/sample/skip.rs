@@ -18,7 +18,7 @@ const LEAST_EDGE: usize = 2;
 /// Macro cells along an axis, at most: more would not fit into a processor's caches.
 const MOST_CELLS: usize = 128;
 
-/// What a macro cell says about samples in it.
+/// Rules of a macro cell for samples in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Macro {
     /// Empty, like all macro cells less than this skip distance away along every axis.

@@ -51,7 +51,7 @@ pub(super) struct Array {
 }
 
 impl Node<'_> {
-    /// What it is, for errors.
+    /// Its kind, for errors.
     pub(super) fn describe(&self) -> String {
         match self {
             Self::None => "None".into(),
@@ -114,7 +114,7 @@ pub(super) fn node<'n, 'a>(nodes: &'n [Node<'a>], id: Id) -> &'n Node<'a> {
     nodes.get(id.0 as usize).unwrap_or(&Node::None)
 }
 
-/// How much a pickle may still make.
+/// The nodes and bytes that a pickle may still make.
 #[derive(Debug)]
 pub(super) struct Allowance {
     objects: u64,

@@ -21,7 +21,7 @@ pub struct Asset {
     limits: Limits,
 }
 
-/// Whether a file starts like an asset: with GLB's magic, or as a JSON object.
+/// True if a file starts like an asset: with GLB's magic, or as a JSON object.
 pub fn is_asset(file: &SourceFile) -> bool {
     let mut start = vec![0; file.length().min(64) as usize];
     let read = file.read_into(0, &mut start).is_ok();

@@ -1,4 +1,4 @@
-//! What an asset with radiance fields must obey: `formats/MIPVOG_radiance_field/README.md`.
+//! Rules of an asset with radiance fields: `formats/MIPVOG_radiance_field/README.md`.
 
 use serde_json::Value;
 

@@ -17,7 +17,7 @@ use crate::output::gltf::mesh::Mesh;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const F32: u32 = 5126;
-/// What a buffer view is for.
+/// Targets of buffer views.
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 

@@ -42,7 +42,7 @@ pub(super) struct Removal<'a> {
     pub(super) document: Tree<'a>,
     /// By field; those of fields that stay change as others go.
     pub(super) notes: Vec<Notes>,
-    /// What refers to nodes and buffer views by their numbers.
+    /// References to nodes and buffer views by their numbers.
     pub(super) references: References,
 }
 

@@ -24,7 +24,7 @@ pub struct OpacityGrid {
     pub color: Vec<([f64; 3], f64)>,
     /// Mean edge of a cell, in world units.
     pub cell: f64,
-    /// Whether nodes of the level were averaged.
+    /// True if nodes of the level were averaged.
     pub averaged: bool,
 }
 
@@ -110,7 +110,7 @@ impl OpacityGrid {
         [self.sizes[1] * self.sizes[2], self.sizes[2], 1]
     }
 
-    /// Makes opaque what is empty, but cannot be reached through empty nodes from the layer around.
+    /// Makes empty nodes opaque that cannot be reached through empty nodes from the layer around.
     fn fill_cavities(&mut self) {
         let strides = self.strides();
         let mut reached = vec![false; self.opacity.len()];

@@ -75,7 +75,7 @@ impl Quadric {
         squares + 2.0 * (products + dot(self.b, [x, y, z])) + self.c
     }
 
-    /// Where it is least, by Cramer's rule; none where rounding leaves no answer.
+    /// The place of its least value, by Cramer's rule; none if rounding leaves no answer.
     fn least(&self) -> Option<[f64; 3]> {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
@@ -228,7 +228,7 @@ impl Surface {
         EdgeCollapse { loss, pair: [low, high], changes: [self.changes[a], self.changes[b]], to }
     }
 
-    /// Whether no triangle turns over, and the surface around the edge stays a surface: the
+    /// True if no triangle turns over, and the surface around the edge stays a surface: the
     /// vertices that both ends are joined to are the third corners of the edge's two triangles.
     fn is_harmless(&self, edge: &EdgeCollapse) -> bool {
         let [a, b] = edge.pair;

@@ -7,7 +7,7 @@ use super::vector::{length, minus};
 /// Marks cells that the surface does not go through.
 const NO_VERTEX: u32 = u32::MAX;
 
-/// The surface around what is inside. Each edge of the grid that it crosses gives two triangles.
+/// The surface around the opaque nodes. Each edge of the grid that it crosses gives two triangles.
 pub fn surface(grid: &OpacityGrid) -> TriangleSoup {
     let mut soup = TriangleSoup::default();
     let strides = grid.strides();
