@@ -1,4 +1,4 @@
-//! How fast bakes are, against what the machine can do at all.
+//! Measures the speed of bakes against the speed of the machine.
 //!
 //! ```text
 //! cargo bench --bench bake -- [SCENE] [--sizes 128,256] [--half 1024] [--scenes DIR] [--options "..."]
@@ -6,10 +6,11 @@
 //! ```
 //!
 //! Upsamples the scene to each size (`--half` in float16) once, in `--scenes` (default
-//! `target/scenes`), bakes it as users do, five times, and prints the median: seconds, once with a cold file cache, what
-//! threads gain, stages with bytes and GB/s, peak resident memory as the operating system counts it, and the ratio to a floor measured in the
-//! same run: one pass over the density with all threads, a copy of the colour of needed nodes, and zstd of
-//! the codes at the same level and threads.
+//! `target/scenes`), and bakes it as users do, five times. Prints the medians: seconds, also once
+//! with a cold file cache; the gain from threads; stages with bytes and GB/s; peak resident memory
+//! as the operating system counts it. Also prints the ratio to a floor that is measured in the same
+//! run: one pass over the density with all threads, a copy of the colour of retained nodes, and
+//! zstd of the codes at the same level and threads.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]

@@ -1,13 +1,14 @@
-//! What the coding of atlases gains, and what it costs.
+//! Measures the gain and the cost of the coding of atlases.
 //!
 //! ```text
 //! cargo bench --bench coding -- CONTAINER...
 //! ```
 //!
-//! For each group of level 0, and all of them: bytes, and their share of the plain codes with zstd at level 19 (frame by
-//! frame, each with all channels); how fast one thread makes codes of runs, with the share of zstd in it, as a ratio to
-//! a copy of the codes; and how fast one thread makes runs of codes, with the share of compression in it. MB are
-//! of codes; the best of some rounds counts.
+//! For each group of level 0, and all of them: bytes, and their share of the plain codes with zstd
+//! at level 19 (frame by frame, each with all channels); how fast one thread makes codes of runs,
+//! with the share of zstd in it, as a ratio to a copy of the codes; and how fast one thread makes
+//! runs of codes, with the share of compression in it. MB are of codes; the best of some rounds
+//! counts.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -37,7 +38,7 @@ fn main() {
     }
 }
 
-/// What one group, or all, came to.
+/// Figures of one group, or of all.
 #[derive(Default, Clone, Copy)]
 struct Figures {
     bytes: usize,

@@ -1,17 +1,17 @@
-//! Whether levels pop: a camera that moves away from the box, 60 frames from the distance where the box
-//! fills the picture to 16 times that.
+//! Shows popping levels: a camera moves away from the box, 60 frames from the distance at which the
+//! box fills the picture to 16 times that.
 //!
 //! ```text
 //! cargo bench --bench dolly -- [SCENE] [--side PIXELS] [--filters NAME,...] [--svg FILE]
 //!                              [--stepsize S] [--near T] [--far T]
 //! ```
 //!
-//! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel, over the pixels
-//! that show something. Far away those are few, and where they happen to fall is noise of a decibel or
-//! two; so a frame at n times the distance is taken from n^2 directions around the box, and from at least
-//! 16, lest one more direction be a kink. Prints the curve of errors in dB, one column a filter, and the largest second
-//! difference of each: a level that pops is a kink. `--svg` draws the curves. Without arguments the scene
-//! is `fixtures/trained/lego64`.
+//! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel. Pixels that
+//! show nothing do not count. Far away few pixels count, and their positions are noise of a decibel
+//! or two. So a frame at n times the distance is taken from n^2 directions around the box, and from
+//! at least 16, because one more direction would be a kink. Prints the curve of errors in dB, one
+//! column a filter, and the largest second difference of each: a level that pops is a kink. `--svg`
+//! draws the curves. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]
@@ -61,7 +61,7 @@ fn main() {
     }
 }
 
-/// How far away frame `i` is.
+/// Distance of frame `i`.
 fn distance(i: usize) -> f64 {
     FARTHEST.powf(i as f64 / (FRAMES - 1) as f64)
 }
@@ -86,7 +86,7 @@ fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     (0..FRAMES).map(frame).collect()
 }
 
-/// Training's near and far would cut off what is far away.
+/// Removes training's near and far planes: they would cut off a distant box.
 fn unbounded(mut field: Renderer) -> Renderer {
     (field.view_mut().march.near, field.view_mut().march.far) = (0.0, None);
     field

@@ -4,7 +4,7 @@
 //! cargo bench --bench numerics > formats/numerics.md
 //! ```
 //!
-//! Where each error was found goes to stderr.
+//! The place of each error goes to stderr.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! How fast the renderer is, and how right.
+//! Measures the speed and the errors of the renderer.
 //!
 //! ```text
 //! cargo bench --bench render -- [SCENE] [--cameras FILE] [--size WxH] [--frames NAME,...]
@@ -6,10 +6,10 @@
 //! ```
 //!
 //! Renders a trained scene, and a container baked from it, and prints rays a second, samples a ray,
-//! the share of samples that were skipped, how many times faster that is than the slow twin of the tests
-//! on some of the same pixels (the floor), and the largest differences from it. `--references` names a
-//! folder of float64 renders, a file for each frame, to compare with instead. Without arguments the
-//! scene is `fixtures/trained/lego64`.
+//! the share of samples that were skipped, how many times faster that is than the slow twin of the
+//! tests on some of the same pixels (the floor), and the largest differences from it.
+//! `--references` names a folder of float64 renders, a file for each frame, to compare with
+//! instead. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]
@@ -36,7 +36,7 @@ use mipvog_bake::unstable::view::render::{
 const ROUNDS: usize = 5;
 /// One pixel in so many is rendered by the slow twin; a prime, so that they are spread over rows.
 const SUBSET: usize = 97;
-/// What a renderer may differ by from the reference renders.
+/// Largest difference from the reference renders.
 const BOUND: f32 = 2e-4;
 
 fn main() {
@@ -59,7 +59,7 @@ fn main() {
     }
 }
 
-/// Speed and distance from the twin, of the scene and of what is baked from it.
+/// Speed and distance from the twin, of the scene and of a container baked from it.
 fn measure(field: &RadianceField, cameras: &[Camera]) {
     let limits = Limits::default();
     let dense = Renderer::trained(field, None, &limits).expect("a field");

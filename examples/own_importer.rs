@@ -1,5 +1,5 @@
-//! Imports a model that the tool does not know: reads its file, makes a field of the arrays, and bakes
-//! it into a container beside it.
+//! Imports a model that the tool does not know: reads its file, makes a field of the arrays, and
+//! bakes it into a container beside it.
 //!
 //! The file of this example is text: three sizes, then for each node red, green, blue (0 to 1) and
 //! opacity over one step (0 to below 1), z fastest.

@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// Writes a portable pixmap, which needs no library.
 fn write_ppm(picture: &Frame, path: &Path) -> std::io::Result<()> {
     let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
-    write!(file, "P6 {} {} 255\n", picture.width, picture.height)?;
+    writeln!(file, "P6 {} {} 255", picture.width, picture.height)?;
     for pixel in &picture.color {
         file.write_all(&pixel.map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8))?;
     }

@@ -85,8 +85,8 @@ fn what_is_attached_and_detached_leaves_no_trace() {
     }
 }
 
-/// A document with its order of keys and spelling of numbers, without white space and without lists and
-/// objects that are empty and need not be there.
+/// A document with its order of keys and spelling of numbers, without white space and without lists
+/// and objects that are empty and need not be there.
 fn meaning(text: &str) -> String {
     let (mut spelled, mut in_text, mut escaped, mut in_number) =
         (String::new(), false, false, false);

@@ -1,5 +1,5 @@
-//! Broken files, one for each finding: `validate` says of each exactly what is wrong with it, strict readers refuse it.
-//! `BLESS=1 cargo test --test broken` writes them anew.
+//! Broken files, one for each finding: `validate` names the exact fault of each, strict readers
+//! refuse it. `BLESS=1 cargo test --test broken` writes them anew.
 
 mod common;
 

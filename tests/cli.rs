@@ -74,7 +74,7 @@ fn a_trained_scene_bakes_end_to_end() {
     report(here, &["bake", "lego.safetensors", "-o", "again.mipvog"]);
     let read = |name: &str| std::fs::read(here.join(name)).expect("written");
     assert!(read("lego.mipvog") == read("again.mipvog"));
-    // What is asked for and already so is no change.
+    // A setting that the container has already is no change.
     report(here, &["bake", "lego.safetensors", "-o", "third.mipvog", "--preset", "faithful"]);
     assert!(read("lego.mipvog") == read("third.mipvog"));
     let deeper = ["--bits", "12", "--background", "0"];
@@ -268,7 +268,7 @@ fn pipes_devices_and_odd_names_are_no_trap() {
     let odd = std::ffi::OsStr::from_bytes(b"odd\xff.mipvog");
     let mut bake = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
     let bake = bake.current_dir(here).args(["bake", &scene(), "-o"]).arg(odd);
-    // Nobody reads the warnings either.
+    // The warnings have no reader either.
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("a full device");
     let status = bake.stdout(std::process::Stdio::null()).stderr(full).status().expect("starts");
     assert!(status.success() && here.join(odd).is_file());
@@ -452,7 +452,8 @@ fn settings_are_swept_and_resumed() {
     bad(&[], 5, "sweep.csv");
     assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
 
-    // What cannot be rendered has nothing to compare with: no setting's fault, and nothing is written.
+    // An input that cannot be rendered has nothing to compare with: no setting's fault, and nothing
+    // is written.
     let mut bytes = std::fs::read(fixture("trained/dvgo/flat.safetensors")).expect("a fixture");
     let header = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
     let density = 8 + header + 44..8 + header + 1304;

@@ -1,4 +1,4 @@
-//! What given cameras see of a field, and bakes that keep nothing else.
+//! Nodes of a field that given cameras cover, and bakes that keep nothing else.
 
 mod common;
 
@@ -43,7 +43,7 @@ fn from_side(side: f64) -> Camera {
     Camera::looking_at(middle, DVec3::new(side, 0.0, 0.0), 7.0, "side".to_owned(), lens)
 }
 
-/// Whether any cell of plane `x` is in the set.
+/// True if any cell of plane `x` is in the set.
 fn any(cells: &CellMask, x: usize) -> bool {
     cells.lowest_nodes().plane(x).iter().any(|&word| word != 0)
 }
@@ -107,8 +107,9 @@ fn empty_fields_and_no_cameras_see_nothing() {
     }
 }
 
-/// The importance of each node as the module says it, in float64: every point of the lattice over the
-/// whole picture, every sample, no bound on the number of rays. Boxes lie in front of the cameras.
+/// The importance of each node as the module says it, in float64: every point of the lattice over
+/// the whole picture, every sample, no bound on the number of rays. Boxes lie in front of the
+/// cameras.
 fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
     let fast = Renderer::trained(field, None, &Limits::default()).expect("a field");
     let view = fast.view();

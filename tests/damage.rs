@@ -18,7 +18,7 @@ fn container() -> Vec<u8> {
     std::fs::read(fixture("baked").join(CONTAINER)).expect("a golden container")
 }
 
-/// Whether the strict reader takes the bytes, having read everything.
+/// True if the strict reader takes the bytes, having read everything.
 fn reads(bytes: &[u8]) -> bool {
     open_bytes(bytes).and_then(|container| container.read()).is_ok()
 }
@@ -95,7 +95,7 @@ fn ancillary_chunks_belong_to_levels_that_there_are() {
     assert!(with(b"note", None, 1) && with(b"note", None, last + 1));
     assert!(with(b"note", Some(0), last + 1) && with(b"note", Some(levels - 1), last + 1));
     assert!(!with(b"note", Some(levels), last + 1) && !with(b"note", Some(levels + 1), 1));
-    // Nothing stands before META; provenance is of no level; what is critical must be known.
+    // No chunk stands before META; provenance is of no level; critical chunks must be known.
     assert!(!with(b"note", None, 0) && !with(b"prov", Some(0), last + 1));
     assert!(!with(b"Note", None, last + 1) && !with(b"VMLP", Some(0), last + 1));
 }
@@ -154,7 +154,8 @@ fn changed_values_of_a_checkpoint_are_noticed() {
             &Limits::default(),
         )
         .and_then(|source| common::baked_bytes(&source.field, &Default::default()));
-        // What no bake reads (alignment, names of other entries) may change unnoticed; values not.
+        // Bytes that no bake reads (alignment, names of other entries) may change without an error;
+        // values may not.
         if let Ok(bytes) = baked {
             let expected =
                 common::baked_bytes(&common::trained("lego64/fine_last.tar"), &Default::default());
@@ -163,7 +164,8 @@ fn changed_values_of_a_checkpoint_are_noticed() {
     }
 }
 
-/// What strict readers say of a damaged container in an asset: at the place that `validate` finds.
+/// The error of strict readers for a damaged container in an asset: at the place that `validate`
+/// finds.
 fn strict(asset: &[u8], path: &Path) -> Error {
     let opened = open(asset, path).and_then(|asset| asset.open_field(0));
     let error = opened.and_then(|container| container.read()).expect_err("damaged");

@@ -1,5 +1,5 @@
-//! Runs that are killed, disks that are full, files that go away: no half file under a final name, nothing left
-//! behind after the next run, exit codes and messages that say what happened.
+//! Runs that are killed, disks that are full, files that go away: no half file under a final name,
+//! nothing left behind after the next run, exit codes and messages that say what happened.
 
 #![cfg(all(feature = "cli", unix))]
 
@@ -117,7 +117,8 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// Whether an output is what an undisturbed run wrote, but for the seconds that reports of a sweep hold.
+/// True if an output is the one of an undisturbed run, but for the seconds that reports of a sweep
+/// hold.
 fn is_whole(name: &Path, bytes: &[u8], whole: &[u8]) -> bool {
     let count = |bytes: &[u8], what| bytes.iter().filter(|&&byte| byte == what).count();
     match name.extension().and_then(|extension| extension.to_str()) {
@@ -153,7 +154,8 @@ fn killed_verbs_leave_nothing_half_and_the_next_run_cleans_up() {
         let wholes = contents(here);
         let is_sweep = line.starts_with("sweep");
         for number in 0..kills {
-            // A sweep goes on where it was, now and then from the start; others find files of somebody else.
+            // A sweep goes on from its last result, now and then from the start; other runs find
+            // files of another run.
             if !is_sweep {
                 wholes
                     .keys()
@@ -274,7 +276,7 @@ fn a_folder_that_cannot_be_written_is_told() {
         command.output().expect("starts")
     };
     let mut output = command(None);
-    // Nothing is closed to root; somebody else is asked then.
+    // No folder is closed to root; another user is asked then.
     if output.status.success() {
         std::fs::remove_file(closed.join("x.mipvog")).expect("written by root");
         output = command(Some(65534));

@@ -51,7 +51,8 @@ fn between(node: usize, nodes: usize, coarser: usize) -> (usize, f64) {
     (low, at as f64 / (nodes - 1) as f64)
 }
 
-/// What a level's node should hold if it is filled: a sum over eight corners, and the nearest of all codes' values.
+/// The right value of an inherited node: a sum over eight corners, and the nearest of all codes'
+/// values.
 fn plain_fill(
     encoding: &Encoding,
     coarser: &[f32],
@@ -143,7 +144,7 @@ fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
     assert_eq!((exact.header().version, exact.header().features), ([1, 0], 0));
     let [some, stored] = [filled(&container)[0], container.metadata().levels[0].blocks_stored];
     assert!(some > 0 && some < stored, "{some} of {stored}");
-    // Density alone says what is seen, and is the same.
+    // Density alone decides visibility, and is the same.
     let [got, want] = [&container, &exact].map(|container| unpack(container).expect("unpacks"));
     assert_eq!(got.level(0, Group::Density), want.level(0, Group::Density));
     let density = want.level(0, Group::Density);

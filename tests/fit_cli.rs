@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use common::{assert_schema, fixture, folder, open_bytes};
 use serde_json::Value;
 
-/// A fit that would take minutes if nobody stopped it.
+/// A fit that would take minutes without a signal.
 fn long_fit(here: &Path) -> Command {
     let scene = fixture("trained/lego64/fine_last.tar").display().to_string();
     let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
@@ -93,7 +93,7 @@ mod signals {
             assert!(count > 0, "it ended: {}", String::from_utf8_lossy(&seen));
             seen.extend_from_slice(&buffer[..count]);
         }
-        // Bars go on being drawn; nobody needs them, but the pipe must not fill up.
+        // Bars go on being drawn. They have no use, but the pipe must not fill up.
         let rest = std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
         let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
         assert!(sent.expect("kill is there").success());

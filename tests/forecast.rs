@@ -1,4 +1,4 @@
-//! `bake --dry-run`: what is forecast, and that nothing is written.
+//! `bake --dry-run`: its forecast, and that nothing is written.
 
 #![cfg(feature = "cli")]
 

@@ -1,6 +1,6 @@
-//! Files that former versions wrote read to the same values for ever: `formats/compatibility.md`. Nothing in
-//! `fixtures/frozen/` is ever written anew. A new folder there, with files that its version wrote, gets the digests
-//! that this test prints.
+//! Files that former versions wrote read to the same values for ever: `formats/compatibility.md`.
+//! Nothing in `fixtures/frozen/` is ever written anew. A new folder there, with files that its
+//! version wrote, gets the digests that this test prints.
 
 mod common;
 
@@ -46,7 +46,8 @@ fn open(path: &Path) -> Container {
     opened.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A line for each array of a container: SHA-256 of its values as little-endian f32, its shape, its name.
+/// A line for each array of a container: SHA-256 of its values as little-endian f32, its shape, its
+/// name.
 fn digests(container: &Container, name: &str) -> String {
     let unpacked = unpack(container).expect("unpacks");
     let root = unpacked.file().root.entries();
@@ -85,7 +86,7 @@ fn files_of_former_versions_decode_to_the_same_values() {
     assert!(files >= 10, "only {files} files");
 }
 
-/// Whether everything that `old` says is said by `new`, which may say more.
+/// True if `new` says everything that `old` says; it may say more.
 fn holds(new: &Value, old: &Value) -> bool {
     match (new, old) {
         (Value::Object(new), Value::Object(old)) => {
@@ -123,7 +124,7 @@ fn with_header(bytes: &[u8], at: usize, value: &[u8]) -> Vec<u8> {
 fn later_versions_are_read_or_refused_as_promised() {
     let sound = std::fs::read(fixture("frozen/0.1/dvgo.mask.mipvog")).expect("a container");
     let same = digests(&open_bytes(&sound).expect("a container"), "x");
-    // A later minor version, with a chunk that nobody here knows: the same values.
+    // A later minor version, with an unknown chunk: the same values.
     let mut parts = chunks::chunks(&sound);
     let ahead = chunks::Chunk { kind: *b"ahea", level: None, bytes: b"of its time".to_vec() };
     parts.insert(1, ahead);

@@ -1,8 +1,9 @@
-//! The fuzz targets of `fuzz/` on seeded mutants of the fixtures: no panic, no memory beyond the limit.
+//! The fuzz targets of `fuzz/` on seeded mutants of the fixtures: no panic, no memory beyond the
+//! limit.
 //!
-//! `MIPVOG_FUZZ_RUNS` says how many mutants each target gets; `MIPVOG_FUZZ_SEED` picks others. What fails is written to
-//! `target/fuzz/` and belongs into `fuzz/found/TARGET/`, whose files are run too. `MIPVOG_FUZZ_CORPUS` names a folder that
-//! gets the seeds, as cargo-fuzz takes them.
+//! `MIPVOG_FUZZ_RUNS` sets the number of mutants of each target; `MIPVOG_FUZZ_SEED` picks others. A
+//! failing input is written to `target/fuzz/` and belongs into `fuzz/found/TARGET/`, whose files
+//! are run too. `MIPVOG_FUZZ_CORPUS` names a folder that gets the seeds, as cargo-fuzz takes them.
 
 mod common;
 #[path = "../fuzz/src/targets.rs"]

@@ -25,7 +25,7 @@ fn schema(name: &str) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("a schema")).expect("JSON")
 }
 
-/// What a schema of the extension says against a value.
+/// Errors of a value by a schema of the extension.
 fn against(name: &str, value: &Value) -> Vec<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(SCHEMAS);
     let names = std::fs::read_dir(folder).expect("the schemas").flatten();
@@ -218,7 +218,7 @@ fn every_finding_of_an_asset_can_be_reached() {
     expect(&dangling, "field-unused", &at(""));
     let bare = edit(&|d| drop(d["nodes"][0].as_object_mut().map(|node| node.remove("mesh"))));
     expect(&bare, "field-fallback", "/nodes/0");
-    // What is wrong with the container within has its place there, in bytes of the asset.
+    // A fault of the container within has its place there, in bytes of the asset.
     let (text, mut chunks) = parts(&good);
     let last = chunks[0].1.len() - 100;
     chunks[0].1[last] ^= 1;
@@ -298,7 +298,7 @@ fn verbs_take_assets_where_they_take_containers() {
     let first = report(here, &["unpack", &other, "-o", "one.safetensors"]);
     assert_eq!(first["levels"], second["levels"]);
     assert!(read("one.safetensors") == read("two.safetensors"));
-    // What an asset names does not move with it; what the output names is named from there.
+    // The files that an asset names do not move with it; the output names them from its own folder.
     std::fs::create_dir(here.join("deep er")).expect("writable");
     let moved = ["attach", "b.gltf", &other, "-o", "deep er/b.gltf"];
     let output = run(here, &moved);

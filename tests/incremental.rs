@@ -18,7 +18,7 @@ fn bake(here: &Path, more: &[&str]) -> Output {
     command.output().expect("starts")
 }
 
-/// Whether the bake found nothing to do.
+/// True if the bake found nothing to do.
 fn unchanged(output: &Output) -> bool {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
@@ -60,7 +60,7 @@ fn damage_is_a_change() {
     for at in (0..whole.len()).step_by(whole.len() / 40) {
         let mut damaged = whole.clone();
         damaged[at] ^= 1;
-        // What no longer looks like a container is somebody else's, and stays.
+        // A file that no longer looks like a container belongs to another program, and stays.
         std::fs::write(&container, damaged).expect("writable");
         if at < 8 {
             assert_eq!(bake(here, &[]).status.code(), Some(5), "{at}");

@@ -176,7 +176,7 @@ fn no_files_of_a_folder_use_each_other_in_a_circle() {
     assert!(circle.is_empty(), "files in circles: {circle:?}");
 }
 
-/// Folders whose numbers are stored, or decide what is.
+/// Folders whose numbers are stored, or decide about stored ones.
 const STORED: [&str; 7] = ["bake", "codec", "input", "levels", "model", "output", "view"];
 /// Functions of std whose last bits differ from machine to machine; `libm` has the same everywhere.
 const INEXACT: [&str; 16] = [

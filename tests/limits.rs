@@ -1,4 +1,5 @@
-//! Every limit: a file that asks for as much is read, one that asks for one more is refused, with that limit's name.
+//! Every limit: a file that asks for as much is read, one that asks for one more is refused, with
+//! that limit's name.
 
 mod common;
 
@@ -32,7 +33,7 @@ fn with(name: &str, count: u64) -> Limits {
     limits
 }
 
-/// The least value of a limit under which a file is read; one below, the limit is what is in the way.
+/// The least value of a limit under which a file is read; one below, the limit is the error.
 fn least(name: &str, path: &Path, read: fn(&Path, &Limits) -> Result<()>) -> u64 {
     let (mut refused, mut taken) = (0, 1 << 40);
     read(path, &with(name, taken)).expect("a sound file");

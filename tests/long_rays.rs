@@ -1,5 +1,5 @@
-//! Step lengths so short that a ray would never end: refused wherever a field comes in, and where the
-//! shortest are allowed, every long loop ends soon after it is told to.
+//! Step lengths so short that a ray would never end: refused wherever a field comes in, and where
+//! the shortest are allowed, every long loop ends soon after it is told to.
 
 mod common;
 

@@ -72,7 +72,7 @@ fn every_command_of_the_manual_runs() {
     }
     let verbs: BTreeSet<&str> = verbs().into_iter().collect();
     assert_eq!(ran, verbs, "verbs with a command in the manual");
-    // What is held to a schema elsewhere is there, and what went wrong on purpose is not.
+    // Files that are held to a schema elsewhere exist, and outputs that failed on purpose do not.
     for name in ["scene.sarif", "cut.sarif", "health.json", "out/chair.mipvog", "sweep/sweep.html"]
     {
         assert!(folder.path().join(name).is_file(), "no {name}");
@@ -84,8 +84,8 @@ fn verbs() -> Vec<&'static str> {
     heads.map(|head| head.trim_end_matches('`')).collect()
 }
 
-/// Long options in the first cells of the tables under each heading of the chapter of options, and other
-/// headings that the text links to.
+/// Long options in the first cells of the tables under each heading of the chapter of options, and
+/// other headings that the text links to.
 fn sections() -> BTreeMap<&'static str, (BTreeSet<&'static str>, Vec<&'static str>)> {
     let chapter = MANUAL.split("\n## Options\n").nth(1).expect("the chapter of options");
     let mut sections = BTreeMap::new();

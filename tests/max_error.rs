@@ -1,4 +1,5 @@
-//! `max_error`: every needed node of every level is within it, by a second bake that keeps all bits.
+//! `max_error`: every needed node of every level is within it, by a second bake that keeps all
+//! bits.
 
 mod common;
 
@@ -26,7 +27,7 @@ fn errors(seed: usize) -> MaxErrors {
     if seed.is_multiple_of(3) { one.into() } else { MaxErrors::new(one, two, three) }
 }
 
-/// What a stored value comes to.
+/// The activation of a stored value.
 fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
     let value = f64::from(value);
     match decode {
@@ -48,8 +49,8 @@ fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
     visible.expect("visible").levels.into_iter().map(|level| level.retained).collect()
 }
 
-/// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and returns
-/// the encodings of all levels.
+/// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and
+/// returns the encodings of all levels.
 fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Vec<Encoding> {
     let limits = options.max_error.expect("errors");
     let bytes = baked_bytes(field, options).expect("a bake");
@@ -134,7 +135,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
             }
         }
     }
-    // Far ends in one scene: what is beyond all reach must not cost what is near.
+    // Far ends in one scene: values beyond all reach must not cost precision of the near ones.
     let density: Vec<f32> = (0..125).map(|i| [-1e30, 1e30, -20.0, 4.0, 6.5][i % 5]).collect();
     let color: Vec<f32> = (0..375).map(|i| [-1e30, 1e30, 0.1, -2.0][i % 4]).collect();
     let field = field([5; 3], &density, &color);
@@ -217,7 +218,7 @@ fn unpacked_values_are_kept_within_the_error() {
                 }
             }
         }
-        // What came out is a container like any other.
+        // The result is a container like any other.
         let again =
             packed(&unpacked(&packed(&input, &changes).expect("packs")).0, &Changes::default());
         assert!(again.expect("packs") == packed(&input, &changes).expect("packs"), "seed {seed}");

@@ -29,7 +29,7 @@ fn least(input: &Path, output: &Path, options: &[&str]) -> u64 {
     digits.parse().expect("a number")
 }
 
-/// Bakes within the least bound, and within ones between it and what is needed without any.
+/// Bakes within the least bound, and within ones between it and the memory of an unbounded bake.
 fn holds(input: &Path, options: &[&str]) {
     let folder = folder();
     let path = |name: &str| folder.path().join(name);

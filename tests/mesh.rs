@@ -34,7 +34,7 @@ fn volume(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(of).sum()
 }
 
-/// What every mesh must be.
+/// Checks the rules of every mesh.
 fn assert_sound(mesh: &Mesh, min: [f32; 3], max: [f32; 3], case: &str) {
     assert_eq!(mesh.positions.len(), mesh.colors.len());
     assert!(!mesh.triangles.is_empty(), "{case}");
@@ -95,8 +95,8 @@ fn a_ball_becomes_a_ball() {
     let scale = extent.map(|length| length / 32.0);
     let exact = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
     let exact = exact * scale.iter().product::<f64>();
-    // An icosahedron in the ball, of 20 triangles, has 0.61 of its volume; meshes of few triangles are made of
-    // coarse levels, whose cells round the ball off further.
+    // An icosahedron in the ball, of 20 triangles, has 0.61 of its volume; meshes of few triangles
+    // are made of coarse levels, whose cells round the ball off further.
     for (triangles, least) in [(20, 0.5), (200, 0.75), (2000, 0.9)] {
         let mesh = mesh(&container, triangles).expect("a mesh");
         assert!(mesh.visible && mesh.triangles.len() <= triangles);

@@ -1,5 +1,5 @@
-//! Values of the metadata at the ends of their ranges (`formats/mipvog.md`, section 4): those within are taken, those
-//! beyond are refused under their key.
+//! Values of the metadata at the ends of their ranges (`formats/mipvog.md`, section 4): those
+//! within are taken, those beyond are refused under their key.
 
 mod common;
 

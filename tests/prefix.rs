@@ -1,5 +1,5 @@
-//! Containers that are cut where a level ends: the reader of prefixes shows what is there, the strict
-//! reader refuses them.
+//! Containers that are cut at the end of a level: the reader of prefixes shows the whole levels,
+//! the strict reader refuses them.
 
 mod common;
 

@@ -86,8 +86,8 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     }
 }
 
-/// A really trained scene; what a float64 renderer made of it without the threshold on colour, which
-/// is a step.
+/// A really trained scene; what a float64 renderer made of it without the threshold on colour,
+/// which is a step.
 #[test]
 fn every_pixel_of_a_trained_scene_equals_the_oracle() {
     let mut field = trained("lego64/fine_last.tar");

@@ -22,11 +22,12 @@ use mipvog_bake::unstable::view::render::{
     FrameOptions, LevelChoice, Renderer, TrainedLevels, camera_coverage, render,
 };
 
-/// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32, in
-/// which raw values around 100 are 4e-6 off.
+/// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32,
+/// in which raw values around 100 are 4e-6 off.
 const BOUND: f64 = 1.2e-5;
-/// The same where levels are made of matter while a field is opened: amounts are f32, and near 1 what they
-/// leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial found 4e-5.
+/// The same where levels are made of matter while a field is opened: amounts are f32, and near 1
+/// what they leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial
+/// found 4e-5.
 const ALPHA_BOUND: f64 = 1e-4;
 
 fn random_network(random: &mut Random, features: usize) -> ViewMlp {
@@ -131,8 +132,8 @@ fn random_camera(random: &mut Random, bounds: &Bounds) -> Camera {
     Camera { name: String::new(), to_world, lens: lens(random), picture: None }
 }
 
-/// A camera that looks straight along an axis from a place on a face, on an edge or on a node plane's
-/// height, from outside or from within: its middle ray, row and column stay there.
+/// A camera that looks straight along an axis from a place on a face, on an edge or on a node
+/// plane's height, from outside or from within: its middle ray, row and column stay there.
 fn straight_camera(random: &mut Random, bounds: &Bounds) -> Camera {
     let axis = random.below(3);
     let mut share = [0; 3].map(|_: usize| [0.0, 1.0, 0.5, 0.0][random.below(4)]);
@@ -172,8 +173,8 @@ fn assert_same(
     let frame = render(field, camera, &options, &Silent).expect("a frame");
     let pixels: Vec<usize> = (0..frame.transmittance.len()).collect();
     let d = Differences::of(plain, camera, levels, &frame, &pixels);
-    // Both accumulated and view-dependent colour may be off; distances and levels are sums of numbers
-    // around 10 and 4.
+    // Both accumulated and view-dependent colour may be off; distances and levels are sums of
+    // numbers around 10 and 4.
     let ok = d.color <= 2.0 * bound
         && d.transmittance <= bound
         && d.accumulated <= bound

@@ -168,7 +168,7 @@ fn runs_follow_from_their_codes_alone() {
     for shape in shapes() {
         for count in [1, 10, 50] {
             let made = frames(shape, count, &mut random);
-            // What a reader gets is needed everywhere, as far as it knows.
+            // A reader counts all nodes as retained: it knows no others.
             let most = u32::MAX >> (1 + random.below(8));
             let run = run_bytes(shape, &made, most).bytes;
             let codes = restored(shape, count, &run).expect("a run");

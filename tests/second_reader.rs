@@ -1,7 +1,8 @@
-//! A second reader, written in Python from `formats/mipvog.md` alone, reads what the crate reads, bit for bit.
+//! A second reader, written in Python from `formats/mipvog.md` alone, reads what the crate reads,
+//! bit for bit.
 //!
-//! It runs with the interpreter that `MIPVOG_PYTHON` names, else `target/python/bin/python3`, else `python3`, and needs
-//! `pip install -r tests/second_reader/requirements.txt`.
+//! It runs with the interpreter that `MIPVOG_PYTHON` names, else `target/python/bin/python3`, else
+//! `python3`, and needs `pip install -r tests/second_reader/requirements.txt`.
 
 #![cfg(feature = "cli")]
 
@@ -43,7 +44,7 @@ fn read(arguments: &[&Path]) -> (Option<i32>, String) {
     (output.status.code(), printed)
 }
 
-/// What lies in a folder, in a fixed order.
+/// Entries of a folder, in a fixed order.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder of containers");
     let mut found: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
@@ -85,7 +86,7 @@ fn both_readers_decode_the_same_bits() {
     }
 }
 
-/// What `formats/compatibility.md` lets a later minor version add.
+/// Reads the additions that `formats/compatibility.md` allows in a later minor version.
 #[test]
 fn the_second_reader_takes_a_later_minor_version() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! What names mean: every spelling of one scene gives the same field.
+//! The meaning of names: every spelling of one scene gives the same field.
 
 mod common;
 

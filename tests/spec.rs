@@ -1,4 +1,5 @@
-//! The specification's tables against the code. `BLESS=1 cargo test --test spec` writes the catalogue of findings anew.
+//! The specification's tables against the code. `BLESS=1 cargo test --test spec` writes the
+//! catalogue of findings anew.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Sweeps: the front against its definition, what is taken from former runs, and what is written.
+//! Sweeps: the front against its definition, results from former runs, and written files.
 
 mod common;
 
@@ -91,7 +91,7 @@ fn a_finished_setting_is_not_baked_again() {
         let file = std::fs::File::options().write(true).open(path(&setting.file)).expect("baked");
         file.set_modified(old).expect("a time");
     }
-    // Another list that holds both: only what is new is baked.
+    // Another list that holds both: only new settings are baked.
     let second = run(here, &options(&[8, 12, 6]));
     assert_eq!(resumed(&second), [true, false, true]);
     assert_eq!(second.settings[2].errors, first.settings[0].errors);
@@ -102,8 +102,8 @@ fn a_finished_setting_is_not_baked_again() {
     }
     assert!(first.settings[0].output_bytes < second.settings[1].output_bytes);
 
-    // Whatever the result follows from makes it anew: a lost or cut container, a damaged record,
-    // other cameras, scales or repetitions.
+    // A change of anything that the result follows from makes it anew: a lost or cut container, a
+    // damaged record, other cameras, scales or repetitions.
     let names = ["rate-tent-6bit-t1e-3-b8-z1", "rate-tent-8bit-t1e-3-b8-z1"];
     std::fs::remove_file(path(&format!("{}.mipvog", names[0]))).expect("removed");
     assert_eq!(resumed(&run(here, &options(&[6, 8]))), [false, true]);
@@ -226,7 +226,7 @@ fn assert_balanced(html: &str) {
     assert!(open.is_empty(), "{open:?}");
 }
 
-/// Counts what is told.
+/// Counts the progress reports.
 #[derive(Default)]
 struct Counts {
     begun: AtomicU64,

@@ -1,4 +1,4 @@
-//! File syntax: what is damaged or means harm is a typed error in bounded memory, never a panic.
+//! File syntax: damaged or hostile bytes are a typed error in bounded memory, never a panic.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -150,7 +150,7 @@ fn connections_live_on_and_beside_each_other() {
     let file = fixture("baked/tiny.rate.mipvog");
     let bytes = std::fs::read(&file).expect("a fixture");
     let served = Served::start(&file);
-    // Connections that say nothing are in nobody's way.
+    // Silent connections do not block others.
     let silent: Vec<TcpStream> = (0..20).map(|_| served.connect()).collect();
     let ask = |from: usize| {
         let mut stream = BufReader::new(served.connect());
@@ -179,7 +179,7 @@ fn a_binary_asset_is_served_as_it_is_and_other_files_are_refused() {
     let answer = served.ask("GET /asset.glb HTTP/1.1", "");
     assert_eq!((answer.field("Content-Type"), answer.body.len()), ("model/gltf-binary", 12));
 
-    // What it names is not served with it, which is said.
+    // Files that it names are not served with it, and the program says so.
     let outside = folder.path().join("outside.glb");
     let field =
         "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"beside.bin\",\"byteLength\":4}]}";

@@ -1,4 +1,5 @@
-//! What benchmarks are told: a scene, what it leaves unsaid, and each benchmark's own options.
+//! Arguments of benchmarks: a scene, the settings that it leaves unsaid, and each benchmark's own
+//! options.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -16,7 +17,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// What stands on the command line, of which `own` options are the benchmark's.
+    /// The command line's arguments. `own` names the benchmark's own options.
     pub fn read(own: &[&str]) -> Self {
         let fixture =
             PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/trained/lego64/fine_last.tar");
@@ -55,7 +56,7 @@ impl Arguments {
     }
 }
 
-/// A number that somebody typed.
+/// A number from the command line.
 pub fn number<T: FromStr>(text: &str) -> T {
     text.parse().unwrap_or_else(|_| panic!("{text} is no number of the right kind"))
 }

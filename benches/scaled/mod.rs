@@ -1,8 +1,8 @@
 //! Larger scenes of the same kind: a trained scene upsampled, with noise where matter is.
 //!
-//! Trilinear upsampling alone would compress and filter better than anything trained, so values of nodes
-//! with matter are moved by noise of a tenth of the scene's own spread. The same scene, size and type give
-//! the same bytes.
+//! Trilinear upsampling alone would compress and filter better than anything trained, so values of
+//! nodes with matter are moved by noise of a tenth of the scene's own spread. The same scene, size
+//! and type give the same bytes.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -18,7 +18,7 @@ const MATTER: f32 = 0.0;
 /// Half the spread of the noise in raw values.
 const NOISE: f32 = 0.5;
 
-/// How numbers are stored.
+/// Stored number types.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
     F32,

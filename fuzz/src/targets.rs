@@ -1,8 +1,9 @@
-//! What is fuzzed: every parser of bytes that strangers write, each as a function that must return.
+//! Fuzz targets: every parser of bytes that strangers write, each as a function that must return.
 //!
-//! A target takes any bytes. Where checksums would stop nearly every mutation at the door, it mends them or
-//! puts the bytes where only their meaning is judged. Errors and readings are both fine; panics, hangs and
-//! memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with a plain mutator.
+//! A target takes any bytes. Checksums would stop nearly every mutation at once; a target mends
+//! them or puts the bytes at a place that only checks meaning. Errors and readings are both fine;
+//! panics, hangs and memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with
+//! a plain mutator.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -84,8 +85,8 @@ pub fn container(bytes: &[u8]) {
     let (file, limits) = (file(bytes), limits());
     let strict = Container::open(Arc::clone(&file), &limits).and_then(|container| container.read());
     let report = check_file(file, &CheckOptions::default(), &limits);
-    // What strict readers take has no finding; what has no finding they take, as long as all of it fits in
-    // memory at once.
+    // A file that strict readers take has no finding. A file without findings is taken, as long as
+    // all of it fits in memory at once.
     let valid = report.is_ok_and(|report| report.valid);
     let fits =
         !matches!(&strict, Err(error) if matches!(error.kind(), ErrorKind::OverLimit { .. }));
@@ -110,8 +111,8 @@ pub fn png(bytes: &[u8]) {
     picture::decode(Cursor::new(bytes), Path::new(NOWHERE), limits().memory).ok();
 }
 
-/// Writes the checksums that a forger would: of each chunk where the directory says it is, then of header and
-/// directory.
+/// Writes the checksums that a forger would: of each chunk where the directory says it is, then of
+/// header and directory.
 fn mend_checksums(bytes: &mut [u8]) {
     let number = |bytes: &[u8], at: usize, width: usize| -> Option<usize> {
         let mut wide = [0; 8];

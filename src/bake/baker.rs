@@ -84,8 +84,8 @@ impl<'a> Baker<'a> {
         self.run(input.into(), &mut WriterSink::new(writer))
     }
 
-    /// Bakes into a file, which appears whole or not at all. A file that is there already is refused
-    /// unless `overwrite`.
+    /// Bakes into a file, which appears whole or not at all. A file that is there already is
+    /// refused unless `overwrite`.
     ///
     /// # Errors
     ///

@@ -1,8 +1,8 @@
-//! Whether a container that is there already is what a bake would write.
+//! Tests whether an existing container is the one that a bake would write.
 //!
-//! Provenance says what a container was made from: tool and version, the input's digest, options, what
-//! was assumed. The rest of what decides its bytes, settings of the scene, is in its metadata. Where all
-//! that is as it would be, and the container is whole, a bake would write the same bytes again.
+//! Provenance states a container's origin: tool and version, the input's digest, options,
+//! assumptions. Settings of the scene, which also decide its bytes, are in its metadata. If all of
+//! them are the same and the container is whole, a bake would write the same bytes again.
 
 use serde_json::Value;
 
@@ -12,12 +12,12 @@ use crate::codec::container::Container;
 use crate::model::field::RadianceField;
 use crate::model::view_mlp::ViewMlp;
 
-/// Whether `container` is what [`super::bake`] would write of `field`. Never so where the input's
-/// digest says nothing of its values, as in formats without checksums.
+/// True if `container` is the one that [`super::bake`] would write of `field`. Always false if the
+/// input's digest does not cover its values, as in formats without checksums.
 ///
 /// # Errors
 ///
-/// Reading what is there may fail; damage is no error, but a container that is not current.
+/// Reading the container may fail; damage is no error, but a container that is not current.
 pub fn is_current(
     container: &Container,
     field: &RadianceField,

@@ -1,7 +1,7 @@
 //! Planes of a level to compressed runs, as they come.
 //!
-//! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of codes.
-//! They wait as frames until all threads have runs of them to compress.
+//! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of
+//! codes. They wait as frames until all threads have runs of them to compress.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::model::grid::NodeMask;
 /// Frames wait until this many bytes of them are there, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;
 
-/// What all groups of a level share.
+/// Options that all groups of a level share.
 #[derive(Debug, Clone, Copy)]
 pub struct EncodeOptions<'a> {
     /// The level that errors name.
@@ -38,7 +38,7 @@ pub struct EncodeOptions<'a> {
     pub importance: Option<Importance<'a>>,
 }
 
-/// How much nodes make up of pictures.
+/// Shares of nodes in pictures.
 #[derive(Debug, Clone, Copy)]
 pub struct Importance<'a> {
     /// Of each node of the level, in units of their mean; z fastest.
@@ -149,12 +149,13 @@ impl<'a> LevelEncoder<'a> {
         Self { table, retained, planes, options, groups }
     }
 
-    /// Where planes go.
+    /// The planes of the level.
     pub fn planes(&self) -> Arc<LevelPlanes<'a>> {
         Arc::clone(&self.planes)
     }
 
-    /// Encodes the stored blocks of planes that have come. They are told about in order, each time a block's thickness.
+    /// Encodes the stored blocks of planes that have come. They are told about in order, each time
+    /// a block's thickness.
     pub fn take(&mut self, planes: Range<usize>) -> Result<()> {
         let grid = self.table.grid();
         let row = planes.start / grid.edge;
@@ -203,7 +204,7 @@ impl<'a> LevelEncoder<'a> {
         errors
     }
 
-    /// Compresses what is left.
+    /// Compresses the remaining frames.
     pub fn finish(mut self) -> Result<EncodedLevel> {
         self.compress(true)?;
         let mut atlases = [None, None, None];
@@ -242,7 +243,7 @@ impl<'a> LevelEncoder<'a> {
 }
 
 impl Importance<'_> {
-    /// That of a block's nodes; 0 of those that the grid does not have.
+    /// Importance of a block's nodes; 0 beyond the grid.
     fn of_block(&self, source: BlockSource, edge: usize) -> Vec<f32> {
         let sizes = source.needed.nodes().0;
         let of_node = |node: usize| {

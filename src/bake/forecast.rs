@@ -1,9 +1,9 @@
 //! A forecast of a bake's time, memory and bytes, without baking all of it.
 //!
 //! The visible nodes are found for real: costs and bytes follow the number of retained nodes. Then
-//! two windows along x, an eighth of the box each, are encoded for real, with all levels. One starts
-//! where a third of level 0's retained nodes is passed, the other where two thirds are. The forecast
-//! assumes that all retained nodes cost and take what those in the windows do.
+//! two windows along x, an eighth of the box each, are encoded for real, with all levels. One
+//! starts where a third of level 0's retained nodes is passed, the other where two thirds are. The
+//! forecast assumes that all retained nodes cost and take what those in the windows do.
 
 use super::levels::FilteredLevels;
 use super::memory::MemoryPlan;
@@ -153,8 +153,8 @@ fn window_starts(retained: &NodeMask) -> [usize; 2] {
 }
 
 /// The nodes of a level inside the windows, whole rows of blocks. A level 0 that is too short for
-/// windows is inside as a whole. A coarser level that is too short is outside: everything around the
-/// windows goes into it, and it hardly counts itself.
+/// windows is inside as a whole. A coarser level that is too short is outside: everything around
+/// the windows goes into it, and it hardly counts itself.
 fn windows(nodes: Nodes, edge: usize, level: usize, starts: [usize; 2]) -> Result<NodeMask> {
     let full = NodeMask::full(nodes);
     let rows = nodes.0[0].div_ceil(edge);

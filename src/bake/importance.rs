@@ -1,9 +1,10 @@
-//! How much errors of each level's nodes matter to given cameras.
+//! Importance of each level's nodes to given cameras.
 //!
-//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level `k` is `2^k` times as far
-//! away, and sees of it what it would see of level 0: a coarser node matters as much, against the mean of its
-//! level, as the finer nodes around it do against the mean of theirs. So each level's is the one before it,
-//! averaged and resized as levels are, in units of its own mean again.
+//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level
+//! `k` is `2^k` times as far away, and its picture of that level is like one of level 0. So a
+//! coarser node is as important, against the mean of its level, as the finer nodes around it are
+//! against the mean of theirs. Each level's importance is therefore the one before it, averaged and
+//! resized as levels are, in units of its own mean again.
 
 use super::{BakeOptions, Importance};
 use crate::levels::Kernel;
@@ -43,7 +44,7 @@ impl LevelImportance {
     }
 }
 
-/// The importance of the next coarser level's nodes, in units of the mean of those that have any.
+/// The importance of the next coarser level's nodes, in units of the mean of the values above 0.
 fn coarser(finer: &[f32], from: Nodes, to: Nodes) -> Vec<f32> {
     let mut values = finer.to_vec();
     let mut sizes = from.0;

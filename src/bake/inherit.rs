@@ -1,11 +1,10 @@
 //! Blocks that inherit their colours from the next coarser level.
 //!
 //! From the second coarsest level to level 0, each block's colours are compared with those that a
-//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). Where no
+//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). If no
 //! retained node's colour would move by more than is allowed, the block's own colours are left out;
-//! its density stays. Coarser levels are decided first, so blocks are compared with exactly the
-//! colours that readers will see. Memory is the colours' codes of one level and of the next coarser
-//! one.
+//! its density stays. Coarser levels are decided first, so blocks are compared with the readers'
+//! own colours. Memory is the colours' codes of one level and of the next coarser one.
 
 use super::importance::LevelImportance;
 use crate::base::error::Result;
@@ -29,8 +28,9 @@ pub struct Inheritance<'a> {
     pub among: Option<&'a [Table]>,
 }
 
-/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as that
-/// moves values. `level_nodes` gives each level's retained nodes, and their importance to cameras.
+/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as
+/// that moves values. `level_nodes` gives each level's retained nodes, and their importance to
+/// cameras.
 pub fn inherit_levels<'a>(
     encoded: &mut [EncodedLevel],
     metadata: &mut Metadata,
@@ -108,14 +108,14 @@ pub fn inherit_levels<'a>(
 /// A group that may be filled.
 struct ColorGroup<'a> {
     filler: &'a Filler<'a>,
-    /// What is stored so far.
+    /// The codes stored so far.
     codes: &'a Codes,
     /// The colour of each code.
     activated: Vec<f64>,
     channels: usize,
 }
 
-/// What blocks of a level are judged by.
+/// The test that a level's blocks must pass to inherit.
 struct InheritanceTest<'a> {
     grid: BlockGrid,
     needed: &'a NodeMask,
@@ -125,7 +125,8 @@ struct InheritanceTest<'a> {
 }
 
 impl InheritanceTest<'_> {
-    /// The most that filling a block would move a colour of each group by; none where that is too much.
+    /// The most that filling a block would move a colour of each group by; none where that is too
+    /// much.
     fn color_shifts(
         &self,
         place: [usize; 3],
@@ -209,7 +210,7 @@ fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtl
     let (count, full) = (codes.len() / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {
         let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
-        // Every code counts: those that nobody needs were chosen when the level was encoded.
+        // Every code counts: codes of don't-care nodes were chosen when the level was encoded.
         CompressedRun::new(shape, &frames, 0, zstd_level)
     })?;
     EncodedAtlas::new(full, runs)

@@ -21,9 +21,9 @@ pub struct FilteredLevels<'a> {
     pub visible: &'a Visible,
     /// Levels that were fitted.
     pub fitted: Option<&'a Fitted>,
-    /// Whether slabs are encoded while the next ones are made.
+    /// True if slabs are encoded while the next ones are made.
     pub pipelined: bool,
-    /// Whether only windows of the field are retained, for a forecast. Planes outside are left out,
+    /// True if only windows of the field are retained, for a forecast. Planes outside are left out,
     /// and checksums are not held to those that the file states.
     pub is_window: bool,
 }

@@ -11,8 +11,8 @@ use crate::model::baked::Group;
 /// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
-/// One for each group: of opacity over one interval for density, of what is activated (0 to 1) for diffuse colours and
-/// for features. As text one number, or three with colons between.
+/// One for each group: of opacity over one interval for density, of activated values (0 to 1) for
+/// diffuse colours and for features. As text one number, or three with colons between.
 ///
 /// ```
 /// use mipvog_bake::MaxErrors;

@@ -1,9 +1,9 @@
 //! Bakes within a bound on memory.
 //!
 //! Everything that a bake holds at once follows from sizes and the number of threads, except the
-//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their way
-//! through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
-//! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. Where the
+//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their
+//! way through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
+//! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. If the
 //! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
 //! halves the planes. No byte of the output depends on either.
 //!
@@ -22,13 +22,13 @@ use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
 /// The program, its libraries, and what the allocator keeps for itself.
 const PROGRAM_BYTES: u64 = 24 << 20;
-/// What a thread needs to compress a run, and its stack.
+/// Memory of a thread that compresses a run, and its stack.
 const THREAD_BYTES: u64 = 8 << 20;
 
 /// The way in which a bake keeps to its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryPlan {
-    /// Whether slabs are encoded while the next ones are made.
+    /// True if slabs are encoded while the next ones are made.
     pub pipelined: bool,
     /// Bytes of compressed runs that may stay in memory.
     pub run_bytes: u64,
@@ -64,7 +64,7 @@ impl MemoryPlan {
     }
 }
 
-/// What a bake needs beside compressed runs.
+/// The memory of a bake beside compressed runs.
 struct Needs<'a> {
     field: &'a RadianceField,
     options: &'a BakeOptions,
@@ -78,7 +78,7 @@ impl Needs<'_> {
         common + self.pruning().max(self.encoding(pipelined))
     }
 
-    /// What the input holds in memory: entries that had to be inflated, the free-space mask.
+    /// Memory of the input: entries that had to be inflated, the free-space mask.
     fn inputs(&self) -> u64 {
         let volumes = std::iter::once(&self.field.density).chain(&self.field.color);
         let inflated = volumes.map(|volume| match &volume.storage {
@@ -91,8 +91,9 @@ impl Needs<'_> {
         inflated.sum::<u64>() + free_space
     }
 
-    /// Bits of nodes. While it is found what is needed: what is opaque and what is needed of all levels, matter, cells and
-    /// corners of level 0. Then, of all levels, what is needed and what is read for it; matter, and all of level 0.
+    /// Memory of node masks, the larger of two stages. While retained nodes are found: opaque and
+    /// retained nodes of all levels, and nodes with alpha, cells and corners of level 0. Then:
+    /// retained and required nodes of all levels, nodes with alpha, and all of level 0.
     fn masks(&self) -> u64 {
         let all: u64 = self.sizes.iter().map(|&nodes| NodeMask::bytes(nodes)).sum();
         2 * all + 4 * NodeMask::bytes(self.sizes[0])
@@ -110,9 +111,10 @@ impl Needs<'_> {
 
     /// Planes of density on their way through the levels, and the light that is followed.
     fn pruning(&self) -> u64 {
-        // A slab's amounts, what each thread works on, what waits for the next level; each level a fourth of the last.
+        // A slab's amounts, what each thread works on, what waits for the next level; each level a
+        // fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
-        // Depths, what passes and what is seen.
+        // Depths, transmittance and visibility.
         planes * Self::plane(self.sizes[0]) * 4 / 3 + 3 * self.visibility()
     }
 
@@ -122,7 +124,8 @@ impl Needs<'_> {
         domain.map_or(0, seen)
     }
 
-    /// Planes of all channels on their way through the levels, and codes that are not compressed yet.
+    /// Planes of all channels on their way through the levels, and codes that are not compressed
+    /// yet.
     fn encoding(&self, pipelined: bool) -> u64 {
         let channels = 1 + self.field.color_channels() as u64;
         let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();
@@ -130,7 +133,7 @@ impl Needs<'_> {
         let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
         let of_level = |level: usize| {
-            // What each thread works on; of matter also what a slab's colours are weighted by.
+            // Planes at work in each thread; with alpha, also the weights of a slab's colours.
             let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
                 (true, 0) => thickness + 2 * self.threads,

@@ -1,4 +1,4 @@
-//! What a bake makes of a field, as users say it.
+//! Options of a bake, as users state them.
 
 use serde_json::json;
 
@@ -13,27 +13,25 @@ use crate::model::baked::{FootprintNeighbour, LevelOfDetail, Metadata};
 use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
 
-/// Compression level of zstd where nobody says another: the last that is fast enough to be no
-/// bottleneck.
+/// Compression level of zstd by default: the highest that is fast enough to be no bottleneck.
 pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
 /// More steps than any fit needs by far.
 const MOST_FIT_STEPS: usize = 100_000;
 
-/// What a bake makes of a field.
+/// Options of a bake.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct BakeOptions {
-    /// How coarser levels are made. Default: [`Filter::RateTent`], which looks right from
-    /// afar
+    /// Filter of coarser levels. Default: [`Filter::RateTent`], which looks right from afar
     pub filter: SharedFilter,
     /// Levels in all, at most. Default: down to 4 nodes along the longest axis
     pub levels: Option<usize>,
     /// Bits of a code. Default: 8
     pub bits: Bits,
-    /// Largest error, at any needed node of any level, of what is decoded from what was to be stored:
-    /// in opacity over one interval, in colour and features from 0 to 1. Each group of each level gets
-    /// the fewest bits that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
+    /// Largest error of a decoded value, at any retained node of any level: in opacity over one
+    /// interval, in colour and features from 0 to 1. Each group of each level gets the fewest bits
+    /// that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
     pub max_error: Option<MaxErrors>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
@@ -41,31 +39,36 @@ pub struct BakeOptions {
     pub block_size: usize,
     /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
-    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds its own
+    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds
+    /// its own
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's factor. Default: 1
     pub lod_scale: f32,
     /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
     pub fit_steps: usize,
-    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no bound
+    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no
+    /// bound
     pub fit_seconds: Option<f64>,
     /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
     pub fit_cameras: Vec<Camera>,
-    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0 to 1.
-    /// Default: none, all matter is kept
+    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0
+    /// to 1. Default: none, all matter is kept
     pub min_weight: Option<f32>,
-    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their level does of
-    /// what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64. Default: 0
+    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their
+    /// level does of what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64.
+    /// Default: 0
     pub coarseness: f32,
-    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where the next coarser
-    /// level says them so well at every needed node, beyond that of their codes; with [`seen_from`](Self::seen_from)
-    /// at nodes that make up as much as the mean, and more where it is less. Default: none, all are stored
+    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where
+    /// the next coarser level says them so well at every needed node, beyond that of their codes;
+    /// with [`seen_from`](Self::seen_from) at nodes that make up as much as the mean, and more
+    /// where it is less. Default: none, all are stored
     pub fill_error: Option<f32>,
     /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
-    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it. Default: no bound
+    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it.
+    /// Default: no bound
     pub memory: Option<u64>,
-    /// What happens to values that are not finite. Default: refuse
+    /// Treatment of values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
     /// Limits on sizes and memory; what comes out does not depend on them. Default: those for files
     /// that are not trusted
@@ -145,7 +148,7 @@ impl BakeOptions {
         options
     }
 
-    /// Whether what comes out depends on what [`seen_from`](Self::seen_from) see.
+    /// True if the result depends on the cameras of [`seen_from`](Self::seen_from).
     pub fn sees(&self) -> bool {
         self.min_weight.is_some() || self.coarseness > 0.0
     }

@@ -13,15 +13,15 @@ const SAMPLES: u64 = 64;
 /// Bytes of a sample.
 const SAMPLE_BYTES: u64 = 4096;
 
-/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in any
-/// place.
+/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in
+/// any place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// Kind of the input file.
     pub kind: String,
     /// SHA-256 of what identifies the input without reading it all.
     pub digest: [u8; 32],
-    /// Whether the digest covers the grids' values, by their checksums. Where it does not, a bake adds
+    /// True if the digest covers the grids' values, by their checksums. If not, a bake adds
     /// checksums of values.
     pub covers_values: bool,
     /// Role and SHA-256 of other files that were used.
@@ -54,7 +54,7 @@ impl Origin {
         }
     }
 
-    /// The input's digest. Where the format has no checksums, it also covers all of density, by the
+    /// The input's digest. If the format has no checksums, it also covers all of density, by the
     /// CRC-32 of each plane, and samples of colour. It does not depend on options.
     pub(super) fn digest(&self, field: &RadianceField, density: &[u32]) -> Result<[u8; 32]> {
         if self.covers_values {

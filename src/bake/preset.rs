@@ -13,7 +13,7 @@ use crate::codec::quantize::Bits;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preset {
-    /// What the checkpoint was trained with: the research code's levels, 8 bits.
+    /// The checkpoint as trained: the research code's levels, 8 bits.
     Faithful,
     /// Levels that look right from afar, compressed hardest.
     Web,
@@ -21,9 +21,9 @@ pub enum Preset {
     Archive,
 }
 
-/// What `web` lets values err by. On trained scenes the largest, of those tried in a sweep, whose
-/// pictures stay more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features reach
-/// pictures only through the network, which answers to them weakly: they may err by more.
+/// Largest errors of `web`. They are the largest of a sweep on trained scenes whose pictures stay
+/// more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features reach pictures
+/// only through the network, which answers to them weakly: they may err by more.
 const WEB_ERRORS: MaxErrors = MaxErrors::new(0.02, 0.018, 0.05);
 
 impl Preset {
@@ -39,7 +39,7 @@ impl Preset {
         }
     }
 
-    /// What it is for, in a sentence.
+    /// Its purpose, in a sentence.
     pub const fn purpose(self) -> &'static str {
         match self {
             Self::Faithful => {
@@ -54,7 +54,7 @@ impl Preset {
         }
     }
 
-    /// What it expands to.
+    /// The options that it stands for.
     pub fn options(self) -> BakeOptions {
         let mut options = BakeOptions::default();
         match self {

@@ -15,7 +15,7 @@ use crate::model::grid::{NodeMask, row};
 pub struct BitSearch {
     /// The errors to keep.
     pub max_errors: MaxErrors,
-    /// Whether an encoding that is planned stays where the search finds none with fewer bits.
+    /// True if a planned encoding stays unless the search finds one with fewer bits.
     pub only_fewer: bool,
 }
 

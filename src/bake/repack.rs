@@ -1,8 +1,8 @@
 //! An unpacked container, packed again.
 //!
-//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned, and
-//! encodings are searched only where an error is asked for. Decoding and encoding are inverse for
-//! codes, so without changes the result is the same file that was unpacked, byte for byte.
+//! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned,
+//! and encodings are searched only where an error is asked for. Decoding and encoding are inverse
+//! for codes, so without changes the result is the same file that was unpacked, byte for byte.
 
 use serde_json::{Value, json};
 
@@ -30,8 +30,8 @@ use crate::model::grid::{BlockGrid, NodeMask, Nodes, row};
 pub struct Changes {
     /// Other bits, with ranges to match.
     pub bits: Option<Bits>,
-    /// The fewest bits that keep this error of the unpacked values, whatever `bits` says; 1e-6 to 0.25.
-    /// Encodings that have no more bits stay: they hold the values exactly.
+    /// The fewest bits that keep this error of the unpacked values, whatever `bits` says; 1e-6 to
+    /// 0.25. Encodings that have no more bits stay: they hold the values exactly.
     pub max_error: Option<MaxErrors>,
     /// Fewer levels.
     pub levels: Option<usize>,
@@ -41,9 +41,9 @@ pub struct Changes {
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's factor.
     pub lod_scale: Option<f32>,
-    /// Where rays start.
+    /// Start of rays.
     pub near: Option<f32>,
-    /// Where rays enter the box at the latest.
+    /// Farthest entry of rays into the box.
     pub far: Option<f32>,
     /// Colour behind the field.
     pub background: Option<[f32; 3]>,
@@ -117,9 +117,9 @@ fn change(encoding: &mut Encoding, to: &Encoding) {
 
 /// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
 ///
-/// Blocks that inherit their colours were unpacked with those colours. Each is encoded like any other
-/// block, and inherits again if that gives exactly its codes. So edited values are kept, and a changed
-/// encoding or number of levels breaks no bound.
+/// Blocks that inherit their colours were unpacked with those colours. Each is encoded like any
+/// other block, and inherits again if that gives exactly its codes. So edited values are kept, and
+/// a changed encoding or number of levels breaks no bound.
 ///
 /// # Errors
 ///

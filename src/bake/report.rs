@@ -19,12 +19,12 @@ pub struct BakeReport {
     pub levels: Vec<LevelReport>,
     /// Fine to coarse, beside `levels`.
     pub pruned: Vec<PruneReport>,
-    /// Whether the container was there already, and is what this bake would have written.
+    /// True if the container was there already, and is the one that this bake would have written.
     pub unchanged: bool,
     /// The report of the fit, where there was one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fitted: Option<FitReport>,
-    /// Whether the free-space mask had to be stored.
+    /// True if the free-space mask had to be stored.
     pub free_space_stored: bool,
     /// Values that were not finite and became empty.
     pub nonfinite_values: u64,
@@ -55,7 +55,7 @@ pub struct FitReport {
     pub level_of_detail: LevelOfDetail,
     /// From level 1 on.
     pub levels: Vec<FittedLevel>,
-    /// Whether it ended before its steps did, at its time limit or on request.
+    /// True if it ended before its steps did, at its time limit or on request.
     pub cut_short: bool,
 }
 
@@ -91,11 +91,11 @@ pub struct LevelReport {
     pub max_opacity_error: Option<f32>,
     /// Largest error of a colour or feature at a needed node, by proof.
     pub max_color_error: Option<f32>,
-    /// How each of the level's groups is stored, density first.
+    /// The level's groups, density first.
     pub groups: Vec<GroupReport>,
 }
 
-/// How one group of a level is stored.
+/// Storage of one group of a level.
 #[derive(Debug, Clone, Serialize)]
 pub struct GroupReport {
     /// Its name.

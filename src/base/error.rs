@@ -1,7 +1,8 @@
-//! One error type for the whole crate: what went wrong, where, and what to do about it.
+//! One error type for the whole crate: the fault, its place, and a remedy.
 //!
 //! A [`Place`] is always absolute: byte offsets count from the start of the file, block numbers
-//! from the start of their level. Whoever opens a file adds its name with [`Error::in_file`].
+//! from the start of their level. The caller that opens a file adds its name with
+//! [`Error::in_file`].
 
 use std::borrow::Cow;
 use std::fmt;
@@ -21,7 +22,7 @@ struct Details {
     file: Option<PathBuf>,
 }
 
-/// What went wrong.
+/// Kinds of errors.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ErrorKind {
@@ -68,16 +69,16 @@ pub enum ErrorKind {
     },
     /// The bytes break the rules of their format.
     Malformed {
-        /// What is there.
+        /// The value found.
         found: String,
-        /// What the format asks for.
+        /// The value that the format asks for.
         expected: String,
     },
     /// Well-formed, but a version, feature or model that this build does not know.
     Unsupported {
-        /// What is there.
+        /// The value found.
         found: String,
-        /// What would be understood.
+        /// The values that would be understood.
         expected: String,
     },
     /// A grid holds infinities or NaNs.
@@ -105,7 +106,7 @@ pub enum ErrorKind {
     Exists,
 }
 
-/// Where it went wrong.
+/// Place of an error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Place {
@@ -139,7 +140,7 @@ pub enum Place {
     Within {
         /// Pointer to the value.
         pointer: String,
-        /// Where in the container; byte offsets count from the container's own start.
+        /// Place in the container; byte offsets count from the container's own start.
         place: Box<Place>,
         /// Offset of the container's first byte in the file that holds it.
         offset: u64,
@@ -215,8 +216,8 @@ impl Error {
         self
     }
 
-    /// Says that the error's place is in the container that a value of a JSON document embeds, whose
-    /// first byte is the file's byte `offset`.
+    /// Says that the error's place is in the container that a value of a JSON document embeds,
+    /// whose first byte is the file's byte `offset`.
     #[must_use]
     pub fn within(mut self, pointer: &str, offset: u64) -> Self {
         let place = Box::new(std::mem::replace(&mut self.0.place, Place::File));
@@ -224,17 +225,17 @@ impl Error {
         self
     }
 
-    /// What went wrong.
+    /// The error's kind.
     pub fn kind(&self) -> &ErrorKind {
         &self.0.kind
     }
 
-    /// What went wrong, without its place.
+    /// The error's kind, without its place.
     pub fn into_kind(self) -> ErrorKind {
         self.0.kind
     }
 
-    /// Where in the file.
+    /// The place in the file.
     pub fn place(&self) -> &Place {
         &self.0.place
     }

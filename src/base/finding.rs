@@ -1,11 +1,11 @@
-//! What validation finds: a stable code, how bad it is, and the error with its place.
+//! Findings of validation: a stable code, a severity, and the error with its place.
 //!
-//! Rules report [`Finding`]s to whoever asked. A strict reader turns the first one into its error;
+//! Rules report [`Finding`]s to their caller. A strict reader turns the first one into its error;
 //! the validator collects them all. Either way there is one copy of each rule.
 
 use crate::base::error::{Error, Result};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -20,7 +20,7 @@ macro_rules! codes {
         $(#[doc = $meaning:literal])+
         $variant:ident = $name:literal, $severity:ident, at $place:literal, do $remedy:literal;
     )+) => {
-        /// What kind of thing was found. Names are stable and never reused.
+        /// Kinds of findings. Names are stable and never reused.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[non_exhaustive]
         pub enum Code {
@@ -36,22 +36,22 @@ macro_rules! codes {
                 match self { $(Self::$variant => $name),+ }
             }
 
-            /// How bad it is.
+            /// Its severity.
             pub const fn severity(self) -> Severity {
                 match self { $(Self::$variant => Severity::$severity),+ }
             }
 
-            /// What it means, in a sentence.
+            /// Its meaning, in a sentence.
             pub const fn meaning(self) -> &'static str {
                 match self { $(Self::$variant => concat!($($meaning),+)),+ }.trim_ascii()
             }
 
-            /// What the place of such a finding is.
+            /// The kind of place that such a finding has.
             pub const fn place(self) -> &'static str {
                 match self { $(Self::$variant => $place),+ }
             }
 
-            /// What its owner can do about the file.
+            /// Advice to the file's owner.
             pub const fn remedy(self) -> &'static str {
                 match self { $(Self::$variant => $remedy),+ }
             }
@@ -116,7 +116,8 @@ codes! {
     MetadataValue = "metadata-value", Error,
         at "key of the metadata",
         do "bake again; tell whoever wrote the file";
-    /// Rays may take more samples than a renderer has to be ready for: the step length is too short.
+    /// Rays may take more samples than a renderer has to be ready for: the step length is too
+    /// short.
     RaySamples = "ray-samples", Error,
         at "key of the metadata",
         do "bake again with a longer step";
@@ -160,7 +161,8 @@ codes! {
     FieldProperty = "field-property", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
-    /// A radiance field names no container, two, bytes that are not there, or those of vertices or indices.
+    /// A radiance field names no container, two, bytes that are not there, or those of vertices or
+    /// indices.
     FieldSource = "field-source", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
@@ -188,7 +190,8 @@ codes! {
     FieldFallback = "field-fallback", Warning,
         at "JSON pointer",
         do "give the node a mesh, or attach with one";
-    /// A file of tensors cannot be read: it is damaged, holds what is refused, or asks for too much.
+    /// A file of tensors cannot be read: it is damaged, holds refused instructions, or asks for too
+    /// much.
     Input = "input", Error,
         at "byte, tensor or zip entry",
         do "save it again with a current version of what wrote it";
@@ -216,7 +219,8 @@ codes! {
     SpaceEmpty = "space-empty", Warning,
         at "tensor",
         do "retrain, or check the step length and the activation's shift";
-    /// Of 100 nodes not one has an opacity over one interval of at most 0.001: nothing can be pruned.
+    /// Of 100 nodes not one has an opacity over one interval of at most 0.001: nothing can be
+    /// pruned.
     SpaceFull = "space-full", Warning,
         at "tensor",
         do "retrain with a loss that clears empty space, or check the activation's shift";
@@ -233,9 +237,9 @@ codes! {
 /// One thing that validation found.
 #[derive(Debug)]
 pub struct Finding {
-    /// What kind of thing.
+    /// The finding's kind.
     pub code: Code,
-    /// What exactly, and where.
+    /// The exact fault, with its place.
     pub error: Error,
 }
 

@@ -1,4 +1,4 @@
-//! How much a file may ask for.
+//! Limits on the sizes that a file may ask for.
 //!
 //! Every count, length and product that comes from a file is held against [`Limits`] before it
 //! sizes an allocation, indexes or loops. Memory that a file's numbers ask for is spent from a
@@ -26,7 +26,8 @@ pub struct Limits {
     pub blocks: u64,
     /// Objects that a pickle makes. Default: 2,097,152
     pub pickle_objects: u64,
-    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16 GiB
+    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16
+    /// GiB
     pub memory: u64,
 }
 
@@ -108,7 +109,7 @@ impl Budget {
         Ok(())
     }
 
-    /// Returns bytes that were spent on what is no longer held.
+    /// Returns bytes that were spent on memory that is now free.
     pub fn give_back(&mut self, bytes: u64) {
         self.left += bytes;
     }

@@ -1,7 +1,7 @@
 //! Loops over threads whose results do not depend on how many there are.
 //!
-//! The only door to rayon. What each call computes depends on its index alone, results come back
-//! in index order, and of several errors the one with the lowest index is returned.
+//! The only door to rayon. The result of each call depends on its index alone. Results come back in
+//! index order, and of several errors the one with the lowest index is returned.
 
 #[cfg(feature = "parallel")]
 use std::path::Path;
@@ -88,16 +88,16 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     }
 }
 
-/// Has a thread keep what it frees. glibc's allocator gives memory back, and fetches it again page by page, under a lock
-/// that all threads share: a fifth of a bake's time on two. Once a piece of 31 MiB (more does not count) was freed, it
-/// keeps 62 MiB; what is freed next is room made in one step. Nothing is touched, so nothing is taken, and other allocators
-/// do not mind.
+/// Has a thread keep the memory that it frees. glibc's allocator gives memory back, and fetches it
+/// again page by page, under a lock that all threads share: a fifth of a bake's time on two. After
+/// a piece of 31 MiB (more does not count) was freed, it keeps 62 MiB; later allocations are room
+/// made in one step. No page is touched, so no memory is taken. Other allocators are not affected.
 #[cfg(feature = "parallel")]
 fn keep_freed_memory() {
     for mebibytes in [&[31][..], &[28, 28]] {
         let pieces = mebibytes.iter().map(|mebibytes: &usize| {
             let mut piece = Vec::<u8>::new();
-            // Where address space is short, all stays as it was.
+            // If address space is short, all stays as it was.
             piece.try_reserve_exact(mebibytes << 20).map(|()| piece)
         });
         std::hint::black_box(pieces.collect::<Vec<_>>());

@@ -52,8 +52,8 @@ fn failed(message: String) -> Error {
     Error::new(ErrorKind::Io(std::io::Error::other(message)), Place::File)
 }
 
-/// Means of `factor` by `factor` pixels of a picture `width` by `height`, rows from the top; what is
-/// left over at the right and below is dropped. `value` gives a pixel's value by its number.
+/// Means of `factor` by `factor` pixels of a picture `width` by `height`, rows from the top; the
+/// remainder at the right and below is dropped. `value` gives a pixel's value by its number.
 pub fn box_means<'a>(
     [width, height]: [usize; 2],
     factor: usize,

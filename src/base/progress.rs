@@ -1,4 +1,4 @@
-//! How the library tells what it is doing. It never prints.
+//! Reports of the library on its current step. It never prints.
 
 /// A part of the work, in the order in which a bake does them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -46,17 +46,19 @@ pub trait Progress: Sync {
     fn advance(&self, _step: Step, _by: u64) {}
     /// `step` is this good by now, in dB.
     fn quality(&self, _step: Step, _psnr: f64) {}
-    /// Asked between pieces of work that only make a result better; `true` ends them with what there is.
+    /// Asked between pieces of work that only make a result better; `true` ends them with what
+    /// there is.
     fn enough(&self) -> bool {
         false
     }
-    /// Asked between pieces of work; `true` ends it with [`crate::base::error::ErrorKind::Cancelled`].
+    /// Asked between pieces of work; `true` ends it with
+    /// [`crate::base::error::ErrorKind::Cancelled`].
     fn cancelled(&self) -> bool {
         false
     }
 }
 
-/// Progress that nobody watches.
+/// Progress without a watcher.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

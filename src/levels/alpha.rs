@@ -1,20 +1,20 @@
 //! The values that physically based filters average: alpha, and colours premultiplied by it.
 //!
 //! Logits are not linear: the mean of -60 and +10 is nearly empty, although half the space is
-//! opaque, and an empty node's colour counts as much as a wall's. So level 0 is premultiplied on its
-//! way up. Density becomes alpha. Every colour and feature is activated and multiplied by the alpha
-//! that can be seen ([`super::visibility`]). All levels are then plain linear means. Each level is
-//! stored in its own density domain, and colours are divided by their weight and stored as logits.
-//! Nodes that are nearly empty have alpha 0, and their colours are not read.
+//! opaque, and an empty node's colour counts as much as a wall's. So level 0 is premultiplied on
+//! its way up. Density becomes alpha. Every colour and feature is activated and multiplied by the
+//! alpha that can be seen ([`super::visibility`]). All levels are then plain linear means. Each
+//! level is stored in its own density domain, and colours are divided by their weight and stored as
+//! logits. Nodes that are nearly empty have alpha 0, and their colours are not read.
 //!
 //! ```text
 //! alpha = 1 - exp(-span * tau)        tau = softplus(raw + shift) * interval
 //! ```
 //!
-//! `tau` is the optical depth of one interval, `span` a few intervals: a node counts by the share of
-//! the light that it covers. Means of optical depth itself would let one node inside a wall, whose
-//! value of 40 looks like one of 4, swell the wall by a node of every coarser level. The stored
-//! optical depth is `-ln(1 - alpha) / span`.
+//! `tau` is the optical depth of one interval, `span` a few intervals: a node counts by the share
+//! of the light that it covers. Means of optical depth itself would let one node inside a wall,
+//! whose value of 40 looks like one of 4, swell the wall by a node of every coarser level. The
+//! stored optical depth is `-ln(1 - alpha) / span`.
 
 use multiversion::multiversion;
 
@@ -22,8 +22,9 @@ use crate::model::activate::{self, lanes};
 use crate::model::baked::DensityDomain;
 use crate::model::field::Activation;
 
-/// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of this
-/// alpha lets all but one part in ten million of the light through, 140 dB below what can be seen.
+/// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of
+/// this alpha lets all but one part in ten million of the light through, 140 dB below what can be
+/// seen.
 const LEAST_ALPHA: f64 = 1e-7;
 /// Lower shifted raw densities have alpha 0 for any interval: the exponential ends here
 /// ([`lanes::exp`]).
@@ -65,8 +66,8 @@ impl AlphaDomain {
         density_to_alpha(raw, alphas, shift, interval * self.span, self.empty_up_to);
     }
 
-    /// The alpha from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that no
-    /// rounding drops a node that is above.
+    /// The alpha from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that
+    /// no rounding drops a node that is above.
     pub fn alpha_at_opacity(&self, opacity: f32, intervals: f64) -> f32 {
         let depth = -libm::log1p(-f64::from(opacity)) / intervals;
         (-libm::expm1(-depth * f64::from(self.span)) * (1.0 - 1e-6)) as f32

@@ -56,9 +56,9 @@ impl AxisFilter<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where the output nodes in `readers`
-    /// read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they are then
-    /// still in a processor's cache.
+    /// Filters one channel of a plane of the finer level along y, where the output nodes in
+    /// `readers` read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they
+    /// are then still in a processor's cache.
     pub(super) fn filter_plane(
         &self,
         readers: &[u64],

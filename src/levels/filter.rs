@@ -1,7 +1,7 @@
 //! Filters: how coarser levels are made, and the rules to render them by.
 //!
-//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes, the
-//! reference renderer and the metadata of containers ask it.
+//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes,
+//! the reference renderer and the metadata of containers ask it.
 
 use std::fmt::Debug;
 use std::ops::Deref;
@@ -21,7 +21,7 @@ const RATE_SPAN: f32 = 4.5;
 pub enum FilterDomain {
     /// Logits as they are stored, as in training.
     Logits {
-        /// Whether coarser levels have density of their own. Without it they have colours only, and
+        /// True if coarser levels have density of their own. Without it they have colours only, and
         /// density is level 0's.
         density: bool,
     },
@@ -34,7 +34,7 @@ pub enum FilterDomain {
     },
 }
 
-/// How coarser levels are made, and the rules to render them by.
+/// The rules to make coarser levels, and to render them by.
 ///
 /// ```
 /// use mipvog_bake::{BakeOptions, FilterDomain, LevelFilter};
@@ -62,20 +62,20 @@ pub trait LevelFilter: Debug + Send + Sync {
     /// The name that containers and reports state.
     fn name(&self) -> &str;
 
-    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number of
-    /// them, centred, with sum 1.
+    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number
+    /// of them, centred, with sum 1.
     fn weights(&self) -> Vec<f64>;
 
     /// The values that are averaged.
     fn domain(&self) -> FilterDomain;
 
-    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4 nodes
-    /// along the longest axis.
+    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4
+    /// nodes along the longest axis.
     fn level_count(&self, finest: Nodes) -> usize {
         default_level_count(finest)
     }
 
-    /// How two levels are mixed. Default: after activation where alpha is averaged, else before.
+    /// Mixing of two levels. Default: after activation if alpha is averaged, else before.
     fn blend(&self) -> Blend {
         match self.domain() {
             FilterDomain::Alpha { .. } => Blend::AfterActivation,
@@ -83,8 +83,8 @@ pub trait LevelFilter: Debug + Send + Sync {
         }
     }
 
-    /// How far apart samples of coarser levels are. Default: as far as the level's nodes where alpha
-    /// is averaged, else as far as at level 0.
+    /// Distance of samples of coarser levels. Default: that of the level's nodes if alpha is
+    /// averaged, else that of level 0.
     fn step_rule(&self) -> StepRule {
         match self.domain() {
             FilterDomain::Alpha { .. } => StepRule::LevelOfDetail,
@@ -98,7 +98,7 @@ pub trait LevelFilter: Debug + Send + Sync {
         (0.5, 0.0, None)
     }
 
-    /// Whether levels are fitted to pictures of level 0 after they were filtered. Default: no.
+    /// True if levels are fitted to pictures of level 0 after they were filtered. Default: no.
     fn is_fitted(&self) -> bool {
         false
     }
@@ -106,7 +106,7 @@ pub trait LevelFilter: Debug + Send + Sync {
 
 /// The questions that the pipeline asks of a filter; all answers follow from the trait's.
 impl dyn LevelFilter + '_ {
-    /// Whether coarser levels have density of their own.
+    /// True if coarser levels have density of their own.
     pub fn has_density(&self) -> bool {
         self.domain() != FilterDomain::Logits { density: false }
     }
@@ -129,14 +129,15 @@ impl dyn LevelFilter + '_ {
         }
     }
 
-    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter makes.
+    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter
+    /// makes.
     pub fn level_sizes(&self, finest: Nodes, count: Option<usize>) -> Vec<Nodes> {
         level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
     }
 
     /// The rule of levels, with footprints measured to `neighbour`. Training measured them to the
-    /// sample of the same index. Containers measure them at the same distance, which does not depend
-    /// on the place where rays enter the box.
+    /// sample of the same index. Containers measure them at the same distance, which does not
+    /// depend on the place where rays enter the box.
     pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let (factor, bias, most) = self.level_of_detail();
         LevelOfDetail { factor, bias, neighbour, most }
@@ -180,7 +181,8 @@ impl PartialEq for SharedFilter {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Filter {
-    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from afar.
+    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from
+    /// afar.
     RateTent,
     /// Means of opacity over one interval under a box, stored as opacity.
     Coverage,

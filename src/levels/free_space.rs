@@ -167,7 +167,8 @@ fn mask_ranges(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> [Vec<(usize, us
     })
 }
 
-/// Points of a cell at which a mask is asked: its middle, and close to its faces, edges and corners.
+/// Points of a cell at which a mask is asked: its middle, and close to its faces, edges and
+/// corners.
 fn probes() -> impl Iterator<Item = [f64; 3]> {
     const AXIS: [f64; 3] = [1.0 / 64.0, 0.5, 63.0 / 64.0];
     (0..27usize).map(|probe| [AXIS[probe / 9], AXIS[probe / 3 % 3], AXIS[probe % 3]])

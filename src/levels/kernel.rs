@@ -18,7 +18,7 @@ pub enum Kernel {
     Gauss5,
     /// Gaussian over 7 nodes, standard deviation 1.5.
     Gauss7,
-    /// Weights 1, 4, 1: a tent from a node to the next, over what is interpolated between nodes.
+    /// Weights 1, 4, 1: a tent from a node to the next, over interpolated values.
     Tent,
 }
 

@@ -1,5 +1,5 @@
-//! Planes of one level on their way to the next. Each is made, premultiplied and filtered along y in
-//! one go, while it is in a processor's cache.
+//! Planes of one level on their way to the next. Each is made, premultiplied and filtered along y
+//! in one go, while it is in a processor's cache.
 
 use std::ops::Range;
 
@@ -29,8 +29,8 @@ pub(super) struct LevelStep<'a, 'f> {
 }
 
 impl LevelStep<'_, '_> {
-    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels as they are, and shows
-    /// all to `show`.
+    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels as they are, and
+    /// shows all to `show`.
     pub fn as_they_are(
         &self,
         rising: &Range<usize>,
@@ -60,8 +60,8 @@ impl LevelStep<'_, '_> {
         Ok(filtered)
     }
 
-    /// Makes planes of level 0 and filters the alpha of density, the first channel. With `visibility`
-    /// also the visible alpha, and all colours premultiplied by it.
+    /// Makes planes of level 0 and filters the alpha of density, the first channel. With
+    /// `visibility` also the visible alpha, and all colours premultiplied by it.
     pub fn premultiplied(
         &self,
         domain: &AlphaDomain,

@@ -17,9 +17,9 @@
 //! Level 0 is premultiplied on its way up ([`premultiply`]), and each coarser level is turned back
 //! into what is stored ([`unpremultiply`]).
 //!
-//! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and from
-//! the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light can
-//! reach ([`transmittance`]); colours of coarser levels are weighted by it.
+//! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and
+//! from the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light
+//! can reach ([`transmittance`]); colours of coarser levels are weighted by it.
 
 pub mod alpha;
 pub mod axis_filter;

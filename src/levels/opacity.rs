@@ -1,8 +1,8 @@
 //! Nodes above each level's opacity threshold, found as density streams by.
 //!
-//! Where logits are averaged, one pass over all of density makes every level. Where alpha is
-//! averaged, a first pass over all of density finds the nodes of level 0, and the nodes that are not
-//! empty; a second pass reads just those and makes the coarser levels.
+//! If logits are averaged, one pass over all of density makes every level. If alpha is averaged, a
+//! first pass over all of density finds the nodes of level 0, and the nodes that are not empty; a
+//! second pass reads just those and makes the coarser levels.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -42,7 +42,7 @@ pub struct OpacitySearch<'a> {
     pub planes: &'a Planes<'a>,
     /// Sizes of the levels that have density, finest first.
     pub sizes: &'a [Nodes],
-    /// How coarser levels are made.
+    /// Filter of coarser levels.
     pub filter: &'a dyn LevelFilter,
     /// Raw density of the threshold at level 0, and alpha of it at coarser levels where alpha is
     /// averaged.
@@ -64,7 +64,8 @@ impl OpacitySearch<'_> {
     ///
     /// # Errors
     ///
-    /// Those of reading, a wrong checksum of density, and [`crate::base::error::ErrorKind::Cancelled`].
+    /// Those of reading, a wrong checksum of density, and
+    /// [`crate::base::error::ErrorKind::Cancelled`].
     pub fn run(&self, progress: &dyn Progress) -> Result<Opacity> {
         let (domain, weights) = (self.domain(), self.filter.weights());
         let extent = extent_in_intervals(&self.planes.field().scene);

@@ -24,8 +24,8 @@ pub trait PlaneSource: Sync {
     /// Channels of level 0, density among them.
     fn channels(&self) -> usize;
 
-    /// Fills the nodes of a plane of level 0 that are set in `required`, rows of bits along z. Other
-    /// nodes may be filled too. Called from any thread, once for each plane.
+    /// Fills the nodes of a plane of level 0 that are set in `required`, rows of bits along z.
+    /// Other nodes may be filled too. Called from any thread, once for each plane.
     ///
     /// # Errors
     ///
@@ -42,8 +42,8 @@ pub trait PlaneSink: Sync {
     /// A value may be refused.
     fn plane(&self, plane: Plane) -> Result<()>;
 
-    /// Is told that all channels of some planes of a level have been taken. Called for each level in
-    /// order, a slab at a time, while later planes are being made.
+    /// Is told that all channels of some planes of a level have been taken. Called for each level
+    /// in order, a slab at a time, while later planes are being made.
     ///
     /// # Errors
     ///

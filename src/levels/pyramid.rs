@@ -1,14 +1,15 @@
 //! A field streamed through all its levels, plane by plane.
 //!
-//! Each plane of level 0 is read from the source, shown to the sink, and filtered along y while it is
-//! in the caches. The result waits in the ring of the next level's [`AxisFilter`]. Once the planes
-//! under an output plane's window are there, their weighted sum along x, filtered along z, is the
-//! output plane. It is filtered for the level after in turn. Sums along y and x run over whole rows,
-//! so vectors do most of the work; a quarter of it is left for z, where they cannot. Memory is a few
-//! planes a level for any size of the grid, and no level is ever whole in memory.
+//! Each plane of level 0 is read from the source, shown to the sink, and filtered along y while it
+//! is in the caches. The result waits in the ring of the next level's [`AxisFilter`]. Once the
+//! planes under an output plane's window are there, their weighted sum along x, filtered along z,
+//! is the output plane. It is filtered for the level after in turn. Sums along y and x run over
+//! whole rows, so vectors do most of the work; a quarter of it is left for z, where they cannot.
+//! Memory is a few planes a level for any size of the grid, and no level is ever whole in memory.
 //!
 //! Only [`RequiredNodes`] are computed; others are skipped row by row and span by span. A skipped
-//! node of level 0 goes up as 0 where it is premultiplied, and skipped nodes of coarser levels are 0.
+//! node of level 0 goes up as 0 where it is premultiplied, and skipped nodes of coarser levels are
+//! 0.
 //!
 //! Sums run in f64 and are rounded to f32 twice a level (after y, after x and z). A constant
 //! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
@@ -84,7 +85,7 @@ pub struct Pyramid<'a> {
     pub content: Content<'a>,
     /// Planes of a slab, at least 1.
     pub slab: usize,
-    /// Whether the sink works on slabs while the next ones are made: faster, with twice as many in
+    /// True if the sink works on slabs while the next ones are made: faster, with twice as many in
     /// memory.
     pub pipelined: bool,
 }
@@ -168,8 +169,8 @@ impl<'a> Flow<'a> {
         Self { pyramid, finishers, sink, filters, pool: PlanePool::default() }
     }
 
-    /// Reads planes of level 0 and makes the planes that follow from them. Returns the slabs that are
-    /// complete now.
+    /// Reads planes of level 0 and makes the planes that follow from them. Returns the slabs that
+    /// are complete now.
     fn advance(&mut self, planes: Range<usize>) -> Result<Vec<(usize, Range<usize>)>> {
         let Pyramid { source, required, content, .. } = self.pyramid;
         let step = self.step(0, planes.clone());

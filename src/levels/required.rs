@@ -1,7 +1,7 @@
-//! The nodes of each level that must come out right: the retained ones, and those that coarser levels
-//! read.
+//! The nodes of each level that must come out right: the retained ones, and those that coarser
+//! levels read.
 //!
-//! Where alpha is averaged, most nodes have alpha 0 and add nothing. Coarser levels then read only
+//! If alpha is averaged, most nodes have alpha 0 and add nothing. Coarser levels then read only
 //! nodes that are not empty, so cost follows the scene and not the box around it.
 
 use super::taps::AxisTaps;
@@ -24,8 +24,8 @@ pub(super) struct LevelTaps {
 }
 
 impl LevelTaps {
-    /// Adds the nodes of plane `x` of the finer level that output nodes in `outputs` read to its rows
-    /// of bits.
+    /// Adds the nodes of plane `x` of the finer level that output nodes in `outputs` read to its
+    /// rows of bits.
     fn add_inputs(&self, x: usize, outputs: &NodeMask, rows: &mut [u64]) {
         let readers = self.reader_rows(x, outputs);
         let words = outputs.row_words();
@@ -80,8 +80,8 @@ impl LevelTaps {
 
 impl RequiredNodes {
     /// Grows the `retained` nodes of each level, finest first, by those that coarser levels read
-    /// through a low-pass with these `weights`. Nodes outside `occupied`, a set of level 0, have alpha
-    /// 0 and are not read.
+    /// through a low-pass with these `weights`. Nodes outside `occupied`, a set of level 0, have
+    /// alpha 0 and are not read.
     ///
     /// # Errors
     ///

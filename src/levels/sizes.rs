@@ -13,8 +13,8 @@ pub fn level_sizes(finest: Nodes, count: usize) -> Vec<Nodes> {
     sizes
 }
 
-/// Levels that a bake makes by default: down to 4 nodes along the longest axis. A scene of that size
-/// covers a few pixels.
+/// Levels that a bake makes by default: down to 4 nodes along the longest axis. A scene of that
+/// size covers a few pixels.
 pub fn default_level_count(finest: Nodes) -> usize {
     let is_wide = |nodes: &Nodes| nodes.0.iter().any(|&size| size >= 8);
     1 + level_sizes(finest, usize::MAX).iter().filter(|nodes| is_wide(nodes)).count()

@@ -17,8 +17,8 @@ pub enum Verify {
     /// That of colour: all of it is read, not just required nodes. A wrong byte costs more than the
     /// reading.
     Colors,
-    /// None, but colours are read as for [`Verify::Colors`], where any node of a plane is required. A
-    /// forecast then measures what a bake does.
+    /// None, but colours are read as for [`Verify::Colors`], where any node of a plane is required.
+    /// A forecast then measures what a bake does.
     ColorsOfWindow,
 }
 

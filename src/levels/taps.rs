@@ -55,8 +55,8 @@ impl AxisTaps {
         (self.first[output], &self.weights[output * self.width..][..self.width])
     }
 
-    /// Weighted sums for the output nodes from `start` on; `inputs` are those of the input nodes from
-    /// `first` on, as far as [`AxisTaps::inputs_of`] says.
+    /// Weighted sums for the output nodes from `start` on; `inputs` are those of the input nodes
+    /// from `first` on, as far as [`AxisTaps::inputs_of`] says.
     pub fn apply(&self, inputs: &[f64], first: usize, start: usize, outputs: &mut [f32]) {
         match self.width {
             2 => self.apply_windows::<2>(inputs, first, start, outputs),

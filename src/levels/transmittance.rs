@@ -3,8 +3,8 @@
 //! Planes are swept in order, once upwards and once downwards along x. A sweep carries the
 //! transmittance of nine directions from each plane to the next. The eight directions within planes
 //! follow plane by plane. So the working set stays in the caches, and the whole grid is read three
-//! times instead of once for each direction. Both sweeps run at the same time, and the terms of each
-//! sum have one order, so results do not depend on threads.
+//! times instead of once for each direction. Both sweeps run at the same time, and the terms of
+//! each sum have one order, so results do not depend on threads.
 
 use multiversion::multiversion;
 
@@ -54,8 +54,8 @@ impl TransmittanceSweep<'_> {
         &self.depths[x * self.plane_size()..][..self.plane_size()]
     }
 
-    /// Transmittances from the nodes of a plane to neighbours that are one step away along the axes in
-    /// `steps`.
+    /// Transmittances from the nodes of a plane to neighbours that are one step away along the axes
+    /// in `steps`.
     fn node_transmittances(&self, depths: &[f32], steps: [bool; 3], transmittances: &mut [f32]) {
         let lengths = [0, 1, 2].map(|axis| if steps[axis] { self.spacing[axis] } else { 0.0 });
         let [x, y, z] = lengths.map(|length| length * length);

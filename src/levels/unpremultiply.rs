@@ -4,9 +4,9 @@
 //! color = (c + 1e-4 * sum of c around) / (w + 1e-4 * sum of w around)
 //! ```
 //!
-//! with the premultiplied colour `c`, its weight `w`, and sums over the 3 x 3 x 3 nodes around. So a
-//! plane is finished once the next one is there: planes wait until their slab and the first plane of
-//! the next one have come.
+//! with the premultiplied colour `c`, its weight `w`, and sums over the 3 x 3 x 3 nodes around. So
+//! a plane is finished once the next one is there: planes wait until their slab and the first plane
+//! of the next one have come.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -23,8 +23,8 @@ use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Stored colours stay this far from 0 and 1: logits of -16 and 16.
 const COLOR_MARGIN: f64 = 1e-7;
-/// Share of the alpha around a node that counts in its colour. A node with little alpha still colours
-/// the cells around it by interpolation, and must not do so with the grey of empty space.
+/// Share of the alpha around a node that counts in its colour. A node with little alpha still
+/// colours the cells around it by interpolation, and must not do so with the grey of empty space.
 const NEIGHBOURS_SHARE: f64 = 1e-4;
 /// Shorter gaps between retained nodes are computed too: splitting the loop costs more.
 const BRIDGED_NODES: usize = 16;
@@ -104,7 +104,7 @@ impl<'a> LevelFinisher<'a> {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
             for (start, end) in row::spans(self.retained.row(x, y), nz, BRIDGED_NODES) {
                 let span = y * nz + start..y * nz + end;
-                // Each node's own value of a channel, and a little of those around it.
+                // Each node's own value of a channel, and a little of its neighbours' values.
                 let mut total = |channel: usize, totals: &mut [f64]| {
                     let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
                     let column = &mut column[..high - low];
@@ -140,7 +140,8 @@ fn add(sums: &mut [f64], row: &[f32]) {
     }
 }
 
-/// `own` and a share of the `column` sums around each value, of which `column[first]` is the first one's.
+/// `own` and a share of the `column` sums around each value, of which `column[first]` is the first
+/// one's.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64]) {
     for ((total, &own), &column) in totals.iter_mut().zip(own).zip(&column[first..]) {

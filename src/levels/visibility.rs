@@ -1,17 +1,17 @@
 //! Visibility: how much of each node can be seen from outside the box.
 //!
-//! Colour of coarser levels is the colour that rays meet first. The inside of a wall, which training
-//! never saw, and the back of a leaf must not mix into the front. So alpha counts in colour by how
-//! much light gets out from it:
+//! Colour of coarser levels is the colour that rays meet first. The inside of a wall, which
+//! training never saw, and the back of a leaf must not mix into the front. So alpha counts in
+//! colour by how much light gets out from it:
 //!
 //! ```text
 //! out(node, d)     = product over the nodes p behind `node` along d of exp(-depth(p) * length(d))
 //! visibility(node) = (mean over the 26 directions d to a neighbour of out(node, d))^2 + 1e-4
 //! ```
 //!
-//! with `depth` the optical depth of one interval and `length` the intervals from a node to the next.
-//! The square favours nodes that are seen from most sides. The remainder lets the colour of hidden
-//! nodes through where there is no other.
+//! with `depth` the optical depth of one interval and `length` the intervals from a node to the
+//! next. The square favours nodes that are seen from most sides. The remainder lets the colour of
+//! hidden nodes through where there is no other.
 //!
 //! Light is followed on the finest level that is at most 160 nodes long, and visibility is
 //! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]

@@ -3,14 +3,14 @@
 //! Opacity grows with raw density, so a threshold on opacity is one threshold on raw values, found
 //! once; testing a node is one comparison. A trilinear sample never exceeds the largest of its
 //! cell's 8 corners, whether activation comes before or after interpolation. Therefore a cell is
-//! *visible* if any corner is above the threshold (and the free-space mask, if there is one, touches
-//! the cell), and a node is *retained* if it is a corner of a visible cell. Other nodes are
+//! *visible* if any corner is above the threshold (and the free-space mask, if there is one,
+//! touches the cell), and a node is *retained* if it is a corner of a visible cell. Other nodes are
 //! don't-care nodes: they may hold any value that stays below the threshold. A block of nodes is
-//! dropped only if it holds no retained node. All its cells then stay below the threshold even where
-//! its neighbours are kept and its own nodes read as empty.
+//! dropped only if it holds no retained node. All its cells then stay below the threshold even
+//! where its neighbours are kept and its own nodes read as empty.
 //!
-//! Coarser levels follow the same rule on their own filtered density. Where density is not filtered
-//! (the research code's levels) a cell is visible if it overlaps a visible cell of level 0.
+//! Coarser levels follow the same rule on their own filtered density. If density is not filtered
+//! (the research code's levels), a cell is visible if it overlaps a visible cell of level 0.
 
 use super::filter::LevelFilter;
 use super::free_space::{any_in_ranges, inside_cells, masked_share};
@@ -44,7 +44,7 @@ pub struct Visible {
     pub levels: Vec<VisibleLevel>,
     /// Raw density of the opacity threshold; a node at or below it cannot be seen.
     pub raw_threshold: f32,
-    /// Whether pictures would change if the free-space mask were dropped.
+    /// True if pictures would change without the free-space mask.
     pub mask_is_required: bool,
     /// Visibility, where coarser levels average alpha.
     pub visibility: Option<Visibility>,
@@ -190,7 +190,8 @@ pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Plan
 /// The cells of a coarser grid over the same box that overlap a cell in `fine`.
 fn overlapping_cells(fine: &CellMask, nodes: Nodes) -> Result<CellMask> {
     let fine = fine.lowest_nodes();
-    // Cell i of M nodes spans [i, i + 1] / (M - 1) of the axis; cells that only touch do not overlap.
+    // Cell i of M nodes spans [i, i + 1] / (M - 1) of the axis; cells that only touch do not
+    // overlap.
     let ranges: [Vec<(usize, usize)>; 3] = [0, 1, 2].map(|axis| {
         let (coarse, fine) = (nodes.0[axis] - 1, fine.nodes().0[axis] - 1);
         (0..coarse).map(|i| (i * fine / coarse, ((i + 1) * fine).div_ceil(coarse))).collect()

@@ -1,4 +1,5 @@
-//! The two nouns and their geometry: the trained [`field::RadianceField`] and the quantized [`baked::BakedField`].
+//! The two nouns and their geometry: the trained [`field::RadianceField`] and the quantized
+//! [`baked::BakedField`].
 
 pub mod activate;
 pub mod baked;

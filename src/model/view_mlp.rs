@@ -25,7 +25,7 @@ pub struct Layer {
     pub bias: Vec<f32>,
 }
 
-/// What follows the embedding in the first layer's input.
+/// The rest of the first layer's input, after the embedding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewInput {
@@ -42,7 +42,7 @@ pub struct ViewMlp {
     pub layers: Vec<Layer>,
     /// Octaves of the direction embedding.
     pub frequencies: usize,
-    /// What follows the embedding in the first layer's input.
+    /// The rest of the first layer's input, after the embedding.
     pub input: ViewInput,
 }
 
@@ -157,8 +157,8 @@ impl ViewMlp {
         values
     }
 
-    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of half
-    /// the squared error by what the ray accumulated, through the network alone.
+    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of
+    /// half the squared error by what the ray accumulated, through the network alone.
     pub fn differentiate(
         &self,
         direction: [f64; 3],
@@ -186,7 +186,7 @@ impl ViewMlp {
             for (weights, by) in layer.weights.chunks_exact(layer.inputs).zip(&by) {
                 by_input.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * by);
             }
-            // Where a relu lets nothing through, nothing before it matters.
+            // If a relu lets nothing through, the layers before it have no effect.
             if number > 0 {
                 let closed = by_input.iter_mut().zip(&values[number]).filter(|(_, v)| **v <= 0.0);
                 closed.for_each(|(by, _)| *by = 0.0);

@@ -111,8 +111,8 @@ pub fn detached(folder: &Path, asset: &[u8], field: Option<usize>) -> Result<Vec
     written(folder, |_, output| detach(&asset, field, output).map(|_| ()))
 }
 
-/// A random document as text, with white space, unknown extensions, odd numbers, and lists that may be
-/// missing or empty; and the bytes of its buffer.
+/// A random document as text, with white space, unknown extensions, odd numbers, and lists that may
+/// be missing or empty; and the bytes of its buffer.
 pub struct Written {
     random: Random,
     pub text: String,

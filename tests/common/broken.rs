@@ -24,7 +24,8 @@ use super::{baked_bytes, fixture, folder, masked, mend_checksums};
 /// The sound container that broken assets name.
 pub const SOUND: &str = "sound.mipvog";
 
-/// Name and bytes of each broken file, under the code that its name starts with; and the sound container.
+/// Name and bytes of each broken file, under the code that its name starts with; and the sound
+/// container.
 pub fn files() -> Vec<(String, Vec<u8>)> {
     let sound = sound_container();
     let mut files = vec![(SOUND.to_owned(), sound.clone())];
@@ -40,7 +41,7 @@ pub fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// What the user must say about inputs, which cannot say it.
+/// Settings that the user must give, because the inputs lack them.
 pub fn said() -> SourceOptions {
     SourceOptions { stepsize: Some(0.5), ..SourceOptions::default() }
 }

@@ -1,4 +1,5 @@
-//! A small checkpoint as a `.safetensors` file that says all that can be said, to be broken in one way at a time.
+//! A small checkpoint as a `.safetensors` file that says all that can be said, to be broken in one
+//! way at a time.
 
 use serde_json::{Map, Value, json};
 

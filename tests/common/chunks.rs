@@ -1,5 +1,5 @@
-//! Containers as lists of chunks, so that tests can write what the writer would not. How a chunk's bytes
-//! are coded is nobody's business here.
+//! Containers as lists of chunks, so that tests can write containers that the writer would not. The
+//! coding of a chunk's bytes has no place here.
 
 use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, META,
@@ -26,7 +26,8 @@ pub fn chunks(container: &[u8]) -> Vec<Chunk> {
     opened.entries().iter().map(chunk).collect()
 }
 
-/// A directory that fits the chunks; prefixes are those of containers whose levels all hold density.
+/// A directory that fits the chunks; prefixes are those of containers whose levels all hold
+/// density.
 pub fn entries(chunks: &[Chunk]) -> Vec<Entry> {
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
     let mut entries = Vec::new();

@@ -1,4 +1,4 @@
-//! What several tests share: fixtures, random fields, plain reference code in float64.
+//! Parts that several tests share: fixtures, random fields, plain reference code in float64.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub mod asset;
@@ -132,7 +132,7 @@ pub fn masked(mut field: RadianceField, free_space: FreeSpace) -> RadianceField 
     field
 }
 
-/// Where a field of a test comes from.
+/// The origin of a test's field.
 pub fn origin() -> Origin {
     Origin {
         kind: "test".to_owned(),
@@ -223,7 +223,7 @@ impl Unpacked {
         self.get(&format!("level{level}.{}", group.name())).expect("the level has this group")
     }
 
-    /// Whether a node lies in a block with a frame.
+    /// True for each node that lies in a block with a frame.
     pub fn occupied(&self, level: usize, nodes: [usize; 3], edge: usize) -> Vec<bool> {
         let blocks = self.get(&format!("level{level}.occupied")).expect("a table");
         let counts = nodes.map(|size| size.div_ceil(edge));

@@ -8,8 +8,8 @@ use mipvog_bake::unstable::model::grid::Bounds;
 
 use super::plain::{all_nodes, halved, index, next_level, opacity, sigmoid, softplus, trilinear};
 
-/// The visibility of each node, in a box whose edges are `extent` intervals long: see the module docs
-/// of `levels::visibility`.
+/// The visibility of each node, in a box whose edges are `extent` intervals long: see the module
+/// docs of `levels::visibility`.
 pub fn visibility(
     nodes: [usize; 3],
     domain: &AlphaDomain,
@@ -42,7 +42,7 @@ pub fn visibility(
     all_nodes(nodes).map(interpolated).collect()
 }
 
-/// Whether a raw density has alpha 0.
+/// True if a raw density has alpha 0.
 fn is_empty(domain: &AlphaDomain, raw: f64) -> bool {
     raw <= f64::from(domain.empty_up_to())
 }
@@ -83,8 +83,8 @@ pub fn extent(scene: &Scene) -> [f64; 3] {
     [0, 1, 2].map(|axis| (f64::from(max[axis]) - f64::from(min[axis])) / step)
 }
 
-/// Alpha, visible alpha, and colours premultiplied by it, of level 0's channels. The first of them is
-/// raw density.
+/// Alpha, visible alpha, and colours premultiplied by it, of level 0's channels. The first of them
+/// is raw density.
 pub fn premultiply(domain: &AlphaDomain, channels: &[Vec<f64>], seen: &[f64]) -> Vec<Vec<f64>> {
     let shift = f64::from(domain.activation.shift);
     let span = f64::from(domain.activation.interval) * f64::from(domain.span);

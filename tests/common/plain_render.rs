@@ -17,11 +17,11 @@ pub struct PlainLevel {
     pub nodes: [usize; 3],
     /// Density; none where level 0's counts.
     pub density: Option<Vec<f64>>,
-    /// What densities mean.
+    /// Meaning of densities.
     pub domain: DensityDomain,
     /// Raw colour and features, a list for each channel.
     pub color: Vec<Vec<f64>>,
-    /// What is not stored; none where everything is.
+    /// The blocks that are not stored; none if all are.
     pub pruned: Option<Pruned>,
 }
 
@@ -43,14 +43,14 @@ pub struct PlainField {
     mask_values: Vec<f64>,
 }
 
-/// What a pixel shows.
+/// The values of a pixel.
 pub struct Pixel {
     pub color: [f64; 3],
     pub transmittance: f64,
     pub distance: f64,
     pub level: f64,
     pub accumulated: Vec<f64>,
-    /// How far values may move because samples lie on a threshold: to either side is right.
+    /// Largest move of values because samples lie on a threshold: to either side is right.
     pub doubt: f64,
 }
 
@@ -74,7 +74,7 @@ impl PlainRay {
 
 impl PlainField {
     pub fn new(view: &View, mut levels: Vec<PlainLevel>) -> Self {
-        // What is interpolated is raw density, density or opacity.
+        // Interpolation is of raw density, density or opacity.
         let (shift, interval) = (view.activation.shift.into(), view.activation.interval.into());
         let activate = |value: &mut f64| match view.activation.order {
             ActivationOrder::Raw => {}
@@ -206,7 +206,7 @@ impl PlainField {
         inside.then(|| share.map(|share| share.clamp(0.0, 1.0)))
     }
 
-    /// Whether the free-space mask keeps a sample.
+    /// True if the free-space mask keeps a sample.
     fn keeps(&self, mask: &FreeSpace, world: [f64; 3]) -> bool {
         let nodes = mask.nodes.0;
         let at = [0, 1, 2].map(|axis| world[axis] * mask.scale[axis] + mask.shift[axis]);
@@ -299,7 +299,7 @@ impl PlainLevel {
         [0, 1, 2].map(|axis| position[axis] * (self.nodes[axis] - 1) as f64)
     }
 
-    /// Whether the block of the cell's lowest node is stored.
+    /// True if the block of the cell's lowest node is stored.
     fn is_stored(&self, position: [f64; 3]) -> bool {
         let u = self.node_position(position);
         let low = [0, 1, 2].map(|axis| (u[axis] as usize).min(self.nodes[axis] - 2));
@@ -324,7 +324,7 @@ fn blended(lambda: f64, mut value: impl FnMut(usize) -> f64) -> f64 {
     }
 }
 
-/// Whether float32 may see a value on the other side of a threshold; nothing is below 0.
+/// True if float32 may put a value on the other side of a threshold; nothing is below 0.
 fn is_close(value: f64, threshold: f64) -> bool {
     threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
 }

@@ -13,7 +13,7 @@ pub struct Worst {
     pub relative: f64,
     /// Spacings of float32 numbers at the magnitude that errors are relative to.
     pub ulps: f64,
-    /// Where they were found, in this order.
+    /// Places of these errors, in this order.
     pub at: [String; 3],
 }
 
@@ -43,13 +43,13 @@ impl Worst {
 /// A stage's row of the table.
 pub struct Row {
     pub stage: &'static str,
-    /// What comes in, and what errors are relative to.
+    /// The inputs, and the reference of relative errors.
     pub inputs: &'static str,
     /// Most absolute error, relative error and ulps; infinity where a figure says nothing.
     pub bound: [f64; 3],
-    /// Why this much.
+    /// The reason for this bound.
     pub reason: &'static str,
-    /// Whether every platform measures the same: none of its own functions is in the stage.
+    /// True if every platform measures the same: none of its own functions is in the stage.
     pub portable: bool,
     pub run: fn() -> Worst,
 }

@@ -114,9 +114,12 @@ pub fn exact() -> Worst {
         for value in raws().step_by(37).chain([1e30, -1e30, -0.0, 1e-45, f32::MAX]) {
             for kernel in kernels() {
                 let values = vec![value; nodes.iter().product()];
-                for level in
-                    all_levels(nodes, &[values.clone()], &kernel.weights(), Content::Logits(0..1))
-                {
+                for level in all_levels(
+                    nodes,
+                    std::slice::from_ref(&values),
+                    &kernel.weights(),
+                    Content::Logits(0..1),
+                ) {
                     for got in &level[0] {
                         let at = || format!("{value}, {}", kernel.name());
                         worst.take((*got).into(), value.into(), value.abs().into(), &at);
@@ -164,8 +167,12 @@ pub fn twenty_levels() -> Worst {
     let mut random = Random::new(20);
     let values: Vec<f32> =
         (0..4 << 20).map(|_| [1e30, -1e30, 7e29, 1.0][random.below(4)]).collect();
-    let levels =
-        all_levels(nodes, &[values.clone()], &Kernel::Tent.weights(), Content::Logits(0..1));
+    let levels = all_levels(
+        nodes,
+        std::slice::from_ref(&values),
+        &Kernel::Tent.weights(),
+        Content::Logits(0..1),
+    );
     assert_eq!(levels.len(), 20);
     let mut want = wide(&values);
     let mut scale: Vec<f64> = want.iter().map(|value| value.abs()).collect();
@@ -282,7 +289,7 @@ pub fn color_of_levels() -> Worst {
     worst
 }
 
-/// What values are activated by.
+/// The activation of values.
 type Activate = Box<dyn Fn(f64) -> f64>;
 
 /// Every encoding of some bits.
@@ -301,7 +308,7 @@ fn encodings(bits: Bits) -> Vec<(Encoding, Activate)> {
     all
 }
 
-/// What values are once they were stored in a block.
+/// The values as decoded from a stored block.
 fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
     let mut padded = values.to_vec();

@@ -172,7 +172,7 @@ pub fn look_at_the_largest(mut take: impl FnMut(&Frame)) {
     }
 }
 
-/// Where rays along an axis lie in the box: on faces, beside them, between.
+/// Positions in the box of rays along an axis: on faces, beside them, between.
 const SHARES: [f64; 7] = [0.0, -5e-10, 5e-10, 0.5, 1.0, 1.0 - 5e-10, 1.0 + 5e-10];
 
 /// Renders both ways.

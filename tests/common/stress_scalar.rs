@@ -59,7 +59,7 @@ fn activations() -> impl Iterator<Item = (f32, f32)> {
     SHIFTS.into_iter().flat_map(|shift| INTERVALS.map(|interval| (shift, interval)))
 }
 
-/// What the f32 functions take in a loop: finite values and both infinities.
+/// Inputs of the f32 functions in a loop: finite values and both infinities.
 fn lane_inputs() -> impl Iterator<Item = f32> {
     raws().chain([f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN])
 }

@@ -1,5 +1,5 @@
-//! Findings of a glTF asset: what general validators of glTF cannot know, its radiance fields and the
-//! containers behind them.
+//! Findings of a glTF asset: what general validators of glTF cannot know, its radiance fields and
+//! the containers behind them.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     let Some(root) = checked(root, Code::Asset, report)? else { return Ok(()) };
     let fields = Fields::read(&asset, &root);
     let Some(fields) = checked(fields, Code::Asset, report)? else { return Ok(()) };
-    // Whatever a rule cannot read is a fault of the document.
+    // An unreadable rule is a fault of the document.
     checked(rules::document(&asset, &root, &fields, report), Code::Asset, report)?;
     for object in &fields.objects {
         let opened = checked(rules::field(&asset, &root, object, report), Code::Asset, report)?;
@@ -36,8 +36,8 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     Ok(())
 }
 
-/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere, because the rules
-/// of the library look behind them unchecked.
+/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere,
+/// because the rules of the library look behind them unchecked.
 fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     let accessors = root.accessors.len();
     let name = Checked::Valid(Semantic::Positions);
@@ -61,7 +61,7 @@ fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// What glTF 2.0 asks of every document, as far as it does not hang on extensions.
+/// Checks the rules of glTF 2.0 for every document that do not depend on extensions.
 fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
     let mut root = match Root::from_str(asset.text()) {
         Ok(root) => root,

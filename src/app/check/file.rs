@@ -14,13 +14,13 @@ use crate::input::checkpoint::SourceOptions;
 use crate::input::tensor;
 use crate::output::gltf::asset::is_asset;
 
-/// How a file is validated.
+/// Options of validation.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct CheckOptions {
     /// Findings beyond this many are counted, not listed. Default: 1000
     pub most_findings: usize,
-    /// What the user says about an input. Default: nothing
+    /// The user's settings for an input. Default: none
     pub source: SourceOptions,
 }
 
@@ -30,11 +30,11 @@ impl Default for CheckOptions {
     }
 }
 
-/// Validates a container, a glTF asset with the containers of its radiance fields, or an input of a bake.
+/// Validates a container, a glTF asset with the containers of its radiance fields, or an input of a
+/// bake.
 ///
 /// # Errors
-/// Only where the file cannot be opened or read at all; what is wrong with its bytes is in the
-/// report.
+/// Only if the file cannot be opened or read at all; faults of its bytes are in the report.
 pub fn check(path: &Path, limits: &Limits) -> Result<Report> {
     check_with(path, &CheckOptions::default(), limits)
 }

@@ -1,8 +1,8 @@
 //! The health of a trained scene: one pass over its values, plane by plane.
 //!
-//! Memory is two planes a thread and a few numbers a plane, whatever the scene's size. What training leaves
-//! broken without anybody noticing has a finding: values that are no numbers or far beyond all others,
-//! nothing or everything opaque, channels and network inputs that do nothing.
+//! Memory is two planes a thread and a few numbers a plane, whatever the scene's size. Findings
+//! name the faults that training leaves without notice: values that are no numbers or far beyond
+//! all others, nothing or everything opaque, channels and network inputs that do nothing.
 
 use serde::Serialize;
 
@@ -13,14 +13,15 @@ use crate::model::activate;
 use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField, Volume, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
-/// Opacity over one interval up to which a node counts as empty: what a bake without options prunes by.
+/// Opacity over one interval up to which a node counts as empty: what a bake without options prunes
+/// by.
 const EMPTY_OPACITY: f64 = 1e-3;
 /// Raw values beyond this come from no training that worked: logits of trained scenes end near 100.
 const LARGEST_RAW: f32 = 1e4;
 /// Share of nodes that must be empty for a scene to be worth pruning.
 const LEAST_EMPTY: f64 = 0.01;
 
-/// What was measured of a scene's values.
+/// Measurements of a scene's values.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Health {
     /// Nodes of the grid.
@@ -35,7 +36,7 @@ pub struct Health {
     pub unused_network_inputs: Vec<usize>,
 }
 
-/// What was measured of a channel.
+/// Measurements of a channel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChannelHealth {
     /// `density`, or `k0` and the number of the channel.
@@ -46,7 +47,7 @@ pub struct ChannelHealth {
     pub seen_range: Option<[f32; 2]>,
 }
 
-/// What one channel of some planes holds.
+/// Sums over one channel of some planes.
 #[derive(Clone, Default)]
 struct Tally {
     found: NonfiniteCount,
@@ -55,8 +56,8 @@ struct Tally {
     checksum: crc32fast::Hasher,
 }
 
-/// Reports what is wrong with a scene's values and network, and what was measured; nothing where values
-/// cannot be read.
+/// Reports the faults of a scene's values and network. Returns the measurements, or nothing if
+/// values cannot be read.
 pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health>> {
     let Some(planes) = checked(tallies(field), Code::Input, report)? else { return Ok(None) };
     checksums(field, &planes, report)?;
@@ -84,7 +85,7 @@ pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health
     Ok(Some(health))
 }
 
-/// What one x plane holds.
+/// Sums over one x plane.
 struct Plane {
     channels: Vec<Tally>,
     seen: u64,

@@ -12,7 +12,8 @@ use crate::input::checkpoint::{self, SourceOptions};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
-/// Reports everything that is wrong with a file of tensors; what was measured of its values, where it got so far.
+/// Reports everything that is wrong with a file of tensors; what was measured of its values, where
+/// it got so far.
 pub fn check(
     file: Arc<SourceFile>,
     options: &SourceOptions,
@@ -28,7 +29,7 @@ pub fn check(
     match opened {
         Ok(field) => health::check(&field, report),
         Err(error) => {
-            // What could not be read is not yet a scene; what was read may be none.
+            // An unreadable file has the code of its syntax; a readable file may still be no scene.
             let code = match error.kind() {
                 ErrorKind::Io(_) | ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
                     Code::Input
@@ -57,7 +58,7 @@ fn trained(
     let source = checkpoint::open_tensors(tensors, options, limits)?;
     for assumption in source.assumptions {
         let place = Place::Key(assumption.key.to_owned());
-        // The sentence for users says what is missing and which option sets it.
+        // The sentence for users names the missing setting and its option.
         let error = Error::new(ErrorKind::Usage { message: assumption.message }, place);
         report(Finding { code: Code::Unstated, error })?;
     }

@@ -1,8 +1,8 @@
-//! Validation: everything that is wrong with a file, not only the first thing.
+//! Validation: all faults of a file, not only the first one.
 //!
-//! [`check`] tells by content what a file is. Containers and assets are walked by the rules that strict
-//! readers use; inputs of a bake are opened as a bake opens them and then read once, plane by plane
-//! ([`health`]). What is kept of it all is a bounded list of findings; [`sarif`] is the same list for
+//! [`check`] tells a file's kind by its content. Containers and assets are walked by the rules that
+//! strict readers use. Inputs of a bake are opened as a bake opens them and then read once, plane
+//! by plane ([`health`]). The result is a bounded list of findings; [`sarif`] is the same list for
 //! programs that gather findings of many tools.
 
 mod asset;

@@ -9,16 +9,16 @@ use crate::base::finding::{Code, Finding, Severity};
 /// Characters of one message, at most: what was found may be as long as a file.
 const MESSAGE_CHARACTERS: usize = 500;
 
-/// What validation says about a file.
+/// The result of a validation.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Whether the file may be used: no finding is an error.
+    /// True if no finding is an error: the file may be used.
     pub valid: bool,
     /// In the order of the file.
     pub findings: Vec<ReportedFinding>,
     /// Findings that are not listed because there are too many; above 0 the list is truncated.
     pub unlisted: usize,
-    /// What was measured of an input of a bake.
+    /// Measurements of an input of a bake.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<Health>,
     #[serde(skip)]
@@ -31,16 +31,16 @@ pub struct ReportedFinding {
     /// Its stable code.
     #[serde(serialize_with = "name")]
     pub code: Code,
-    /// How bad it is.
+    /// The finding's severity.
     pub severity: Severity,
-    /// Where in the file.
+    /// The place in the file.
     pub place: String,
     /// The place as a byte of the file, where it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<u64>,
-    /// What was found and what was expected.
+    /// The value found and the value expected.
     pub message: String,
-    /// What can be done about it.
+    /// The advice to the file's owner.
     pub remedy: &'static str,
 }
 

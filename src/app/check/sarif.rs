@@ -1,8 +1,9 @@
 //! Findings as SARIF 2.1.0, the form in which continuous integration gathers those of many tools.
 //!
-//! One run: the tool with a rule for each code of the catalogue, the file as its artifact, a result for each
-//! finding. Places that are a byte become regions; all are logical locations too, as people read them.
-//! Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version 2.1.0", sections 3.13 to 3.30.
+//! One run: the tool with a rule for each code of the catalogue, the file as its artifact, a result
+//! for each finding. Places that are a byte become regions; all are logical locations too, as
+//! people read them. Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version
+//! 2.1.0", sections 3.13 to 3.30.
 
 use std::path::Path;
 

@@ -80,7 +80,8 @@ pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     }
 }
 
-/// Says which files `asset` needs that do not go with it from the folder of `input` to that of `output`.
+/// Says which files `asset` needs that do not go with it from the folder of `input` to that of
+/// `output`.
 pub fn warn_of_companions(
     asset: &Asset,
     input: &Path,

@@ -63,7 +63,7 @@ pub struct Arguments {
     incremental: IncrementalArguments,
 }
 
-/// What a bake did.
+/// The results of a bake.
 struct Baked {
     report: BakeReport,
     /// Every option.
@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         Some(_) => Some(Unpacked::open(&file, &limits)?),
         None => None,
     };
-    // What an unpacked container is stays, unless an option or a preset says otherwise.
+    // The settings of an unpacked container stay, unless an option or a preset says otherwise.
     let mut options = match (arguments.preset, &unpacked) {
         (Some(preset), _) => preset.options(),
         (None, Some(unpacked)) => {
@@ -133,7 +133,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     drop(bar);
     let passed = gate.as_ref().is_none_or(|gate| gate.passed);
     let mut gltf = None;
-    // What a pipeline must not ship does not get its name.
+    // An output that fails its gate does not get its name.
     if passed {
         if let Some(asset) = &mut asset {
             let clock = Instant::now();
@@ -315,7 +315,7 @@ impl Arguments {
             background: self.scene.background.map(|Background(color)| color),
             color_threshold: self.scene.color_threshold,
         };
-        // What is asked for and already so is no change.
+        // A setting that the container has already is no change.
         let anew = (asked(stored.filter.is_some()) && options.filter.name() != metadata.filter)
             || (asked(stored.alpha_threshold.is_some())
                 && options.alpha_threshold != metadata.alpha_threshold)
@@ -343,7 +343,8 @@ impl Arguments {
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }
 
-    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would ignore.
+    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would
+    /// ignore.
     fn refuse_ignored(&self, anew: bool) -> Result<()> {
         let (scene, stored) = (&self.scene, &self.stored);
         let ignored = [

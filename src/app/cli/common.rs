@@ -5,18 +5,18 @@ use clap::{Args, ValueEnum};
 use super::values;
 use crate::base::limits::Limits;
 
-/// What all verbs share.
+/// Options that all verbs share.
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// How to print reports
+    /// Format of reports
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
     /// Threads to use; 0 is one for each processor
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     pub(super) threads: u16,
-    /// Raise or lower a limit on what files may ask for, such as memory=1000000000; can be given again. An unknown
-    /// name lists all
+    /// Raise or lower a limit on what files may ask for, such as memory=1000000000; can be given
+    /// again. An unknown name lists all
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(String, u64)>,
     /// Print no report, no progress and no warnings

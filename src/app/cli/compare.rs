@@ -27,9 +27,9 @@ const FULL_HEAT: f32 = 0.25;
 /// Measure a field against another one, or against a folder of pictures, at every scale
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// What is right: a container, a glTF asset, a trained input, or a folder of pictures
+    /// The right pictures: a container, a glTF asset, a trained input, or a folder of pictures
     reference: PathBuf,
-    /// What is measured: a container, a glTF asset or a trained input
+    /// The field to measure: a container, a glTF asset or a trained input
     field: PathBuf,
     #[command(flatten)]
     cameras: CameraArguments,

@@ -1,5 +1,5 @@
-//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what the user
-//! says about it.
+//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what
+//! the user says about it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::input::checkpoint::{self, MlpChoice, SourceOptions};
 use crate::output::gltf::asset::{Asset, is_asset};
 use crate::view::render::{Renderer, TrainedLevels};
 
-/// What the user says about a scene, beside what its file says.
+/// The user's settings for a scene, beside those of its file.
 #[derive(Debug, Clone, Args)]
 pub struct SceneArguments {
     /// Step length in voxels [default: the container's; 0.5 for checkpoints, with a warning]
@@ -27,10 +27,10 @@ pub struct SceneArguments {
     /// Weight up to which a sample adds no colour [default: the file's, else 0.0001]
     #[arg(long, value_name = "WEIGHT")]
     pub color_threshold: Option<f32>,
-    /// Where rays start [default: the container's, else 0]
+    /// Start of rays [default: the container's, else 0]
     #[arg(long, value_name = "T")]
     pub near: Option<f32>,
-    /// Where rays enter the box at the latest [default: the container's, else without bound]
+    /// Farthest entry of rays into the box [default: the container's, else without bound]
     #[arg(long, value_name = "T")]
     pub far: Option<f32>,
     /// Colour behind the field: one number or three, 0 to 1 [default: the container's, else 1]
@@ -44,7 +44,7 @@ pub struct SceneArguments {
     pub coarse: Option<std::path::PathBuf>,
 }
 
-/// Which of several fields.
+/// The choice of one of several fields.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FieldArguments {
     /// Of a glTF asset, the field of this number
@@ -80,8 +80,8 @@ impl SceneArguments {
         }
     }
 
-    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes coarser levels of a trained
-    /// input; without it there is level 0 alone.
+    /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes
+    /// coarser levels of a trained input; without it there is level 0 alone.
     pub fn open(
         &self,
         path: &Path,

@@ -9,7 +9,7 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::model::camera::{self, Camera};
 
-/// How much to fit, and to what.
+/// Length and pictures of a fit.
 #[derive(Debug, Args)]
 pub struct FitArguments {
     /// Steps of `--filter fit` for each level, at most [default: 150]
@@ -19,8 +19,8 @@ pub struct FitArguments {
     /// bound]
     #[arg(long, value_name = "SECONDS")]
     fit_seconds: Option<f64>,
-    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default: spheres
-    /// around the box]
+    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default:
+    /// spheres around the box]
     #[arg(long, value_name = "FILE")]
     fit_cameras: Option<PathBuf>,
 }
@@ -31,7 +31,7 @@ impl FitArguments {
         self.fit_cameras.clone()
     }
 
-    /// Whether any of these options is given.
+    /// True if any of these options is given.
     pub fn given(&self) -> bool {
         self.fit_steps.is_some() || self.fit_seconds.is_some() || self.fit_cameras.is_some()
     }

@@ -33,19 +33,19 @@ pub struct GateArguments {
     require_psnr: Option<f64>,
 }
 
-/// What the cameras saw.
+/// The figures of the cameras' pictures.
 #[derive(Debug, Serialize)]
 pub struct GateReport {
     /// Against the unbaked scene, one ray a pixel.
     pub errors: Vec<ScaleErrors>,
     /// The least PSNR at full size, if one is required.
     pub required_psnr: Option<f64>,
-    /// Whether it is reached; true where none is required.
+    /// True if the required figure is reached, or none is required.
     pub passed: bool,
 }
 
 impl GateArguments {
-    /// Whether there are cameras to measure from. Refuses a gate without them.
+    /// True if there are cameras to measure from. Refuses a gate without them.
     pub fn measures(&self) -> Result<bool> {
         let given = self.cameras.given();
         match self.require_psnr {

@@ -14,7 +14,7 @@ use crate::codec::container::Container;
 use crate::output::gltf::attach::write_fallback;
 use crate::output::gltf::mesh::{FEWEST_TRIANGLES, mesh};
 
-/// What kind of asset, and how good a mesh other viewers get.
+/// Kind of asset, and quality of the mesh for other viewers.
 #[derive(Debug, Args)]
 pub struct GltfArguments {
     /// Write a glTF asset too, .glb or .gltf: the field, and a mesh for viewers that do not know it
@@ -28,7 +28,7 @@ pub struct GltfArguments {
     fallback_triangles: usize,
 }
 
-/// What was written.
+/// The written asset.
 #[derive(Debug, Serialize)]
 pub struct GltfReport {
     output: String,
@@ -38,7 +38,7 @@ pub struct GltfReport {
     vertices: usize,
 }
 
-/// Whether a new asset of this name is a GLB.
+/// True if a new asset of this name is a GLB.
 pub fn is_glb(path: &Path) -> Result<bool> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("glb") => Ok(true),
@@ -48,8 +48,8 @@ pub fn is_glb(path: &Path) -> Result<bool> {
 }
 
 impl GltfArguments {
-    /// Starts writing, if an asset is asked for: before the work, so that nobody waits for a name that is
-    /// taken.
+    /// Starts writing, if an asset is asked for. This comes before the work, so that a name that is
+    /// taken is an error at once.
     pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
         let Some(path) = &self.gltf else { return Ok(None) };
         is_glb(path)?;

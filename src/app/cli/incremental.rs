@@ -1,4 +1,5 @@
-//! Baking only what changed: skipping what is current, and telling build systems what a bake read.
+//! Bakes of changes only: current outputs are skipped, and build systems learn the inputs of a
+//! bake.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,33 +17,34 @@ use crate::model::field::RadianceField;
 /// When to bake, and what to tell build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
-    /// Bake only if input, options or version differ from those of the container that is there, which
-    /// is then replaced
+    /// Bake only if input, options or version differ from those of the container that is there,
+    /// which is then replaced
     #[arg(long)]
     if_changed: bool,
-    /// Write a dependency file for Make or Ninja: the container, and all files that it was made from
+    /// Write a dependency file for Make or Ninja: the container, and all files that it was made
+    /// from
     #[arg(long, value_name = "FILE.d")]
     depfile: Option<PathBuf>,
 }
 
 impl IncrementalArguments {
-    /// Whether a current output is to be left as it is.
+    /// True if a current output is to be left as it is.
     pub fn is_asked(&self) -> bool {
         self.if_changed
     }
 
-    /// Whether an existing output may be replaced: a container may, where only changes are baked.
+    /// True if an existing output may be replaced: a container may, if only changes are baked.
     pub fn replaces(&self, output: &Path) -> bool {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
     }
 
-    /// Starts writing the dependency file, if there is to be one. It is always replaced: build systems
-    /// do not ask either.
+    /// Starts writing the dependency file, if there is to be one. It is always replaced: build
+    /// systems do not ask either.
     pub fn create_depfile(&self) -> Result<Option<Output>> {
         self.depfile.as_deref().map(|path| create_output(path, true)).transpose()
     }
 
-    /// What the container that is there says of itself, if nothing has changed since it was baked.
+    /// The existing container's figures, if nothing has changed since it was baked.
     pub fn current(
         &self,
         output: &Path,
@@ -54,7 +56,7 @@ impl IncrementalArguments {
         if !self.replaces(output) {
             return Ok(None);
         }
-        // What cannot be read is baked anew.
+        // An unreadable container is baked anew.
         let file = Arc::new(SourceFile::open(output)?);
         let Ok(container) = Container::open(Arc::clone(&file), limits) else {
             return Ok(None);
@@ -65,8 +67,8 @@ impl IncrementalArguments {
     }
 }
 
-/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as Make
-/// and Ninja read them.
+/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as
+/// Make and Ninja read them.
 pub fn depfile_rule(output: &Path, inputs: &[PathBuf]) -> String {
     let escaped = |path: &Path| {
         let mut escaped = String::new();

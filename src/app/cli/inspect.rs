@@ -19,7 +19,7 @@ use crate::model::baked::{Group, Metadata};
 use crate::model::grid::Bounds;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
 
-/// Show what is inside a container, a glTF asset or a checkpoint, without decoding it
+/// Show the contents of a container, a glTF asset or a checkpoint, without decoding it
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// A container, a glTF asset, or anything that can be baked

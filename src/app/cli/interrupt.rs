@@ -1,7 +1,8 @@
 //! Signals that ask the program to end.
 //!
-//! The first Ctrl-C ends what only makes a result better (a fit) with what there is, and anything else
-//! as soon as it can be; temporary files are then gone. A second one before that ends it on the spot.
+//! The first Ctrl-C ends what only makes a result better (a fit) with what there is, and anything
+//! else as soon as it can be; temporary files are then gone. A second one before that ends it on
+//! the spot.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -18,14 +19,14 @@ fn last() -> &'static Arc<AtomicUsize> {
     LAST.get_or_init(|| Arc::new(AtomicUsize::new(SIGINT.unsigned_abs() as usize)))
 }
 
-/// From now on a file that grows beyond what the user may write is an error like a full disk, where it would
-/// end the program without a word.
+/// From now on a file that grows beyond what the user may write is an error like a full disk, where
+/// it would end the program without a word.
 pub fn outlive_file_limits() {
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
 }
 
-/// What has been asked for.
+/// The signals received.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupts {
     interrupted: Arc<AtomicBool>,
@@ -37,8 +38,8 @@ impl Interrupts {
     pub fn watch() -> Self {
         let watched = Self::default();
         for (signal, asked) in [(SIGINT, &watched.interrupted), (SIGTERM, &watched.terminated)] {
-            // Whoever asks twice gets it: this looks at what the next line sets. A signal that cannot
-            // be watched keeps ending the program.
+            // The second signal ends the program: this line tests the flag that the next line sets.
+            // A signal that cannot be watched keeps ending the program.
             flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
             flag::register_usize(signal, Arc::clone(last()), signal.unsigned_abs() as usize).ok();
             flag::register(signal, Arc::clone(asked)).ok();
@@ -46,17 +47,17 @@ impl Interrupts {
         watched
     }
 
-    /// Whether the user wants the result so far; answers once.
+    /// True if the user wants the result so far; answers once.
     pub fn wants_result(&self) -> bool {
         self.interrupted.swap(false, Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
     }
 
-    /// Whether the program was told to end, and not just interrupted.
+    /// True if the program was told to end, and not just interrupted.
     pub fn is_terminated(&self) -> bool {
         self.terminated.load(Ordering::Relaxed)
     }
 
-    /// Whether the program should end.
+    /// True if the program should end.
     pub fn wants_end(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
     }

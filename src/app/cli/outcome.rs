@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::common::{Common, Format};
 use crate::base::error::{Error, Result};
 
-/// What a verb has to say.
+/// A verb's output.
 pub(super) struct Outcome {
     /// For people.
     pub(super) text: String,
@@ -15,7 +15,7 @@ pub(super) struct Outcome {
     pub(super) json: serde_json::Value,
     /// For programs that gather findings of many tools.
     pub(super) sarif: Option<serde_json::Value>,
-    /// Whether the file or the gate failed, though the verb did its work.
+    /// True if the file or the gate failed, though the verb did its work.
     pub(super) failed: bool,
 }
 
@@ -50,7 +50,7 @@ pub(super) fn print(outcome: &Outcome, common: &Common) -> Result<()> {
     write_stdout(text.as_bytes())
 }
 
-/// Writes to stdout; whoever closed the pipe has read enough.
+/// Writes to stdout. A closed pipe is no error: its reader has read enough.
 pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
@@ -67,7 +67,8 @@ pub(super) fn warn(message: &str, common: &Common) {
     }
 }
 
-/// A line on stderr. Where nobody can read it there is nobody to tell.
+/// Writes a line to stderr. A stderr that cannot be written is ignored: there is no other place for
+/// the message.
 pub(super) fn say(line: &str) {
     writeln!(std::io::stderr(), "{line}").ok();
 }

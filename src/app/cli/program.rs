@@ -40,9 +40,9 @@ enum Verb {
     Man,
 }
 
-/// Parses arguments, runs the verb, prints its report and returns the exit code:
-/// 0 done, 1 findings, a gate missed or a setting that failed, 2 wrong usage, 3 malformed input, 4 unknown version or
-/// feature, 5 input or output failed, 6 over a limit.
+/// Parses arguments, runs the verb, prints its report and returns the exit code: 0 done, 1
+/// findings, a gate missed or a setting that failed, 2 wrong usage, 3 malformed input, 4 unknown
+/// version or feature, 5 input or output failed, 6 over a limit.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

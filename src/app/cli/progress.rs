@@ -15,10 +15,10 @@ use crate::base::progress::{Progress, Step};
 pub struct Bar {
     bar: ProgressBar,
     step: Mutex<Option<Step>>,
-    /// Whether the current step is a fit: an interrupt then asks for the result so far.
+    /// True if the current step is a fit: an interrupt then asks for the result so far.
     is_fit: AtomicBool,
     interrupts: Interrupts,
-    /// Where there is no terminal to draw on, and bars are wanted still: a line for each step.
+    /// True if bars are wanted, but there is no terminal to draw on: each step prints a line.
     lines: bool,
 }
 

@@ -60,7 +60,7 @@ pub struct Arguments {
     force: bool,
 }
 
-/// Which cameras to render from.
+/// The cameras to render from.
 #[derive(Debug, Clone, Args)]
 pub struct CameraArguments {
     /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's
@@ -83,12 +83,12 @@ pub struct CameraArguments {
 pub struct Size([usize; 2]);
 
 impl CameraArguments {
-    /// Whether there is a camera file or a turntable.
+    /// True if there is a camera file or a turntable.
     pub fn given(&self) -> bool {
         self.cameras.is_some() || self.turntable.is_some()
     }
 
-    /// Whether a size or frames are given.
+    /// True if a size or frames are given.
     pub fn selects(&self) -> bool {
         self.size.is_some() || !self.frames.is_empty()
     }
@@ -121,7 +121,7 @@ struct Report {
     output: String,
     seconds: f64,
     rays_per_second: f64,
-    /// Samples looked at, of those between the rays' entry and exit.
+    /// Samples read between the rays' entry and exit.
     samples_per_ray: f64,
     skipped_share: f64,
     frames: Vec<FrameReport>,

@@ -1,4 +1,4 @@
-//! Options of `bake` that say what is stored.
+//! Options of `bake` for the stored values.
 
 use clap::{Args, ValueEnum};
 
@@ -7,10 +7,10 @@ use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors};
 use crate::codec::quantize::Bits;
 use crate::model::field::Nonfinite;
 
-/// What is stored, and how exactly.
+/// The stored values and their precision.
 #[derive(Debug, Args)]
 pub struct StoredArguments {
-    /// How coarser levels are made: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
+    /// Filter of coarser levels: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
     /// gauss3, gauss5, gauss7 [default: rate-tent]
     #[arg(long, value_name = "NAME")]
     pub filter: Option<Filter>,
@@ -20,9 +20,9 @@ pub struct StoredArguments {
     /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
     #[arg(long, value_name = "BITS", value_parser = parse_bits)]
     pub bits: Option<Bits>,
-    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one interval,
-    /// 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three with colons between: of
-    /// opacity, diffuse colour and features
+    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one
+    /// interval, 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three
+    /// with colons between: of opacity, diffuse colour and features
     #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
     pub max_error: Option<MaxErrors>,
     /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
@@ -34,29 +34,31 @@ pub struct StoredArguments {
     /// Compression level of zstd, 1 to 22 [default: 1]
     #[arg(long, value_name = "LEVEL")]
     pub zstd_level: Option<i32>,
-    /// Which level a sample reads: a published rule in place of the filter's own [default: the filter's]
+    /// Which level a sample reads: a published rule in place of the filter's own [default: the
+    /// filter's]
     #[arg(long, value_name = "RULE")]
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     pub lod_scale: Option<f32>,
-    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere, parts may be
-    /// missing [default: keep all]
+    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere,
+    /// parts may be missing [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     pub min_weight: Option<f32>,
-    /// Let colours err more the less they make up of what --cameras see: by so many codes at the mean of their level,
-    /// 0 to 64 [default: 0]
+    /// Let colours err more the less they make up of what --cameras see: by so many codes at the
+    /// mean of their level, 0 to 64 [default: 0]
     #[arg(long, value_name = "CODES")]
     pub coarseness: Option<f32>,
-    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to 1, at every needed
-    /// node; with --min-weight or --coarseness more where --cameras see less [default: keep all]
+    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to
+    /// 1, at every needed node; with --min-weight or --coarseness more where --cameras see less
+    /// [default: keep all]
     #[arg(long, value_name = "ERROR")]
     pub fill_error: Option<f32>,
-    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the output is the
-    /// same [default: no bound]
+    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the
+    /// output is the same [default: no bound]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
-    /// What to do with values that are not finite
+    /// Treatment of values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
 }
@@ -70,7 +72,7 @@ enum NonfiniteChoice {
 }
 
 impl StoredArguments {
-    /// Whether values that are not finite become empty.
+    /// True if values that are not finite become empty.
     pub fn replaces_nonfinite(&self) -> bool {
         self.nonfinite == NonfiniteChoice::Empty
     }

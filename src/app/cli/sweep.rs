@@ -22,10 +22,10 @@ use crate::input::tensor;
 
 /// Bake over settings; measure time, size and error; show which are worth having
 ///
-/// Lists have commas between; every value of each is combined with every value of the others. Without
-/// any list, four depths are tried with each of the usual filters. A setting that a former sweep
-/// finished in the same folder, from the same input and cameras, is not baked again. The exit code is
-/// 1 if a setting could not be baked; the others are measured all the same.
+/// Lists have commas between; every value of each is combined with every value of the others.
+/// Without any list, four depths are tried with each of the usual filters. A setting that a former
+/// sweep finished in the same folder, from the same input and cameras, is not baked again. The exit
+/// code is 1 if a setting could not be baked; the others are measured all the same.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names

@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Levels to unpack, 0 being the finest [default: all]
     #[arg(long, value_name = "K,...", value_delimiter = ',')]
     levels: Vec<usize>,
-    /// What slices in a folder hold
+    /// Contents of slices in a folder
     #[arg(long, value_enum, default_value_t = Slices::Exr)]
     slices: Slices,
     #[command(flatten)]

@@ -14,7 +14,8 @@ use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::companions;
 
-/// Show a container or an asset in the browser: serves the viewer and the file on the loopback address
+/// Show a container or an asset in the browser: serves the viewer and the file on the loopback
+/// address
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// A container, or a binary glTF asset that holds one
@@ -68,7 +69,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     Ok(())
 }
 
-/// Says which files the asset needs that the viewer will not get. What is wrong with it is the viewer's to tell.
+/// Names the files that the asset refers to and that the viewer will not get. Faults of the asset
+/// are the viewer's to tell.
 fn warn_of_companions(file: &Path, common: &Common) {
     let asset = SourceFile::open(file).map(Arc::new);
     let asset = asset.and_then(|file| Asset::open(file, &common.limits()));

@@ -1,8 +1,8 @@
 //! A server of the web viewer and one file, on the loopback address.
 //!
-//! [`request`] reads what a browser asks, strictly and within limits; [`range`] understands byte ranges; [`site`]
-//! holds the few names that are served, so that no path ever reaches the file system. Here connections are accepted and
-//! answered, a thread each.
+//! [`request`] reads what a browser asks, strictly and within limits; [`range`] understands byte
+//! ranges; [`site`] holds the few names that are served, so that no path ever reaches the file
+//! system. Here connections are accepted and answered, a thread each.
 
 mod range;
 mod request;

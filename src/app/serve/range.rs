@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// What a request wants of a resource.
+/// The part of a resource that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Asked {
     /// All of it.
@@ -13,8 +13,8 @@ pub enum Asked {
     Nothing,
 }
 
-/// What the header `Range` asks of `length` bytes. What is not understood counts as not asked, and so do several
-/// ranges at once: both are a server's right.
+/// The part of `length` bytes that the header `Range` asks for. An unknown range counts as no
+/// range, and so do several ranges at once: both are a server's right.
 pub fn asked(header: Option<&str>, length: u64) -> Asked {
     let Some((first, last)) = header
         .and_then(|header| header.split_once('='))

@@ -1,4 +1,4 @@
-//! What a browser asks: the head of an HTTP/1.1 request, read strictly and within limits.
+//! The head of an HTTP/1.1 request, read strictly and within limits.
 
 use std::io::Read;
 use std::net::SocketAddr;
@@ -11,17 +11,17 @@ const MOST_FIELDS: usize = 100;
 /// A request that can be answered.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Whether only the answer's head is wanted.
+    /// True if only the answer's head is wanted.
     pub is_head: bool,
     /// The target without its query.
     pub path: String,
     /// The field `Range`, as far as it counts.
     pub range: Option<String>,
-    /// Whether another request may follow on the connection.
+    /// True if another request may follow on the connection.
     pub keeps_alive: bool,
 }
 
-/// Why a request is not answered.
+/// Reasons to refuse a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
     /// Not HTTP, or a request with a body.
@@ -139,7 +139,8 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
             _ => {}
         }
     }
-    // Ranges are defined for GET alone, and no answer here carries a validator that a condition could hold by.
+    // Ranges are defined for GET alone, and no answer here carries a validator that a condition
+    // could hold by.
     let range = range.filter(|_| !is_head && !is_conditional);
     match host {
         Some(host) if is_here(host, address) => Ok(Request { is_head, path, range, keeps_alive }),
@@ -147,7 +148,7 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
     }
 }
 
-/// Whether the field `Connection`, a list, asks for the connection's end.
+/// True if the field `Connection`, a list, asks for the connection's end.
 fn closes(value: &str) -> bool {
     value.split(',').any(|option| option.trim().eq_ignore_ascii_case("close"))
 }

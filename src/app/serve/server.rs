@@ -45,7 +45,7 @@ impl Server {
         Ok(Self { listener, address, site: Arc::new(site) })
     }
 
-    /// Where it listens.
+    /// The address of the server.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -60,7 +60,8 @@ impl Server {
         let open = Arc::new(AtomicUsize::new(0));
         for connection in self.listener.incoming() {
             let Ok(connection) = connection else {
-                // Where the system has no file left for one more, asking again at once would only burn time.
+                // The system may have no file left for one more connection. Asking again at once
+                // would only burn time.
                 std::thread::sleep(PAUSE);
                 continue;
             };
@@ -105,7 +106,7 @@ fn answer_all(stream: &TcpStream, site: &Site, address: SocketAddr) -> std::io::
                     return Ok(());
                 }
             }
-            // What follows a request that was not understood is not understood either.
+            // The bytes behind a request that was not understood mean nothing.
             Some(Err(refusal)) => return refuse(stream, refusal),
         }
     }

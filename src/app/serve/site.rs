@@ -1,4 +1,4 @@
-//! What is served: the viewer, which is part of the program, and one file.
+//! The served site: the viewer, which is part of the program, and one file.
 
 use std::sync::Arc;
 
@@ -22,7 +22,8 @@ const VIEWER: [(&str, &str, &[u8]); 4] = [
     ("/style.css", "text/css; charset=utf-8", include_bytes!("../../../viewer/dist/style.css")),
 ];
 
-/// With every answer: the page runs its own scripts alone, talks to nobody else and is kept nowhere.
+/// Headers of every answer: the page runs its own scripts alone, talks to no other host and is not
+/// stored.
 pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
     Content-Security-Policy: default-src 'none'; script-src 'self'; worker-src 'self'; \
     style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:; \
@@ -31,7 +32,7 @@ pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: no-referrer\r\n\
     X-Content-Type-Options: nosniff\r\n";
 
-/// What the file is.
+/// Kinds of served files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -89,7 +90,7 @@ pub struct Resource {
     pub body: Body,
 }
 
-/// Where bytes are.
+/// The place of a resource's bytes.
 pub enum Body {
     /// In the program.
     Inside(&'static [u8]),
@@ -106,12 +107,12 @@ impl Site {
         Ok(Self { kind: Kind::of(&file)?, file: Arc::new(file) })
     }
 
-    /// What the file is.
+    /// The file's kind.
     pub fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// What is served under a path, which must be exactly one of a handful.
+    /// The resource under a path, which must be exactly one of a handful.
     pub fn get(&self, path: &str) -> Option<Resource> {
         if path.strip_prefix('/') == Some(self.kind.name()) {
             let body = Body::File(Arc::clone(&self.file));

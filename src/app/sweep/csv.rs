@@ -1,10 +1,11 @@
-//! The results as a table for spreadsheets: one row a setting, after RFC 4180 but for its line ends.
+//! The results as a table for spreadsheets: one row a setting, after RFC 4180 but for its line
+//! ends.
 
 use std::fmt::Write;
 
 use super::report::{SettingReport, SweepReport};
 
-/// What each scale's columns hold.
+/// Columns of each scale.
 const FIGURES: [&str; 8] = [
     "psnr",
     "ssim",
@@ -16,7 +17,7 @@ const FIGURES: [&str; 8] = [
     "front_seconds",
 ];
 
-/// The table. Columns of scale `k` end in `_sk`; what is unknown is empty.
+/// The table. Columns of scale `k` end in `_sk`; unknown values are empty.
 pub fn csv(report: &SweepReport) -> String {
     let head = [
         "name",

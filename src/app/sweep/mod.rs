@@ -1,17 +1,18 @@
-//! Bakes over settings: what each costs in time and bytes, what it loses at every scale, and which
-//! of them are worth having.
+//! Bakes over settings: each one's cost in time and bytes, its loss at every scale, and the choice
+//! of those worth having.
 //!
-//! 1. **Settings** ([`Grid`]): every combination of the lists that were given, each once, in a stable
-//!    order and under a stable name.
+//! 1. **Settings** ([`Grid`]): every combination of the lists that were given, each once, in a
+//!    stable order and under a stable name.
 //! 2. **Measure**: each setting is baked into `FOLDER/NAME.mipvog`, timed, read back, rendered and
 //!    compared with the unbaked input, whose pictures are made once for all settings.
 //! 3. **Keep** ([`record`]): a finished setting leaves `FOLDER/NAME.json`. A later sweep takes a
-//!    result from there if everything that it follows from is the same, and neither bakes nor renders.
+//!    result from there if everything that it follows from is the same, and neither bakes nor
+//!    renders.
 //! 4. **Tell**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
 //!    ([`csv`]) and `sweep.html` ([`page`]), written anew by every run.
 //!
-//! A setting that cannot be baked has a failure for a result, and the others go on; an operating
-//! system that fails, or a caller who cancels, ends the sweep. What was finished stays.
+//! A setting that cannot be baked has a failure for a result, and the others go on. An operating
+//! system that fails, or a caller who cancels, ends the sweep. Finished results stay.
 
 mod csv;
 mod escape;

@@ -3,19 +3,20 @@
 use super::setting::{Grid, Setting};
 use crate::base::limits::Limits;
 
-/// What a sweep does.
+/// Options of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SweepOptions {
-    /// What to bake with. Default: [`Grid::usual`]'s
+    /// Settings to bake with. Default: [`Grid::usual`]'s
     pub settings: Vec<Setting>,
     /// Scales to compare at: pixels of the full picture along one. Default: 1, 2, 4, 8
     pub scales: Vec<usize>,
-    /// How often each setting is baked; the median time counts. Default: 3
+    /// Bakes of each setting; the median time counts. Default: 3
     pub repeat: usize,
-    /// Whether files that no sweep wrote may be replaced. Default: false
+    /// True if files that no sweep wrote may be replaced. Default: false
     pub overwrite: bool,
-    /// Bounds on what is read back: containers, and results of former sweeps. Default: the usual ones
+    /// Bounds on files that are read back: containers, and results of former sweeps. Default: the
+    /// usual ones
     pub limits: Limits,
 }
 

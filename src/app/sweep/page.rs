@@ -1,5 +1,5 @@
-//! The results as one page: plots and a table in a single file that needs no other, no network and no
-//! scripts.
+//! The results as one page: plots and a table in a single file that needs no other, no network and
+//! no scripts.
 
 use std::fmt::Write;
 

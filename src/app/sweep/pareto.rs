@@ -1,9 +1,9 @@
-//! Which results are worth having.
+//! The results worth having.
 //!
 //! A result is on the front if no other costs at most as much and is at least as good, and better
 //! in one of the two. Of results that are equal in both, the first is on it.
 
-/// What a result costs, the less the better, and how good it is, the more the better.
+/// A result's cost (less is better) and quality (more is better).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Bytes, or seconds.
@@ -12,7 +12,7 @@ pub struct Point {
     pub quality: f64,
 }
 
-/// Whether each point is on the front. A point that is no number is on none.
+/// For each point, true if it is on the front. A point that is no number is on none.
 pub fn front(points: &[Point]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&i| !points[i].cost.is_nan() && !points[i].quality.is_nan())

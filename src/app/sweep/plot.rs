@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use super::escape::escaped;
 
-/// The picture's size in its own units. Small, so that text stays readable where the page is narrow.
+/// The picture's size in its own units. Small, so that text stays readable where the page is
+/// narrow.
 const SIZE: [f64; 2] = [340.0, 270.0];
 /// The corners that the axes span: left, top, right, bottom.
 const FRAME: [f64; 4] = [56.0, 10.0, 326.0, 226.0];
@@ -14,7 +15,7 @@ const FRAME: [f64; 4] = [56.0, 10.0, 326.0, 226.0];
 pub(super) struct PlotPoint {
     /// Along the axes.
     pub(super) at: [f64; 2],
-    /// Whether the front goes through it.
+    /// True if the front goes through it.
     pub(super) on_front: bool,
     /// Stands beside it.
     pub(super) label: String,

@@ -26,7 +26,7 @@ pub const RECORD_SCHEMA: &str = "mipvog-sweep-setting/1";
 /// Bytes of an input that are read at once.
 const CHUNK: u64 = 1 << 22;
 
-/// What a sweep keeps about a setting.
+/// A sweep's record of a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SettingRecord {
@@ -36,7 +36,7 @@ pub struct SettingRecord {
     result: Option<Measured>,
 }
 
-/// Where a setting's container lies.
+/// Path of a setting's container.
 pub fn container_path(folder: &Path, setting: &Setting) -> PathBuf {
     folder.join(format!("{}.mipvog", setting.name))
 }
@@ -69,7 +69,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// The result that a former sweep left of a setting, if it follows from the same things and its
-/// container is still there. Whatever cannot be read is no result: it is made again.
+/// container is still there. An unreadable result is made again.
 pub fn finished(
     folder: &Path,
     setting: &Setting,
@@ -113,8 +113,8 @@ fn read(path: &Path, limits: &Limits) -> Option<Vec<u8>> {
     file.read(0, file.length(), limits.header_bytes).ok()
 }
 
-/// What all results of a sweep follow from, beside their own options: this program, the input with
-/// what the user says about it, what is seen, and what timings depend on.
+/// Digest of everything that all results of a sweep follow from, beside their own options: this
+/// program, the input and the user's settings for it, the cameras, and the conditions of timings.
 pub struct Basis(Sha256);
 
 impl Basis {

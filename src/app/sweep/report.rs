@@ -19,8 +19,8 @@ pub const SCHEMA: &str = "mipvog-sweep/1";
 pub struct Measured {
     /// Bytes of the container.
     pub output_bytes: u64,
-    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting for
-    /// the disk at the end.
+    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting
+    /// for the disk at the end.
     pub seconds: f64,
     /// Levels of the container.
     pub levels: usize,
@@ -28,7 +28,7 @@ pub struct Measured {
     pub errors: Vec<ScaleErrors>,
 }
 
-/// Whether a result is on the fronts at one scale, of all results of the sweep.
+/// Flags of a result: for each front at one scale, true if the result is on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Fronts {
     /// Pixels of the full picture along one of this.
@@ -60,9 +60,9 @@ pub struct SettingReport {
     pub preset: Option<&'static str>,
     /// Its container's name in the folder.
     pub file: String,
-    /// What it was baked with.
+    /// Options of its bake.
     pub options: serde_json::Value,
-    /// Whether the result comes from a former sweep.
+    /// True if the result comes from a former sweep.
     pub resumed: bool,
     /// Bytes of the container; null where it failed, as all that follows.
     pub output_bytes: Option<u64>,
@@ -74,7 +74,7 @@ pub struct SettingReport {
     pub errors: Vec<ScaleErrors>,
     /// One for each scale; empty where it failed.
     pub fronts: Vec<Fronts>,
-    /// Why there is no result.
+    /// The failure of a setting without a result.
     pub failure: Option<String>,
 }
 
@@ -122,7 +122,7 @@ impl SettingReport {
     }
 }
 
-/// Fills in who is on the fronts, of those that did not fail.
+/// Marks the results on the fronts, among those that did not fail.
 pub(super) fn mark_fronts(settings: &mut [SettingReport], scales: &[usize]) {
     for (number, &scale) in scales.iter().enumerate() {
         let points = |cost: fn(&SettingReport) -> Option<f64>| -> Vec<Point> {

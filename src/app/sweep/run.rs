@@ -122,7 +122,7 @@ fn results(
     Ok(results)
 }
 
-/// Whether an error is not the setting's own.
+/// True if an error is not the setting's own.
 fn ends_sweep(error: &Error) -> bool {
     matches!(error.kind(), ErrorKind::Io(_) | ErrorKind::Cancelled | ErrorKind::Exists)
 }

@@ -1,4 +1,4 @@
-//! What a sweep tries.
+//! The settings of a sweep.
 
 use crate::bake::{BakeOptions, Filter, MaxErrors, Preset};
 use crate::base::bytes::hex;
@@ -11,7 +11,7 @@ use crate::model::field::Nonfinite;
 pub struct Setting {
     /// Names its files. The same options have the same name in every sweep.
     pub name: String,
-    /// What it bakes with.
+    /// Options of the bake.
     pub options: BakeOptions,
     /// The preset that says the same, if the sweep was asked for one.
     pub preset: Option<Preset>,
@@ -21,7 +21,7 @@ pub struct Setting {
 /// [`BakeOptions::default`]'s value alone.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Grid {
-    /// How coarser levels are made.
+    /// Filters of coarser levels.
     pub filters: Vec<Filter>,
     /// Bits of a code.
     pub bits: Vec<Bits>,
@@ -55,14 +55,14 @@ impl Grid {
         }
     }
 
-    /// Whether there is nothing but presets.
+    /// True if there is nothing but presets.
     fn has_no_lists(&self) -> bool {
         let without = Self { presets: Vec::new(), ..self.clone() };
         without == Self::default()
     }
 
-    /// Its settings, each once: filters vary slowest, compression levels fastest, presets come last.
-    /// Without any list and any preset these are [`Self::usual`]'s.
+    /// Its settings, each once: filters vary slowest, compression levels fastest, presets come
+    /// last. Without any list and any preset these are [`Self::usual`]'s.
     pub fn settings(&self) -> Vec<Setting> {
         if *self == Self::default() {
             return Self::usual().settings();
@@ -129,7 +129,8 @@ impl Setting {
     }
 }
 
-/// Such as `code-8bit-t1e-3-b8-z1`. What is seldom changed shows only where it is.
+/// A name such as `code-8bit-t1e-3-b8-z1`. Options that seldom change show only if they differ from
+/// the default.
 fn name(options: &BakeOptions) -> String {
     // Taken apart, so that a new option cannot be forgotten: two settings must not share a file.
     let BakeOptions {

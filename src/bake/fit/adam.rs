@@ -12,8 +12,8 @@ const RATES: [f32; 2] = [0.03, 0.15];
 const LAST_RATE: f32 = 0.1;
 /// Decay of the running means of gradients and of their squares.
 const DECAYS: [f32; 2] = [0.9, 0.98];
-/// Derivatives below this share of a level's root mean square are no direction: a node that rays hardly
-/// meet must not wander as far as one that they often meet.
+/// Derivatives below this share of a level's root mean square are no direction: a node that rays
+/// hardly meet must not wander as far as one that they often meet.
 const LEAST_SHARE: f32 = 0.3;
 /// Density that empty nodes start with: where it is 0, so is its derivative.
 const SEED_DENSITY: f32 = 0.003;

@@ -15,8 +15,8 @@ use crate::model::grid::NodeMask;
 pub struct FitOptions<'a> {
     /// Steps for each level, at most.
     pub steps: usize,
-    /// Seconds in all, targets included; none is without bound. The result of a bounded fit depends on
-    /// the machine.
+    /// Seconds in all, targets included; none is without bound. The result of a bounded fit depends
+    /// on the machine.
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],

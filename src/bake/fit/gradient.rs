@@ -1,7 +1,8 @@
 //! One ray, and the derivatives of its colour by the values of a level.
 //!
-//! With the samples' optical depths `t_i` and colours `c_i`, light `T_i` before and `T_(i+1)` behind a
-//! sample, weights `w_i = T_i - T_(i+1)`, accumulated `A = sum w_i c_i` and light left `T`:
+//! With the samples' optical depths `t_i` and colours `c_i`, light `T_i` before and `T_(i+1)`
+//! behind a sample, weights `w_i = T_i - T_(i+1)`, accumulated `A = sum w_i c_i` and light left
+//! `T`:
 //!
 //! ```text
 //! dL/dc_i = w_i dL/dA        dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
@@ -56,7 +57,7 @@ pub struct Rays<'a, const C: usize> {
 #[derive(Debug, Clone, Copy)]
 struct Part<const C: usize> {
     level: usize,
-    /// How much of the sample it is.
+    /// Its share of the sample.
     share: f32,
     cell: Cell,
     /// Interpolated density.
@@ -77,8 +78,8 @@ struct Sampled<const C: usize> {
     color: Option<[f32; C]>,
 }
 
-/// Derivatives of half a ray's squared error by what was accumulated and by the light left, the light
-/// left, and the squared error.
+/// Derivatives of half a ray's squared error by what was accumulated and by the light left, the
+/// light left, and the squared error.
 type Traced<const C: usize> = ([f32; C], f32, f32, f32);
 
 impl<const C: usize> Rays<'_, C> {

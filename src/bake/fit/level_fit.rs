@@ -34,8 +34,8 @@ pub struct LevelFit<'a> {
 }
 
 impl LevelFit<'_> {
-    /// Leaves the best state in `field`. The flag is true if the fit was cut short. Takes no steps where
-    /// an earlier level was `cut`.
+    /// Leaves the best state in `field`. The flag is true if the fit was cut short. Takes no steps
+    /// where an earlier level was `cut`.
     pub fn run<const C: usize>(
         &self,
         field: &mut Dense<C>,

@@ -1,7 +1,7 @@
 //! The level-of-detail rule under which fitted levels look best.
 //!
-//! Levels are fitted under the filter's rule. Another factor or bias may suit a scene better. Of rules
-//! around the first, the search takes the one with the highest mean PSNR over all scales.
+//! Levels are fitted under the filter's rule. Another factor or bias may suit a scene better. Of
+//! rules around the first, the search takes the one with the highest mean PSNR over all scales.
 
 use super::context::{FitContext, psnr};
 use super::gradient::Rays;
@@ -18,7 +18,8 @@ const RAYS: usize = 2048;
 /// Changes of factor and bias, at most, for each step length.
 const MOST_CHANGES: usize = 4;
 
-/// Searches around the first rule, uphill along factor and bias, and leaves the best rule in `view`.
+/// Searches around the first rule, uphill along factor and bias, and leaves the best rule in
+/// `view`.
 pub fn search<const C: usize>(
     view: &mut View,
     context: &FitContext,

@@ -41,8 +41,8 @@ impl Fitted {
 /// `masked` says whether renderers will have the free-space mask.
 ///
 /// # Errors
-/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` where the pictures do not
-/// fit in the memory of `limits`, `Cancelled`.
+/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` where the pictures do
+/// not fit in the memory of `limits`, `Cancelled`.
 pub fn fit(
     field: &RadianceField,
     levels: TrainedLevels,

@@ -59,7 +59,8 @@ impl Targets {
         let mut budget = Budget::new(limits);
         for camera in &cameras {
             let pixels = (camera.lens.width * camera.lens.height) as u64;
-            // Of a colour and a number each, on pictures of a quarter of the pixels, a sixteenth ...
+            // Of a colour and a number each, on pictures of a quarter of the pixels, a sixteenth
+            // ...
             let bytes = pixels / 3 * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
             budget.spend(bytes, "bytes of pictures", &Place::File)?;
         }

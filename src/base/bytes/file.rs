@@ -32,7 +32,7 @@ impl SourceFile {
     /// Opens a regular file.
     pub fn open(path: &Path) -> Result<Self> {
         let io = |error| Error::io(error, path);
-        // Looked at before it is opened: opening a pipe waits for somebody to write to it.
+        // This test comes before opening: the opening of a pipe waits for a writer.
         let found = std::fs::metadata(path).map_err(io)?;
         if found.is_dir() {
             return Err(io(std::io::ErrorKind::IsADirectory.into()));

@@ -1,4 +1,4 @@
-//! What memory has no room for, until it is wanted again.
+//! Bytes that memory has no room for wait in a file.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 #[derive(Debug)]
 pub struct Spill {
     file: Mutex<File>,
-    /// Where it is, for messages.
+    /// Its folder, for messages.
     folder: PathBuf,
 }
 
@@ -40,7 +40,7 @@ impl Spill {
         Ok(start..start + bytes.len() as u64)
     }
 
-    /// What was appended at `range`.
+    /// The bytes appended at `range`.
     ///
     /// # Errors
     ///

@@ -1,8 +1,9 @@
 //! Temporary files of runs that were killed.
 //!
-//! Every output that is being written is locked; the system drops the lock with the process, however it ends.
-//! So what has the name of such a file and no lock is nobody's, and the next run that writes to the folder
-//! removes it. Where a file system has no locks nothing is removed.
+//! Every output that is being written is locked. The system drops the lock with the process,
+//! however it ends. So a file with the name of such an output and without a lock has no owner, and
+//! the next run that writes to the folder removes it. If a file system has no locks, nothing is
+//! removed.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -11,12 +12,13 @@ use std::sync::{Mutex, PoisonError};
 
 use tempfile::NamedTempFile;
 
-/// How names of temporary files start.
+/// First part of temporary files' names.
 pub const PREFIX: &str = ".mipvog-";
-/// How they end.
+/// Last part of temporary files' names.
 pub const SUFFIX: &str = ".partial";
 
-/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are large.
+/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are
+/// large.
 pub fn remove(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -35,17 +37,18 @@ pub fn remove(folder: &Path) {
     }
 }
 
-/// Removes a file unless somebody has it locked.
+/// Removes a file unless another process has it locked.
 fn remove_unlocked(path: &Path) {
     let Ok(file) = File::options().read(true).write(true).open(path) else { return };
     if file.try_lock().is_ok() {
-        // The lock is held until the name is gone, so that nobody claims it in between.
+        // The lock is held until the name is gone, so that no other process takes the file in
+        // between.
         std::fs::remove_file(path).ok();
     }
 }
 
-/// Locks a new temporary file. `false` if somebody removed it before.
+/// Locks a new temporary file. `false` if another process removed it before.
 pub fn claim(temporary: &NamedTempFile) -> bool {
-    // Without locks nobody removes anything.
+    // Without locks no process removes anything.
     temporary.as_file().lock().is_err() || temporary.path().exists()
 }

@@ -11,7 +11,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 pub enum Storage {
     /// Bytes `range` of `file`.
     File {
-        /// Where they are read from, by position.
+        /// The file that they are read from, by position.
         file: Arc<SourceFile>,
         /// Offsets in the file.
         range: Range<u64>,

@@ -8,7 +8,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
 pub const VERSION: [u16; 2] = [1, 1];
-/// Required feature: there are blocks whose colours are filled from the next coarser level. Since 1.1.
+/// Required feature: there are blocks whose colours are filled from the next coarser level. Since
+/// 1.1.
 pub const FILLED_BLOCKS: u64 = 1;
 /// Features that a reader must know.
 pub const KNOWN_FEATURES: u64 = FILLED_BLOCKS;
@@ -73,7 +74,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether a reader must understand the chunk.
+    /// True if a reader must understand the chunk.
     pub fn is_critical(&self) -> bool {
         self.kind.first().is_some_and(u8::is_ascii_uppercase)
     }
@@ -118,7 +119,8 @@ impl Entry {
 }
 
 impl Header {
-    /// Header and directory as bytes, with their checksum. The version is the first that has the `features`.
+    /// Header and directory as bytes, with their checksum. The version is the first that has the
+    /// `features`.
     pub fn with_directory(features: u64, file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
         let count = u32::try_from(entries.len())
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;

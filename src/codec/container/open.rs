@@ -1,8 +1,8 @@
 //! Opening a container: its header, directory and metadata.
 //!
-//! One walk serves the strict reader, the reader of prefixes and the validator. It reports each rule
-//! that the file breaks and goes on where it can. Nothing is allocated before its size was held
-//! against the file's length or the limits.
+//! One walk serves the strict reader, the reader of prefixes and the validator. It reports each
+//! rule that the file breaks and goes on where it can. Nothing is allocated before its size was
+//! held against the file's length or the limits.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,17 +27,19 @@ pub struct Container {
     pub(super) entries: Vec<Entry>,
     pub(super) metadata: Metadata,
     pub(super) limits: Limits,
-    /// Pointer to the value of a document that holds the container, and where it starts in its file.
+    /// Pointer to the value of a document that holds the container, and where it starts in its
+    /// file.
     pub(super) inside: Option<(String, u64)>,
 }
 
-/// Whether a file starts like a container.
+/// True if a file starts like a container.
 pub fn is_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
-/// Whether a file is meant as a container, though the signature may be damaged: half of its bytes are there.
+/// True if half of the signature's bytes are there: the file is meant as a container, though its
+/// signature may be damaged.
 pub fn starts_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     let read = file.read_into(0, &mut start).is_ok();
@@ -71,8 +73,8 @@ impl Container {
         Self::open(Arc::new(SourceFile::decoded(bytes, Path::new("memory"))), limits)
     }
 
-    /// Opens a container of which the file has a whole level or more: it ends where the header says, or
-    /// at a level's prefix. [`Prefix`](super::Prefix) wraps it.
+    /// Opens a container of which the file has a whole level or more: it ends where the header
+    /// says, or at a level's prefix. [`Prefix`](super::Prefix) wraps it.
     pub(super) fn open_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
         Self::strictly(file, limits, |_, _, _| Ok(()))
     }
@@ -128,8 +130,8 @@ impl Container {
         Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
     }
 
-    /// Says that a value of a document holds this container, `offset` bytes from its file's start: errors of
-    /// strict reads tell places in that file.
+    /// Says that a value of a document holds this container, `offset` bytes from its file's start:
+    /// errors of strict reads tell places in that file.
     #[must_use]
     pub fn inside(mut self, pointer: &str, offset: u64) -> Self {
         self.inside = Some((pointer.to_owned(), offset));

@@ -10,8 +10,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::baked::{BakedField, Metadata};
 
-/// A container of which some of the finest levels may be missing. Everything that is there is held to
-/// the same rules as a whole file.
+/// A container of which some of the finest levels may be missing. Everything that is there is held
+/// to the same rules as a whole file.
 #[derive(Debug)]
 pub struct Prefix {
     container: Container,
@@ -22,8 +22,8 @@ impl Container {
     /// Opens a container that ends at a level's prefix, or whole.
     ///
     /// # Errors
-    /// As [`Self::open`], and `Truncated` where the file ends anywhere else; then `wanted` is the least
-    /// length with which a level renders, or with which the next finer one does.
+    /// As [`Self::open`], and `Truncated` where the file ends anywhere else; then `wanted` is the
+    /// least length with which a level renders, or with which the next finer one does.
     pub fn read_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Prefix> {
         let path = file.path().to_owned();
         let container = Self::open_prefix(file, limits)?;

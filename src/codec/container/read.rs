@@ -43,7 +43,7 @@ impl Container {
         self.in_file(read())
     }
 
-    /// Decodes everything, coarse to fine, and keeps nothing but what one level needs, reporting what is wrong.
+    /// Decodes everything, coarse to fine, and reports all faults. Memory is that of one level.
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
         let mut coarser = None;
@@ -55,8 +55,8 @@ impl Container {
     }
 
     /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that
-    /// only one is in memory, beside the coarser one that filled blocks need. Chunks of no level are not
-    /// read: [`Self::read_head`] does.
+    /// only one is in memory, beside the coarser one that filled blocks need. Chunks of no level
+    /// are not read: [`Self::read_head`] does.
     pub fn for_each_level(
         &self,
         mut visit: impl FnMut(usize, &BakedLevel) -> Result<()>,
@@ -200,7 +200,8 @@ impl Container {
         })
     }
 
-    /// The codes of all blocks from those of the ones that are stored; none where the coarser level is missing.
+    /// The codes of all blocks from those of the ones that are stored; none where the coarser level
+    /// is missing.
     fn fill(
         &self,
         number: usize,

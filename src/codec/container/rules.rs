@@ -1,4 +1,4 @@
-//! What a container must obey beyond its records: `formats/mipvog.md`, sections 2 to 5.
+//! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header,
@@ -17,7 +17,7 @@ use crate::model::grid::Nodes;
 /// Nodes along a block's edge, at most.
 pub const LARGEST_BLOCK: usize = 64;
 
-/// Whether this build knows the chunk type.
+/// True if this build knows the chunk type.
 pub fn is_known(kind: ChunkKind) -> bool {
     [META, VMLP, MASK, PROVENANCE, TABLE].contains(&kind) || ATLASES.contains(&kind)
 }
@@ -287,7 +287,7 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-/// Whether values of a group can mean this. Levels that are mixed before activation must mean the
+/// True if values of a group can mean this. Levels that are mixed before activation must mean the
 /// same.
 fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
     match (group, blend) {
@@ -339,8 +339,8 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown critical ones
-    // were reported.
+    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown
+    // critical ones were reported.
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),

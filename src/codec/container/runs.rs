@@ -1,8 +1,8 @@
 //! Atlases as runs of frames, each compressed on its own.
 //!
-//! A run holds consecutive frames of one group as [`crate::codec::quantize::run_bytes`] writes them. Runs are
-//! independent zstd frames, so they decode in
-//! parallel; one that zstd cannot shrink is stored as it is. An atlas chunk is
+//! A run holds consecutive frames of one group as [`crate::codec::quantize::run_bytes`] writes
+//! them. Runs are independent zstd frames, so they decode in parallel; one that zstd cannot shrink
+//! is stored as it is. An atlas chunk is
 //!
 //! ```text
 //! u32 frames of a full run, u32 runs, then for each run u32 length (top bit: stored), then the runs
@@ -24,7 +24,8 @@ use crate::base::parallel;
 use crate::codec::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 use crate::model::baked::{Codes, Encoding, with_codes};
 
-/// Bytes of codes in a full run, about: small enough for many at once, large enough for several modes.
+/// Bytes of codes in a full run, about: small enough for many at once, large enough for several
+/// modes.
 const RUN_BYTES: usize = 512 << 10;
 /// First bytes of a zstd frame.
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
@@ -51,7 +52,7 @@ pub struct CompressedRun {
     stored: bool,
 }
 
-/// Where bytes wait until they are written.
+/// Bytes that wait to be written.
 #[derive(Debug)]
 enum Held {
     InMemory(Vec<u8>),
@@ -59,7 +60,7 @@ enum Held {
 }
 
 impl CompressedRun {
-    /// Compresses a run of `frames`. Codes that nobody needs become at most `most`.
+    /// Compresses a run of `frames`. Codes of don't-care nodes become at most `dont_care_max`.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32, level: i32) -> Result<Self> {
         let run = run_bytes(shape, frames, most);
         let packed = compress_sections(&run, level)?;
@@ -90,8 +91,9 @@ impl CompressedRun {
     }
 }
 
-/// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the least, what
-/// zstd makes of them. Residuals hardly repeat, and zstd takes accidents for repetitions.
+/// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the
+/// least, what zstd makes of them. Residuals hardly repeat, and zstd takes accidents for
+/// repetitions.
 fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     let frequencies = [
         CParameter::Strategy(Strategy::ZSTD_fast),
@@ -109,8 +111,8 @@ fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     packed.map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
 }
 
-/// One frame of zstd that states its length. A section ends its block, so that the next has tables of its
-/// own.
+/// One frame of zstd that states its length. A section ends its block, so that the next has tables
+/// of its own.
 fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Result<Vec<u8>> {
     let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
     parameters.iter().try_for_each(|&parameter| encoder.set_parameter(parameter))?;

@@ -18,13 +18,13 @@ use crate::model::view_mlp::ViewMlp;
 /// A level as it is written.
 #[derive(Debug)]
 pub struct EncodedLevel {
-    /// Which blocks are stored.
+    /// The indirection table.
     pub table: Table,
     /// Atlases by [`Group`].
     pub atlases: [Option<EncodedAtlas>; 3],
 }
 
-/// What is written beside the levels.
+/// The container's parts beside the levels.
 #[derive(Debug)]
 pub struct Head<'a> {
     /// All that is not bulk.
@@ -33,7 +33,7 @@ pub struct Head<'a> {
     pub view_mlp: Option<&'a ViewMlp>,
     /// The free-space mask, where it shows.
     pub free_space: Option<&'a FreeSpace>,
-    /// Where the content comes from.
+    /// Origin of the content.
     pub provenance: &'a serde_json::Value,
     /// Compression level of zstd.
     pub zstd_level: i32,

@@ -12,7 +12,7 @@ use crate::model::baked::{Codes, DensityDomain, Encoding, with_codes};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
 
-/// Where a block's values are.
+/// A block of a slab of codes.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockSource<'a> {
     /// The block's planes are among these.
@@ -51,7 +51,7 @@ impl<'a> BlockSource<'a> {
         }
     }
 
-    /// Whose values count, of the nodes of a block of `edge`.
+    /// True for each retained node of a block of `edge`.
     pub fn needed_nodes(&self, edge: usize) -> Arc<[bool]> {
         let mut needed = vec![false; edge.pow(3)];
         let [_, _, zs] = self.span(edge);
@@ -72,8 +72,8 @@ pub struct BlockEncoder {
 }
 
 impl BlockEncoder {
-    /// For frames of `channels` and blocks of `edge` nodes. Nodes that nobody needs get values that nobody
-    /// sees.
+    /// For frames of `channels` and blocks of `edge` nodes. Don't-care nodes get values that stay
+    /// invisible.
     pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
         let shape = FrameShape { number: encoding.number, channels, edge };
         let coarsener = Coarsener::new(&encoding, activation);
@@ -93,14 +93,15 @@ impl BlockEncoder {
         self.shape
     }
 
-    /// The highest code of nodes that nobody needs: they must not become visible.
+    /// The highest code of don't-care nodes: they must not become visible.
     pub fn dont_care_max(&self) -> u32 {
         self.dont_care_max
     }
 
-    /// The codes of a block, of which the nodes `needed` count, whose channels start at `first_channel` of the slab, coarser ones where
-    /// `coarsening` says so, and the most that the colour or opacity of a needed node was moved for that.
-    /// Codes of other nodes are any: they are filled with what costs least.
+    /// The codes of a block, of which the nodes `needed` count, whose channels start at
+    /// `first_channel` of the slab, coarser ones where `coarsening` says so, and the most that the
+    /// colour or opacity of a needed node was moved for that. Codes of other nodes are any: they
+    /// are filled with what costs least.
     pub fn frame(
         &self,
         source: BlockSource,

@@ -1,11 +1,11 @@
-//! Coarser values where little of them is seen.
+//! Coarser values for nodes that pictures hardly show.
 //!
-//! A node may take the mean of its lower neighbours (as prediction sees it), in all channels of its group at
-//! once, where each of its codes is so near to it as its importance allows. Such nodes are not live
-//! ([`super::run`]) and cost next to nothing; the others keep their codes. To round those too, to fewer codes,
-//! would save little: what is off the mean at all costs nearly as much as it does exactly. Distances are counted
-//! in codes, not in colours: what is interpolated is what codes stand for, and beside a node where the activation
-//! is flat may be one where it is steep.
+//! A node may take the mean of its lower neighbours (the one that prediction uses), in all channels
+//! of its group at once, if each of its codes is so near to it as its importance allows. Such nodes
+//! are not live ([`super::run`]) and cost next to nothing; the others keep their codes. To round
+//! those too, to fewer codes, would save little: a code off the mean costs nearly as much rounded
+//! as exact. Distances are counted in codes, not in colours. Interpolation works on codes' values,
+//! and beside a node where the activation is flat may be one where it is steep.
 
 use super::code_word::Code;
 use super::frame::FrameShape;
@@ -13,13 +13,13 @@ use super::predict::{for_each_node, mean};
 use crate::model::baked::Encoding;
 use crate::model::field::Activation;
 
-/// Which nodes of a block may be moved by how much.
+/// Movable nodes of a block, and the bound of each one's move.
 #[derive(Debug, Clone, Copy)]
 pub struct Coarsening<'a> {
     /// Of each node of the block; 1 is the mean of its level.
     pub importance: &'a [f32],
-    /// Codes that a node of importance 1 may be moved by. Distances grow with one over the root of importance,
-    /// so that every node adds as much to the squared error of pictures.
+    /// Codes that a node of importance 1 may be moved by. Distances grow with one over the root of
+    /// importance, so that every node adds as much to the squared error of pictures.
     pub coarseness: f32,
 }
 
@@ -38,9 +38,9 @@ impl Coarsener {
         is_integer.then(|| Self { activated: encoding.values().map(activated).collect() })
     }
 
-    /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are going to be:
-    /// their mean, or `dont_care_max` where that is lower. Returns the most that a needed node's colour or
-    /// opacity is moved by.
+    /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are
+    /// going to be: their mean, or `dont_care_max` where that is lower. Returns the most that a
+    /// needed node's colour or opacity is moved by.
     pub fn coarsen<T: Code>(
         &self,
         shape: FrameShape,

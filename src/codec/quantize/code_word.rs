@@ -21,8 +21,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     fn wrap(wide: Self::Wide) -> Self;
     /// A third of the sum of three codes, rounded down.
     fn third(sum: Self::Wide) -> Self;
-    /// Half of each byte's range, which stored residuals are raised by: then small residuals of either sign have the same
-    /// upper bytes.
+    /// Half of each byte's range, which stored residuals are raised by: then small residuals of
+    /// either sign have the same upper bytes.
     fn bias() -> Self::Wide;
     /// Itself where `mask` has all bits, `other` where it has none.
     fn choose(self, other: Self, mask: Self) -> Self;
@@ -45,8 +45,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     }
 }
 
-/// A signed number wider than a code. Sums and differences of a few codes are exact; where products are not, they are
-/// right in all the bits that a prediction is made of.
+/// A signed number wider than a code. Sums and differences of a few codes are exact; where products
+/// are not, they are right in all the bits that a prediction is made of.
 pub trait Wide:
     Copy
     + Default
@@ -133,8 +133,9 @@ macro_rules! code {
     };
 }
 
-// Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all vectors need is 16.
-// The upper half of a product stands for the division: exact up to 765, and vectors have no division.
+// Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all
+// vectors need is 16. The upper half of a product stands for the division: exact up to 765, and
+// vectors have no division.
 code!(u8, U8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
 code!(u16, U16, i32, 0x8080, |sum| sum / 3);
 code!(u32, U32, i64, 0x8080_8080, |sum| sum / 3);

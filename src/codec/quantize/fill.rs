@@ -1,9 +1,9 @@
-//! Colours of filled blocks: what the next coarser level says there.
+//! Colours of inherited blocks, interpolated from the next coarser level.
 //!
-//! A filled block has no colours of its own. Each of its nodes gets the next coarser level's decoded colours at
-//! the same place of the box, interpolated in f64 and then given the nearest code of its own level, so that
-//! whoever reads a level finds codes like any others. Everything is exact or rounded once to f64, in a stated
-//! order: `formats/mipvog.md`, section 5.
+//! An inherited block has no colours of its own. Each of its nodes gets the next coarser level's
+//! decoded colours at the same place of the box, interpolated in f64 and then given the nearest
+//! code of its own level. So all codes of a level are of the same kind. Everything is exact or
+//! rounded once to f64, in a stated order: `formats/mipvog.md`, section 5.
 
 use crate::base::parallel;
 use crate::model::baked::{
@@ -32,12 +32,13 @@ pub struct Filler<'a> {
     empty: f64,
 }
 
-/// A node of an axis between two of the coarser level's: the lower one, and the share of the upper one.
+/// A node of an axis between two of the coarser level's: the lower one, and the share of the upper
+/// one.
 type Between = (usize, f64);
 
 impl<'a> Filler<'a> {
-    /// Of blocks of `level` from `coarser`, whose metadata is `of_coarser`; none where a level does not have
-    /// the group's `channels` in integer codes.
+    /// Of blocks of `level` from `coarser`, whose metadata is `of_coarser`; none where a level does
+    /// not have the group's `channels` in integer codes.
     pub fn new(
         level: &LevelMetadata,
         (of_coarser, coarser): (&LevelMetadata, &'a BakedLevel),
@@ -106,7 +107,7 @@ impl<'a> Filler<'a> {
         codes
     }
 
-    /// Where the block's nodes of an axis lie in the coarser level.
+    /// Positions of the block's nodes of an axis in the coarser level.
     fn axis(&self, axis: usize, block: usize) -> Vec<Between> {
         let [nodes, coarser] = [self.grid, self.coarser].map(|grid| grid.nodes.0[axis]);
         let start = block * self.grid.edge;
@@ -133,7 +134,7 @@ impl<'a> Filler<'a> {
         self.values[self.codes.code(at) as usize]
     }
 
-    /// Codes of every block of `table` that has a frame, from the codes of those that are stored.
+    /// Codes of every block of `table` that has a frame, from the stored blocks' codes.
     pub fn fill(&self, table: &Table, stored: &Codes) -> Codes {
         let count = table.frames() * self.channels * self.grid.block_nodes();
         let mut codes = Codes::zeroed(self.number, count);

@@ -9,7 +9,7 @@ use crate::model::baked::{Codes, NumberType};
 /// Shape of the frames of an atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameShape {
-    /// How codes are stored.
+    /// Number type of codes.
     pub number: NumberType,
     /// Channels of a frame.
     pub channels: usize,
@@ -64,7 +64,7 @@ pub struct Frame {
 pub struct RunBytes {
     /// All of it.
     pub bytes: Vec<u8>,
-    /// Where statistics change, ascending; the last is the end.
+    /// Ends of sections with different statistics, ascending; the last is the end of the bytes.
     pub sections: Vec<usize>,
 }
 

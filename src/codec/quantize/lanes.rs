@@ -1,7 +1,8 @@
 //! Numbers of several blocks, block by block or node by node.
 //!
-//! Rows hold a block each, lanes the same node of `L` blocks. Tiles of eight nodes are turned at a time: compilers make
-//! shuffles of loops over them, where strides through memory take one number at a time.
+//! Rows hold a block each, lanes the same node of `L` blocks. Tiles of eight nodes are turned at a
+//! time: compilers make shuffles of loops over them, where strides through memory take one number
+//! at a time.
 
 use multiversion::multiversion;
 

@@ -2,14 +2,14 @@
 
 use super::predict::WEIGHTS;
 
-/// Numbers of a lower triangle with a row for each weight and one for what is predicted.
+/// Numbers of a lower triangle with a row for each weight and one for the predicted value.
 pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
 
 /// The weights, in 32nds, whose predictions are nearest, from the sums of products of terms
 /// ([`super::predict::Sums`]). A term that says nothing beyond those before it gets 0.
 pub fn weights(products: &[f64; PRODUCTS], terms: usize) -> [i8; WEIGHTS] {
     let product = |row: usize, column: usize| products[row * (row + 1) / 2 + column];
-    // The decomposition L D L^T, and L z = what is to be predicted, on the way.
+    // The decomposition L D L^T, and L z = the products with the predicted value, on the way.
     let mut lower = [[0.0; WEIGHTS]; WEIGHTS];
     let (mut diagonal, mut z) = ([0.0; WEIGHTS], [0.0; WEIGHTS]);
     for row in 0..terms {
@@ -20,7 +20,7 @@ pub fn weights(products: &[f64; PRODUCTS], terms: usize) -> [i8; WEIGHTS] {
                 lower[row][column] =
                     if diagonal[column] > 0.0 { left / diagonal[column] } else { 0.0 };
             } else {
-                // What rounding leaves of a term that others explain is no term.
+                // A remainder of rounding error is no term: the other terms explain it.
                 diagonal[row] = if left > 1e-9 * product(row, row) { left } else { 0.0 };
             }
         }

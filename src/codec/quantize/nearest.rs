@@ -1,10 +1,11 @@
 //! The nearest integer codes of values, many at a time.
 //!
-//! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is near the root of a
-//! cubic: Halley's method finds it, and comparing with the borders of the codes to the side on which the value lies settles
-//! it. Borders are computed as they are defined, so which code comes out follows from the encoding alone and not
-//! from how the root was found. Wherever a code is not confirmed by its borders (values that are no numbers, encodings
-//! whose steps are below the spacing of numbers), codes are searched for one by one.
+//! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is
+//! near the root of a cubic. Halley's method finds it, and a comparison with the borders of the
+//! codes to the side of the value settles it. Borders are computed as they are defined, so the
+//! result follows from the encoding alone and not from the method that found the root. If the
+//! borders do not confirm a code (values that are no numbers, encodings whose steps are below the
+//! spacing of numbers), codes are searched for one by one.
 
 use multiversion::multiversion;
 
@@ -16,25 +17,28 @@ use crate::model::grid::row::LANES;
 const RUN: usize = 16;
 /// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
 const START: f32 = 0.85;
-/// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than 1e-6.
+/// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than
+/// 1e-6.
 const BITS_OF_ONE_STEP: u32 = 8;
 /// Makes the cube root's exponent of a third of the number's.
 const CUBE_ROOT_BIAS: u32 = 0x2a51_19f2;
-/// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other conversion that
-/// Rust's rules for what is out of range do not spoil.
+/// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other
+/// conversion that Rust's rules for out-of-range numbers do not spoil.
 const WHOLE: f32 = (1u32 << 23) as f32;
 
-/// Finds the nearest codes of an encoding of integers: what is on the border between two gets the upper.
+/// Finds the nearest codes of an encoding of integers: a value on the border between two gets the
+/// upper one.
 #[derive(Debug, Clone)]
 pub struct Nearest {
     spacing: Spacing,
-    /// Steps towards a root; 0 where values are not in the order of their codes, and roots say nothing.
+    /// Steps towards a root; 0 where values are not in the order of their codes, and roots say
+    /// nothing.
     steps: u32,
     /// Between the values of neighbouring codes.
     borders: Vec<f32>,
 }
 
-/// How values lie over codes, as [`Encoding::value`] says.
+/// The spacing of codes' values, as [`Encoding::value`] says.
 #[derive(Debug, Clone, Copy)]
 struct Spacing {
     center: f32,
@@ -172,7 +176,7 @@ fn nearest<const STEPS: usize>(
             let is_above = value >= own;
             let (side, end) = if is_above { (1.0, spacing.last) } else { (-1.0, 0.0) };
             let [next, second] = [1.0, 2.0].map(|by| spacing.value(guess + by * side));
-            // What is on a border belongs to the code above it.
+            // A value on a border belongs to the code above it.
             let is_past = |border: f32| (value >= border) == is_above;
             let past = is_past(border(own, next)) & (guess != end);
             let moved = guess + if past { side } else { 0.0 };

@@ -1,7 +1,8 @@
 //! Planes of values to planes of codes.
 //!
-//! Values are quantized plane by plane, as soon as they are known and while they are in a processor's caches; codes are a
-//! quarter as large or less. They wait until all planes of a slab are there, and blocks are cut from them.
+//! Values are quantized plane by plane, as soon as they are known and while they are in a
+//! processor's caches; codes are a quarter as large or less. They wait until all planes of a slab
+//! are there, and blocks are cut from them.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +13,7 @@ use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
 
-/// Nodes that nobody needs, but fewer than these in a row are quantized too: stopping costs more.
+/// Don't-care nodes, but fewer than these in a row are quantized too: stopping costs more.
 const GAP: usize = 16;
 
 /// Quantizes the planes of a level from any thread.
@@ -39,7 +40,7 @@ struct Channel {
 pub struct Moved {
     /// The node's place along y and z.
     pub at: [usize; 2],
-    /// What its colour or opacity may be moved by.
+    /// Largest error of its colour or opacity.
     pub bound: f32,
 }
 
@@ -59,8 +60,8 @@ impl CodeSlab {
 }
 
 impl<'a> CodePlanes<'a> {
-    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a bound: what colours and
-    /// opacities may be moved by.
+    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a
+    /// bound: what colours and opacities may be moved by.
     pub fn new<'e>(
         needed: &'a NodeMask,
         activation: Activation,
@@ -80,8 +81,8 @@ impl<'a> CodePlanes<'a> {
         Self { needed, activation, channels, planes }
     }
 
-    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its group's bound, if there is
-    /// one.
+    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its
+    /// group's bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, spare } = &self.channels[channel];
         let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
@@ -104,7 +105,7 @@ impl<'a> CodePlanes<'a> {
         CodeSlab { first, planes: planes.collect() }
     }
 
-    /// Takes back planes that nobody needs any more.
+    /// Takes planes back for reuse.
     pub fn reuse(&self, slab: CodeSlab) {
         for plane in slab.planes {
             for (channel, codes) in self.channels.iter().zip(plane) {
@@ -123,7 +124,7 @@ impl<'a> CodePlanes<'a> {
         }
     }
 
-    /// Where the first needed node is whose colour or opacity is not within `bound`.
+    /// Place of the first retained node whose colour or opacity is not within `bound`.
     fn moved(
         &self,
         x: usize,
@@ -142,7 +143,7 @@ impl<'a> CodePlanes<'a> {
                 decode_codes(encoding, codes, run.clone(), decoded);
                 let is_moved = |(&value, &decoded): (&f32, &f32)| {
                     let error = || (activated(decoded) - activated(value)).abs();
-                    // What is no number is within nothing.
+                    // A value that is no number is within no bound.
                     decoded != value && (error().is_nan() || error() > bound.into())
                 };
                 if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {

@@ -5,13 +5,14 @@
 //! prediction = mean + floor((w0 e + w1 k + w2 d1 + w3 d2 + w4 d3 + 16) / 32)
 //! ```
 //!
-//! with `e` the sum of the differences from the mean of the three lower neighbours along two axes, `k` that of the one
-//! along all three, and `d1`, `d2`, `d3` the differences of code and mean that the three channels before have at the same
-//! node; what a block does not have counts as 0. Trained values vary smoothly in all directions, but their noise is shared
-//! by channels: what the channels before miss by says most about what this one will.
+//! with `e` the sum of the differences from the mean of the three lower neighbours along two axes,
+//! `k` that of the one along all three, and `d1`, `d2`, `d3` the differences of code and mean that
+//! the three channels before have at the same node; what a block does not have counts as 0. Trained
+//! values vary smoothly in all directions, but their noise is shared by channels: what the channels
+//! before miss by says most about what this one will.
 //!
-//! A node needs those before it, so nothing along a block is parallel. Blocks are: the same node of [`Lanes`] is
-//! worked on together, in vector instructions.
+//! A node needs those before it, so nothing along a block is parallel. Blocks are: the same node of
+//! [`Lanes`] is worked on together, in vector instructions.
 
 use multiversion::multiversion;
 
@@ -29,12 +30,12 @@ const SHIFT: usize = 5;
 /// A number for each of `L` blocks, for each node.
 pub type Lanes<T, const L: usize> = Vec<[T; L]>;
 
-/// What is known of one channel of some blocks.
+/// Codes, means and differences of one channel of some blocks.
 #[derive(Debug, Clone, Default)]
 pub struct Channel<T: Code, const L: usize> {
     /// Its codes.
     pub codes: Lanes<T, L>,
-    /// How far they are from the means of lower neighbours.
+    /// Their differences from the means of lower neighbours.
     pub off: Lanes<T::Wide, L>,
 }
 
@@ -56,13 +57,13 @@ impl<T: Code, const L: usize> Channel<T, L> {
     }
 }
 
-/// Where a node is in its block.
+/// Place of a node in its block.
 #[derive(Debug, Clone, Copy)]
 pub struct At {
     /// Its number, z fastest.
     pub node: usize,
     edge: usize,
-    /// Whether the block has lower neighbours along x, y and z.
+    /// True for each axis along which the block has a lower neighbour.
     has: [bool; 3],
 }
 
@@ -110,7 +111,8 @@ pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T;
     }
 }
 
-/// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where the block has none.
+/// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where
+/// the block has none.
 #[inline(always)]
 fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) -> [&'a [T; L]; 4] {
     let steps = [at.edge * at.edge, at.edge, 1];
@@ -128,7 +130,8 @@ fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) 
     ]
 }
 
-/// How far codes of the channels before are from their means at a node, the nearest first; 0 where there is none.
+/// Differences of codes from their means at a node, for the channels before, the nearest first; 0
+/// if there is none.
 #[inline(always)]
 fn others<'a, T: Code, const L: usize>(
     before: &'a [Channel<T, L>],
@@ -177,8 +180,8 @@ fn predictions<T: Code, const L: usize>(
     out
 }
 
-/// Residuals to codes of one channel; `live` has all bits of nodes that have a residual and none of others, which are
-/// their mean. `before` are the channels before, the nearest last.
+/// Residuals to codes of one channel; `live` has all bits of nodes that have a residual and none of
+/// others, which are their mean. `before` are the channels before, the nearest last.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn restore<T: Code, const L: usize>(
     edge: usize,
@@ -202,8 +205,9 @@ pub fn restore<T: Code, const L: usize>(
     });
 }
 
-/// Gives codes that nobody needs their mean, or `most` where that is lower, finds the means, and sets all bits in `live`
-/// of nodes whose code is another. `needed` has all bits of what is needed.
+/// Gives codes of don't-care nodes their mean, or `dont_care_max` if that is lower, and finds the
+/// means. Sets all bits in `live` of nodes whose code is not the mean. `retained` has all bits set
+/// for retained nodes.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn fill<T: Code, const L: usize>(
     edge: usize,
@@ -250,7 +254,8 @@ pub fn residuals<T: Code, const L: usize>(
 pub struct Sums<const L: usize> {
     /// Of the difference's size.
     pub sizes: [f64; L],
-    /// Of products of each two terms, the lower triangle row by row; the last row is that of the difference itself.
+    /// Of products of each two terms, the lower triangle row by row; the last row is that of the
+    /// difference itself.
     pub products: [[f64; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2],
 }
 
@@ -273,7 +278,7 @@ pub fn sums<T: Code, const L: usize>(
         let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
         let mut all = [[0.0; L]; WEIGHTS + 1];
         for lane in 0..L {
-            // Of what is not live the mean is right, whatever the weights.
+            // The mean is right for nodes that are not live, whatever the weights.
             let live = live[at.node][lane] != T::default();
             let mean = mean[lane].wide();
             let terms = terms::<T, L>(lane, mean, beyond, others);
@@ -336,7 +341,8 @@ mod tests {
         (code.rem_euclid(1 << width) as u64, mean as u64)
     }
 
-    /// Holds what is restored from random residuals with the largest of weights to the specification.
+    /// Compares codes that are restored from random residuals with the largest weights to the
+    /// specification.
     fn hold<T: Code>(edge: usize) {
         let nodes = edge.pow(3);
         let mut state = 5u64;

@@ -1,25 +1,25 @@
 //! Ranges and error bounds.
 //!
-//! Nodes far below the opacity threshold, and far inside matter, still shape surfaces by
-//! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB. So
-//! codes extent down to -100, what unseen nodes hold, and as far up; they are dense where opacity
-//! changes and sparse elsewhere ([`Encoding`]). Emptiness has a code of its own, so that it stays
-//! exactly what it was. Colour likewise reaches far into saturation.
+//! Nodes far below the opacity threshold, and far inside opaque regions, still shape surfaces by
+//! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB.
+//! So codes extend down to -100, the value of nodes that training never reached, and as far up;
+//! they are dense where opacity changes and sparse elsewhere ([`Encoding`]). Emptiness has a code
+//! of its own, so that it keeps its exact value. Colour likewise reaches far into saturation.
 //!
 //! **The bound.** Codes' values ascend and a value gets the code between whose borders it lies. The
 //! activation is monotone, so the farthest that a value's activation can be from its code's is at a
 //! border, or, beyond the ends, where the activation ends. Borders are f32 numbers that values are
-//! compared with exactly, so no rounding is left to add: the bound is the largest of these distances.
-//! Where all values are known to lie between a lowest and a highest ([`super::search`]), the
-//! activation ends there: what is between borders is cut off at both, and codes whose values would
-//! all lie beyond count for nothing.
+//! compared with exactly, so no rounding is left to add: the bound is the largest of these
+//! distances. If all values are known to lie between a lowest and a highest ([`super::search`]),
+//! the activation ends there: intervals between borders are cut off at both, and codes whose values
+//! would all lie beyond count for nothing.
 
 use super::nearest::border;
 use crate::model::activate;
 use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
 use crate::model::field::{Activation, EMPTY_DENSITY};
 
-/// How many bits codes have.
+/// Bits of codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bits {
     /// Quantized, 4 to 16 bits.
@@ -60,9 +60,9 @@ impl std::fmt::Display for Bits {
     }
 }
 
-/// How far opacity moves at 8 bits where it is steepest.
+/// Largest move of opacity at 8 bits, at its steepest.
 const OPACITY_ERROR: f64 = 0.0108;
-/// How far a colour moves at 8 bits where the sigmoid is steepest.
+/// Largest move of a colour at 8 bits, where the sigmoid is steepest.
 const COLOR_ERROR: f64 = 0.0082;
 /// Raw colour that codes extent: the sigmoid ends 1e-14 before.
 const COLOR_EXTENT: f64 = 32.0;
@@ -124,7 +124,7 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     encoding
 }
 
-/// Where opacity is steepest over raw density, and how far from there codes extent.
+/// The raw density at which opacity is steepest, and the extent of codes from there.
 fn raw_density_extent(activation: &Activation) -> (f64, f64) {
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
@@ -134,7 +134,7 @@ fn raw_density_extent(activation: &Activation) -> (f64, f64) {
     (center, (center - f64::from(EMPTY_DENSITY) - 2.0).max(clear - center))
 }
 
-/// What raw density reads as where nothing is: below the lowest code.
+/// Raw density of emptiness: below the lowest code.
 fn emptiness(center: f64, extent: f64) -> f32 {
     EMPTY_DENSITY.min((center - extent - 1.0) as f32)
 }
@@ -143,23 +143,23 @@ fn emptiness(center: f64, extent: f64) -> f32 {
 /// `extent` away.
 fn set_codes(encoding: &mut Encoding, center: f64, step: f64, extent: f64) {
     let half = f64::from((1u32 << (encoding.bits - 1)) - 1);
-    // Where codes are plenty they are equally far apart.
+    // If codes are plenty, they are equally far apart.
     let step = (step * 127.0 / half).min(extent / half);
     encoding.center = center as f32;
     encoding.step = step as f32;
     encoding.curve = ((extent - step * half) / (half * half * half)) as f32;
 }
 
-/// Where values of one meaning count.
+/// The range of values of one meaning that count.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Domain {
-    /// Where the activation is steepest.
+    /// The value at which the activation is steepest.
     pub steepest: f64,
     /// Values below need no code of their own.
     pub floor: f64,
     /// Values above need none either.
     pub ceiling: f64,
-    /// Emptiness, and what is below it: below `floor`.
+    /// The value of emptiness, below `floor`. Lower values count as empty too.
     pub empty: f32,
 }
 
@@ -224,8 +224,8 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     encoding
 }
 
-/// An encoding as floats have it; integers get their codes after. A value's activation does not move
-/// at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
+/// An encoding as floats have it; integers get their codes after. A value's activation does not
+/// move at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
 /// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
 /// that are subnormal in f16. Beyond 65504, where f16 ends, `activation` may go on: short intervals
 /// see raw density grow for long.

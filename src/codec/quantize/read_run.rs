@@ -5,7 +5,8 @@ use super::frame::{FrameShape, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::predict::{self, CHANNELS_BEFORE, Channel, Lanes, WEIGHTS};
 
-/// For each byte of live bits, how many are set below each: where the residual of a live node is among those of eight.
+/// For each byte of live bits, how many are set below each: where the residual of a live node is
+/// among those of eight.
 const PLACES: [[u8; 8]; 256] = places();
 
 const fn places() -> [[u8; 8]; 256] {
@@ -42,7 +43,7 @@ pub struct RunParts<'a> {
     residuals: &'a [u8],
 }
 
-/// What batches of frames are restored in.
+/// Buffers for restoring batches of frames.
 pub struct Scratch<T: Code, const L: usize> {
     live: Lanes<T, L>,
     residuals: Lanes<T, L>,
@@ -164,7 +165,7 @@ impl<'a> RunParts<'a> {
         spare.append(&mut known);
     }
 
-    /// Residuals of one frame and channel. What is not live may get anything.
+    /// Residuals of one frame and channel. Nodes that are not live may get any value.
     fn take_residuals<T: Code>(&self, frame: usize, channel: usize, row: &mut [T]) {
         let planes = self.residuals.get(channel * T::BYTES * self.count + self.starts[frame]..);
         let planes = planes.unwrap_or_default();
@@ -179,10 +180,12 @@ impl<'a> RunParts<'a> {
         }
     }
 
-    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are live.
+    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are
+    /// live.
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
-        // The next bytes of each plane. After the last live node there may be fewer than eight, and none is needed.
+        // The next bytes of each plane. After the last live node there may be fewer than eight, and
+        // none is needed.
         let mut last = [[0; 8]; 4];
         let mut next = [&[0; 8]; 4];
         for (byte, (next, last)) in next.iter_mut().zip(&mut last).enumerate().take(T::BYTES) {

@@ -4,11 +4,12 @@
 //! u8 modes; their weights; u8 mode of each frame; live bits of each frame; residual bytes of live nodes
 //! ```
 //!
-//! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has no residuals: what
-//! nobody needs is filled that way, and takes a bit for all channels together. Frames are sorted into modes by how far
-//! off the mean their codes are; each mode has weights of its own, and its residuals lie together, so that an entropy coder
-//! can have a table for each. All of it follows from the codes alone, so the same codes are the same bytes, whoever knows
-//! what is needed.
+//! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has
+//! no residuals: don't-care nodes take that mean, and cost a bit for all channels together. Frames
+//! are sorted into modes by the distance of their codes from the mean; each mode has weights of its
+//! own, and its residuals lie together, so that an entropy coder can have a table for each. All of
+//! it follows from the codes alone: the same codes are the same bytes, and a writer need not know
+//! the retained nodes.
 
 use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes};
@@ -21,8 +22,8 @@ use crate::model::baked::NumberType;
 const MANY: usize = 64;
 const FEW: usize = 4;
 
-/// The bytes of a run of `frames`, at least one, whose codes are of the shape's number type. Codes that nobody needs
-/// become at most `most`.
+/// The bytes of a run of `frames`, at least one, whose codes are of the shape's number type. Codes
+/// of don't-care nodes become at most `dont_care_max`.
 pub fn run_bytes(shape: FrameShape, frames: &[Frame], most: u32) -> RunBytes {
     let few = frames.len() <= 2 * FEW;
     match (shape.number, few) {
@@ -39,7 +40,8 @@ pub fn run_bytes(shape: FrameShape, frames: &[Frame], most: u32) -> RunBytes {
     }
 }
 
-/// Codes of a run, `[frame][channel][node]`, into `codes`, whose length says how many frames there are.
+/// Codes of a run, `[frame][channel][node]`, into `codes`, whose length says how many frames there
+/// are.
 pub fn run_codes<T: Code>(
     shape: FrameShape,
     bytes: &[u8],

@@ -1,16 +1,17 @@
 //! The fewest bits that keep an error.
 //!
-//! What is wanted is the largest error; what is known is the lowest and the highest of the values
-//! ([`ValueRange`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a few
-//! hundred ways: with their center anywhere from where the activation is steepest to the middle
+//! The largest error is given, and so are the lowest and the highest of the values
+//! ([`ValueRange`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a
+//! few hundred ways: with their center anywhere from where the activation is steepest to the middle
 //! between both, and with equal steps or steps that are up to a thousandth as wide at the center as
-//! equal ones would be and grow towards the ends. The first way whose proved bound ([`super::range`])
-//! is within the error is taken.
+//! equal ones would be and grow towards the ends. The first way whose proved bound
+//! ([`super::range`]) is within the error is taken.
 //!
-//! Ways come in the order of their widest step, narrowest first. The widest is at an end, far outside
-//! of what can be seen, where the bound allows anything; but surfaces lie where interpolation crosses
-//! from there, and a picture loses tens of dB if values there are out of proportion. So codes that the
-//! bound does not need go there, and steps at the center are as wide as it allows.
+//! Ways come in the order of their widest step, narrowest first. The widest is at an end, far
+//! outside of the visible range, where the bound allows anything; but surfaces lie where
+//! interpolation crosses from there, and a picture loses tens of dB if values there are out of
+//! proportion. So codes that the bound does not require go there, and steps at the center are as
+//! wide as it allows.
 //!
 //! Everything is computed in f64 by `libm` in a fixed order: the same values give the same codes.
 
@@ -33,7 +34,7 @@ pub struct ValueRange {
     /// Lowest of them; above `high` where there are none.
     low: f32,
     high: f32,
-    /// What is not above this counts as empty, and is no value.
+    /// Values up to this one count as empty.
     empty: f32,
 }
 
@@ -67,8 +68,8 @@ impl ValueRange {
     }
 }
 
-/// The encoding with the fewest bits that holds what is in `span` (and emptiness) within `max_error`,
-/// in opacity over one interval or in colour from 0 to 1; f32 where 16 bits cannot.
+/// The encoding with the fewest bits that holds the values in `span` (and emptiness) within
+/// `max_error`, in opacity over one interval or in colour from 0 to 1; f32 if 16 bits cannot.
 pub fn encoding_within(
     max_error: f32,
     decode: Decode,
@@ -87,7 +88,7 @@ struct Search<'a> {
     decode: Decode,
     activation: &'a Activation,
     domain: Domain,
-    /// What codes reach.
+    /// The range of codes' values.
     low: f64,
     high: f64,
     /// Activations of the lowest and the highest value.
@@ -195,7 +196,7 @@ impl<'a> Search<'a> {
         if !encoding.values().is_sorted_by(|low, high| low < high) {
             return None;
         }
-        // What is empty, or below, decodes to emptiness.
+        // Emptiness, and values below it, decode to emptiness.
         let emptied = if encoding.empty_code { activated(encoding.empty.into()) } else { 0.0 };
         let bound = (0..count).fold(emptied, |most, code| most.max(error(code)));
         encoding.max_error = round_up(bound);

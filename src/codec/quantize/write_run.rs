@@ -27,7 +27,8 @@ pub struct Encoder<T: Code, const L: usize> {
 }
 
 impl<T: Code, const L: usize> Encoder<T, L> {
-    /// Takes frames, and gives codes that nobody needs their mean, or `most` where that is lower.
+    /// Takes frames, and gives codes of don't-care nodes their mean, or `dont_care_max` if that is
+    /// lower.
     pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
         let nodes = shape.nodes();
         let origin = T::origin(shape.number);
@@ -183,7 +184,8 @@ const fn live_places() -> [[u8; 8]; 256] {
     places
 }
 
-/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those come first.
+/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those
+/// come first.
 #[inline(always)]
 fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
     let mut whole = [T::default(); 8];

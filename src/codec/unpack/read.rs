@@ -29,7 +29,7 @@ pub struct Unpacked {
 /// One level of dense arrays.
 #[derive(Debug, Clone)]
 pub struct UnpackedLevel {
-    /// Which blocks are stored.
+    /// The indirection table.
     pub table: Table,
     /// Values by [`Group`].
     pub volumes: [Option<Volume>; 3],

@@ -19,7 +19,7 @@ const ALPHA_INIT: f64 = 1e-6;
 /// The coarse checkpoint's usual name.
 const FILE_NAME: &str = "coarse_last.tar";
 
-/// How the mask's density becomes opacity.
+/// The rules that turn the mask's density into opacity.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Coarse {
     /// Added to raw density.

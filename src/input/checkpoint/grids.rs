@@ -7,7 +7,7 @@ use crate::base::limits::Limits;
 use crate::model::field::Volume;
 use crate::model::grid::Bounds;
 
-/// What another model's checkpoints have, and why it cannot be baked: names of weights (a dot at
+/// Other models' checkpoints, and the reason why they cannot be baked: names of weights (a dot at
 /// the end stands for all that start so), names of settings, the reason.
 const OTHERS: [(&[&str], &[&str], &str); 3] = [
     (

@@ -18,10 +18,10 @@ const SHOWN: u64 = 16;
 /// The most bytes that are read to show values of one tensor.
 const SHOWN_BYTES: u64 = 4 << 20;
 
-/// What a checkpoint holds and how it would be understood.
+/// A checkpoint's contents and their meaning.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
-    /// How it is written.
+    /// Format of the file.
     pub kind: FileKind,
     /// Bytes of the file.
     pub file_bytes: u64,
@@ -35,9 +35,9 @@ pub struct Inspection {
     pub other_bytes: u64,
     /// The scene as a bake would take it without options; none where it could not.
     pub model: Option<Model>,
-    /// Why it could not be baked.
+    /// The reason why it could not be baked.
     pub problem: Option<String>,
-    /// What a bake would assume.
+    /// Assumptions of a bake.
     pub assumptions: Vec<Assumption>,
     /// Every value, by the keys that lead to it.
     pub values: Vec<ListedValue>,
@@ -46,7 +46,7 @@ pub struct Inspection {
 /// A scene as a bake would take it.
 #[derive(Debug, Clone, Serialize)]
 pub struct Model {
-    /// Who wrote it.
+    /// The program family that wrote it.
     pub family: Family,
     /// Nodes along x, y, z.
     pub dimensions: [usize; 3],
@@ -83,7 +83,7 @@ pub struct ListedValue {
     /// A tensor's bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
-    /// Where a tensor's first byte lies in the file, unless it is compressed or in the pickle.
+    /// Offset of a tensor's first byte in the file, unless it is compressed or in the pickle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<u64>,
 }

@@ -1,4 +1,4 @@
-//! How raw density becomes opacity and how rays step, from settings and options.
+//! Opacity of raw density and the step of rays, from settings and options.
 //!
 //! ```text
 //! shift      = act_shift as stored, else ln(1 / (1 - alpha_init) - 1)

@@ -125,7 +125,7 @@ fn raw_threshold(opacity: f64, shift: f64, ratio: f64) -> Result<f32> {
         return Ok(f32::MIN);
     }
     let depth = -libm::log1p(-opacity) / ratio;
-    // Where expm1 would overflow, its logarithm is its argument.
+    // If expm1 would overflow, its logarithm is its argument.
     let raw = if depth > 700.0 { depth } else { libm::log(libm::expm1(depth)) };
     march::narrow("mask_cache_thres", raw - shift)
 }

@@ -1,7 +1,7 @@
-//! What the names in a checkpoint mean: Mip-VoG and DirectVoxGO to [`RadianceField`].
+//! The meaning of the names in a checkpoint: Mip-VoG and DirectVoxGO to [`RadianceField`].
 //!
 //! Both families store dense grids of raw density and colour in a box, a small network, a mask of
-//! free space, and settings. What a checkpoint does not say has a default here, an option in
+//! free space, and settings. A setting that a checkpoint lacks has a default here, an option in
 //! [`SourceOptions`], and an [`Assumption`] in the result, to be shown to the user. Background,
 //! near and far plane and the colour threshold belong to the scene and are never stored: their
 //! usual values (white, 0, none, 1e-4) are defaults like those of any option.

@@ -1,4 +1,4 @@
-//! Where checkpoints keep what: weights under `model_state_dict`, settings under `model_kwargs`.
+//! The layout of checkpoints: weights under `model_state_dict`, settings under `model_kwargs`.
 //!
 //! Flat files (.safetensors, .npz) have no dictionaries inside dictionaries. They use the same
 //! names, with or without `model_state_dict.` and `model_kwargs.` before them; safetensors may
@@ -75,7 +75,7 @@ impl<'a> NamedValues<'a> {
         self.weight(name).and_then(Value::tensor)
     }
 
-    /// Whether a weight's name starts so.
+    /// True if a weight's name starts so.
     pub(super) fn has_prefix(&self, prefix: &str) -> bool {
         self.state.range(prefix..).next().is_some_and(|(name, _)| name.starts_with(prefix))
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::base::error::{Error, Result};
 
-/// What the user says about a checkpoint.
+/// The user's settings for a checkpoint.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SourceOptions {
     /// Step length in voxels. Default: 0.5, with an assumption
@@ -14,9 +14,9 @@ pub struct SourceOptions {
     pub coarse: Option<PathBuf>,
     /// The network to bake. Default: the checkpoint's
     pub mlp: MlpChoice,
-    /// Where rays start, in units of the unnormalised direction. Default: 0
+    /// Start of rays, in units of the unnormalised direction. Default: 0
     pub near: Option<f32>,
-    /// Where rays enter the box at the latest, likewise. Default: without bound
+    /// Farthest entry of rays into the box, likewise. Default: without bound
     pub far: Option<f32>,
     /// Colour behind the field. Default: white
     pub background: Option<[f32; 3]>,
@@ -25,7 +25,7 @@ pub struct SourceOptions {
     pub color_threshold: Option<f32>,
 }
 
-/// Which network to bake.
+/// The network to bake.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum MlpChoice {
     /// The checkpoint's, if it has one.

@@ -12,11 +12,11 @@ use crate::model::field::RadianceField;
 pub struct Source {
     /// The trained scene; its grids are still in the file.
     pub field: RadianceField,
-    /// Who wrote it.
+    /// The program family that wrote it.
     pub family: Family,
-    /// How it is written.
+    /// Format of the file.
     pub kind: FileKind,
-    /// What it does not say and was assumed, to be shown to the user.
+    /// Settings that it lacks and that were assumed, to be shown to the user.
     pub assumptions: Vec<Assumption>,
     /// SHA-256 of what stands for its content; see [`TensorFile::digest`].
     pub digest: [u8; 32],
@@ -31,7 +31,7 @@ pub struct Source {
 pub struct Companion {
     /// `coarse` or `mlp`.
     pub role: &'static str,
-    /// Where it lies.
+    /// Its path.
     pub path: PathBuf,
     /// SHA-256 of what stands for its content.
     pub digest: [u8; 32],
@@ -60,10 +60,10 @@ impl Family {
 /// Something that a checkpoint does not say.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Assumption {
-    /// What is missing, in a word.
+    /// The missing setting, in a word.
     pub key: &'static str,
-    /// What was assumed.
+    /// The assumed value.
     pub value: String,
-    /// The warning: what is missing, what was assumed, and which option sets it.
+    /// The warning: the missing setting, the assumed value, and the option that sets it.
     pub message: String,
 }

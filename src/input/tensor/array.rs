@@ -121,12 +121,12 @@ impl Tensor {
         }
     }
 
-    /// Whether its bytes have to be inflated to be read.
+    /// True if its bytes have to be inflated to be read.
     pub fn is_compressed(&self) -> bool {
         matches!(self.data, Data::Deflated { .. })
     }
 
-    /// All values in C order, as float32. Verifies the checksum of small storages, and of those
+    /// All values in C order, as float32. Verifies the checksum of small storages, and of storages
     /// that the tensor covers.
     pub fn read_f32(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let packed = self.packed(budget)?;
@@ -218,7 +218,7 @@ impl Tensor {
         Ok(Volume { nodes, channels, element, storage, first: 0, strides })
     }
 
-    /// Where errors about it point.
+    /// The place of errors about it.
     pub fn place(&self) -> Place {
         Place::Tensor(self.name.clone())
     }

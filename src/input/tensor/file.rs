@@ -8,9 +8,9 @@ use crate::base::bytes::SourceFile;
 /// A file of named tensors, opened: its structure is known, no tensor was read.
 #[derive(Debug, Clone)]
 pub struct TensorFile {
-    /// How the file is written.
+    /// Format of the file.
     pub kind: FileKind,
-    /// What it holds.
+    /// Contents of the file.
     pub root: Value,
     /// SHA-256 of what stands for its content: for archives the directory (names, sizes,
     /// checksums) with the pickle or array headers, for safetensors the header.
@@ -19,7 +19,7 @@ pub struct TensorFile {
     pub file: Arc<SourceFile>,
 }
 
-/// How a file of tensors is written.
+/// Formats of files of tensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FileKind {

@@ -3,19 +3,19 @@
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 
-/// Whether a file starts like one of tensors.
+/// True if a file starts like one of tensors.
 ///
 /// # Errors
-/// Where its start cannot be read.
+/// If its start cannot be read.
 pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     let start = start(file)?;
     Ok(is_zip(&start) || is_safetensors(&start))
 }
 
-/// What a file is that is not of tensors, as far as its start tells.
+/// Names the kind of a file that is not of tensors, as far as its start tells.
 ///
 /// # Errors
-/// Where its start cannot be read.
+/// If its start cannot be read.
 pub fn describe(file: &SourceFile) -> Result<&'static str> {
     let start = start(file)?;
     Ok(other_format(&start).unwrap_or(match start.as_slice() {
@@ -40,7 +40,7 @@ pub(super) fn is_safetensors(start: &[u8]) -> bool {
     start.get(8) == Some(&b'{') && !start.get(..8).is_some_and(is_text)
 }
 
-/// Whether bytes are text, if the last character of it may be cut.
+/// True if bytes are text; the last character may be cut.
 fn is_text(bytes: &[u8]) -> bool {
     std::str::from_utf8(bytes).map_or_else(|error| error.error_len().is_none(), |_| true)
         && !bytes.iter().any(|&byte| byte < b' ' && !b"\t\n\r\x0c".contains(&byte))

@@ -23,7 +23,7 @@ use crate::model::grid::Element;
 /// Signature, version and the longest header length.
 const PREFIX: u64 = 12;
 
-/// What the names of arrays end with inside the archive.
+/// Extension of arrays inside the archive.
 const EXTENSION: &str = ".npy";
 
 /// Opens a zip file of arrays: reads their headers.
@@ -162,8 +162,8 @@ struct Header {
     shape: Vec<u64>,
 }
 
-/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the `L`
-/// of Python 2 and commas at the end.
+/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the
+/// `L` of Python 2 and commas at the end.
 fn read_header(literal: &[u8]) -> Option<Header> {
     let mut json: String = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
     for (python, plain) in [

@@ -58,12 +58,12 @@ impl Value {
         }
     }
 
-    /// Whether this is `None`.
+    /// True if this is `None`.
     pub fn is_none(&self) -> bool {
         matches!(self, Self::None)
     }
 
-    /// What this is, in a word or two.
+    /// Its kind, in a word or two.
     pub fn describe(&self) -> String {
         match self {
             Self::None => "None".into(),

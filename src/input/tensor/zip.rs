@@ -31,7 +31,7 @@ pub struct Entry {
     pub name: String,
     /// Offset of its bytes in the file.
     pub offset: u64,
-    /// Whether its bytes are compressed.
+    /// True if its bytes are compressed.
     pub is_deflated: bool,
     /// Bytes in the file.
     pub packed: u64,
@@ -41,7 +41,7 @@ pub struct Entry {
     pub crc32: u32,
 }
 
-/// Where a tensor's bytes lie.
+/// The place of a tensor's bytes.
 #[derive(Debug, Clone)]
 pub enum Data {
     /// As they are, in a file or in memory.
@@ -123,7 +123,7 @@ impl Archive {
         self.entries.get(number).map_or(0, |entry| entry.length)
     }
 
-    /// Where the bytes of an entry lie; nothing of them is read.
+    /// The place of an entry's bytes; none of them is read.
     pub fn data(self: &Arc<Self>, number: usize) -> Result<Data> {
         let entry = self.entry(number)?;
         if entry.is_deflated {

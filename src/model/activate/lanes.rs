@@ -1,20 +1,21 @@
 //! Activations of several values at once, without branches or library calls, so that loops over
 //! them become vector instructions. The same values for any lane count and CPU.
 //!
-//! Errors against the float64 functions of [`crate::model::activate`], over all finite inputs, are held by
-//! tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for [`softplus`], 6e-7 for
-//! [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`].
+//! Errors against the float64 functions of [`crate::model::activate`], over all finite inputs, are
+//! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for
+//! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`].
 
-/// `exp(x)` for x in -80 to 88; beyond, the value at the end. What follows from the smallest, 2e-35, is
-/// still no subnormal number, which processors are slow with.
+/// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, leads to
+/// no subnormal numbers, which processors are slow with.
 ///
-/// `x = n ln 2 + r` with r within half of ln 2, `exp(r)` by its Taylor polynomial of degree 6 (whose
-/// remainder is 1.2e-7 relative at the ends, 4e-9 in the mean), and `2^n` by its exponent bits.
+/// `x = n ln 2 + r` with r within half of ln 2, `exp(r)` by its Taylor polynomial of degree 6
+/// (whose remainder is 1.2e-7 relative at the ends, 4e-9 in the mean), and `2^n` by its exponent
+/// bits.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-80.0, 88.0);
-    // Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
-    // bits: a conversion would saturate, which compilers do one lane at a time.
+    // Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the
+    // lowest bits: a conversion would saturate, which compilers do one lane at a time.
     const ROUNDER: f32 = 12_582_912.0;
     let rounded = x * std::f32::consts::LOG2_E + ROUNDER;
     let n = rounded - ROUNDER;
@@ -34,7 +35,7 @@ pub fn exp(x: f32) -> f32 {
 pub fn softplus(x: f32) -> f32 {
     let y = exp(-x.abs());
     let z = y / (2.0 + y);
-    // Where squares would be subnormal the series is 1 anyway.
+    // If squares would be subnormal, the series is 1 anyway.
     let s = z.max(1e-18) * z.max(1e-18);
     let series = 1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s / 11.0))));
     x.max(0.0) + 2.0 * z * series
@@ -45,7 +46,7 @@ pub fn softplus(x: f32) -> f32 {
 #[inline(always)]
 pub fn opacity(depth: f32) -> f32 {
     let far = 1.0 - exp(-depth);
-    // Where products would be subnormal the series is 1 anyway.
+    // If products would be subnormal, the series is 1 anyway.
     let d = depth.clamp(1e-18, 0.5);
     let series = 1.0 / 720.0 - d * (1.0 / 5040.0 - d * (1.0 / 40_320.0));
     let series = 1.0 / 24.0 - d * (1.0 / 120.0 - d * series);
@@ -59,16 +60,17 @@ pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// `ln(x)` of a normal positive number: with `x = 2^n m`, m from 0.75 to 1.5, `n ln 2 + 2 atanh(s)` and
-/// `s = (m - 1) / (m + 1)`, the series to s^17.
+/// `ln(x)` of a normal positive number: with `x = 2^n m`, m from 0.75 to 1.5, `n ln 2 + 2 atanh(s)`
+/// and `s = (m - 1) / (m + 1)`, the series to s^17.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
-    // What is added to the bits carries into the exponent where m would be above 1.5.
+    // This addend carries into the exponent if m would be above 1.5.
     const CARRY: u64 = 1 << 51;
     const ONE: u64 = 1023 << 52;
     let exponent = x.to_bits().wrapping_add(CARRY) >> 52;
     let m = f64::from_bits(x.to_bits().wrapping_sub(exponent << 52).wrapping_add(ONE));
-    // A number of 52 bits under this exponent is itself above 2^52: no conversion, which vectors may lack.
+    // A number of 52 bits under this exponent is itself above 2^52: no conversion, which vectors
+    // may lack.
     let n = f64::from_bits(exponent | (1075 << 52)) - (4_503_599_627_370_496.0 + 1023.0);
     let s = (m - 1.0) / (m + 1.0);
     let z = s * s;

@@ -53,7 +53,7 @@ impl Codes {
         with_codes!(self, codes => codes.len())
     }
 
-    /// Whether these are so many codes in the width of `number`.
+    /// True if these are so many codes in the width of `number`.
     pub fn fit(&self, number: NumberType, count: usize) -> bool {
         let width = match self {
             Self::U8(_) => 1,
@@ -63,7 +63,7 @@ impl Codes {
         width == number.bytes() && self.len() == count
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

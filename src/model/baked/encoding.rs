@@ -1,4 +1,4 @@
-//! How values become codes and back.
+//! Encodings: values to codes and back.
 //!
 //! ```text
 //! u8, u16:  x = code - 2^(bits - 1),  value = center + x * (step + curve * (x * x))
@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Codes are dense around `center`, where an activation is steep, and grow sparse towards the ends,
-//! which only have to be in proportion: a surface lies where interpolation between a node inside and
-//! one far outside crosses the visible range.
+//! which only have to be in proportion: a surface lies where interpolation between a node inside
+//! and one far outside crosses the visible range.
 
 use std::ops::RangeInclusive;
 
@@ -51,7 +51,7 @@ impl Group {
     }
 }
 
-/// How a code is stored.
+/// Number types of codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NumberType {
@@ -75,17 +75,17 @@ impl NumberType {
         }
     }
 
-    /// Whether codes are numbers themselves.
+    /// True if codes are numbers themselves.
     pub const fn is_float(self) -> bool {
         matches!(self, Self::F16 | Self::F32)
     }
 }
 
-/// How the values of one group of one level are stored.
+/// The encoding of one group of one level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Encoding {
-    /// How a code is stored.
+    /// Number type of codes.
     pub number: NumberType,
     /// Bits that codes use: 4 to 16, or those of the float.
     pub bits: u32,
@@ -93,15 +93,15 @@ pub struct Encoding {
     pub center: f32,
     /// Distance of neighbouring codes' values at the middle; 0 for floats.
     pub step: f32,
-    /// How that distance grows towards the ends; 0 for floats.
+    /// Growth of that distance towards the ends; 0 for floats.
     pub curve: f32,
-    /// What values in dropped blocks read as.
+    /// Value of dropped blocks.
     pub empty: f32,
-    /// Whether code 0 means `empty`.
+    /// True if code 0 means `empty`.
     pub empty_code: bool,
-    /// What a decoded value means.
+    /// Meaning of decoded values.
     pub decode: Decode,
-    /// Largest distance, at a needed node, of what is decoded from what was encoded: in opacity
+    /// Largest distance, at a retained node, between the decoded and the encoded value: in opacity
     /// over one interval for density, in colour (0 to 1) otherwise.
     pub max_error: f32,
 }
@@ -112,7 +112,8 @@ impl Encoding {
         (1 << self.bits) - 1
     }
 
-    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded up.
+    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded
+    /// up.
     pub fn error_after(&self, moved: f64) -> f32 {
         if moved > 0.0 {
             ((f64::from(self.max_error) + moved) * (1.0 + 1e-6)) as f32

@@ -16,13 +16,14 @@ pub struct BakedField {
     pub free_space: Option<FreeSpace>,
     /// Finest first.
     pub levels: Vec<BakedLevel>,
-    /// The finest level that was read; 0 but for a prefix of a container. Levels before it are empty.
+    /// The finest level that was read; 0 but for a prefix of a container. Levels before it are
+    /// empty.
     pub finest: usize,
 }
 
 impl BakedField {
-    /// Refuses levels whose tables or codes are not what the metadata says. The metadata itself is held
-    /// to the rules of a container elsewhere.
+    /// Refuses levels whose tables or codes are not what the metadata says. The metadata itself is
+    /// held to the rules of a container elsewhere.
     ///
     /// # Errors
     /// `Malformed`, with the level as its place.
@@ -67,7 +68,7 @@ impl BakedField {
 /// One level's codes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BakedLevel {
-    /// Which blocks are stored.
+    /// The indirection table.
     pub table: Table,
     /// Codes by [`Group`]; `None` where the level has no such values.
     pub atlases: [Option<Codes>; 3],

@@ -1,4 +1,4 @@
-//! What a renderer needs beside the bulk: the JSON of a container's `META` chunk.
+//! The renderer's settings beside the bulk: the JSON of a container's `META` chunk.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,22 +17,22 @@ pub struct Metadata {
     pub activation: Activation,
     /// Steps along a ray.
     pub march: March,
-    /// How a step's length depends on the level.
+    /// The rule for a step's length at each level.
     pub step_rule: StepRule,
-    /// Which level a sample reads.
+    /// The rule for the level that a sample reads.
     pub level_of_detail: LevelOfDetail,
-    /// How two levels are mixed.
+    /// Mixing of two levels.
     pub blend: Blend,
     /// Colour behind the field.
     pub background: [f32; 3],
-    /// What colours are.
+    /// Color space of colours.
     pub color_space: ColorSpace,
     /// Specular features of a node.
     pub features: usize,
     /// View-dependent colour; `None` for a diffuse field.
     #[serde(deserialize_with = "nullable")]
     pub view: Option<ViewMetadata>,
-    /// Whether samples outside the free-space mask in chunk `MASK` are dropped.
+    /// True if samples outside the free-space mask in chunk `MASK` are dropped.
     pub free_space: bool,
     /// Opacity over one interval up to which blocks were dropped. Not for single samples.
     pub alpha_threshold: f32,
@@ -82,7 +82,7 @@ impl LevelMetadata {
         stated.unwrap_or(DensityDomain::Raw)
     }
 
-    /// Whether colours are stored in integer codes, as filled blocks need them.
+    /// True if colours are stored in integer codes, as inherited blocks require.
     pub fn has_integer_colors(&self) -> bool {
         let mut colors = [&self.diffuse, &self.features].into_iter().flatten();
         colors.all(|encoding| !encoding.number.is_float())
@@ -107,7 +107,7 @@ impl LevelMetadata {
     }
 }
 
-/// How a step's length depends on the level.
+/// Rules for a step's length at each level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepRule {
@@ -117,7 +117,7 @@ pub enum StepRule {
     LevelOfDetail,
 }
 
-/// How two levels are mixed.
+/// Mixing of two levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Blend {
@@ -127,7 +127,7 @@ pub enum Blend {
     AfterActivation,
 }
 
-/// What colours are.
+/// Color spaces of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorSpace {
@@ -141,8 +141,8 @@ pub enum ColorSpace {
 pub enum FootprintNeighbour {
     /// The one at the same distance: the pixel's size there.
     SameDistance,
-    /// The one of the same index, as in the paper and the research code. Where the box is entered
-    /// through an oblique face, the entries differ, and what lies behind is blurred.
+    /// The one of the same index, as in the paper and the research code. If the box is entered
+    /// through an oblique face, the entries differ, and samples behind it are blurred.
     SameIndex,
 }
 
@@ -171,6 +171,6 @@ pub struct ViewMetadata {
     pub widths: Vec<usize>,
     /// Octaves of the direction embedding.
     pub frequencies: usize,
-    /// What follows the embedding in the first layer's input.
+    /// The rest of the first layer's input, after the embedding.
     pub input: ViewInput,
 }

@@ -1,9 +1,9 @@
 //! A baked field: sparse levels of quantized blocks, and everything a renderer needs to decode
 //! them.
 //!
-//! A level's grid is cut into cubes of nodes. Blocks that can be seen are stored, in the order of
-//! their numbers (z fastest), one *frame* each; the others read as the level's empty values. The
-//! nodes that a block shares with nobody are all it holds: aprons are copies that a reader makes.
+//! A level's grid is cut into cubes of nodes. Visible blocks are stored, in the order of their
+//! numbers (z fastest), one *frame* each; the others read as the level's empty values. A block
+//! holds only the nodes that no other block holds: aprons are copies that a reader makes.
 
 mod codes;
 mod domain;

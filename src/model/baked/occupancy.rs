@@ -1,9 +1,9 @@
-//! Which blocks of a level are stored, and where: the indirection table.
+//! The indirection table: the stored blocks of a level and their frames.
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::grid::BlockGrid;
 
-/// How a reader gets a block's values.
+/// The source of a block's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Occupancy {
@@ -85,7 +85,7 @@ impl Table {
         self.filled
     }
 
-    /// Whether a block's colours are filled, by its place along each axis.
+    /// True if a block's colours are inherited, by its place along each axis.
     pub fn is_filled(&self, [i, j, k]: [usize; 3]) -> bool {
         let [_, rows, length] = self.grid.counts();
         self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled

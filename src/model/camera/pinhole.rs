@@ -15,7 +15,7 @@ pub struct Camera {
     pub name: String,
     /// Camera to world, columns are the camera's axes and its place.
     pub to_world: DMat4,
-    /// How pixels map to directions.
+    /// The map from pixels to directions.
     pub lens: Lens,
     /// The frame's picture, as the file names it.
     pub picture: Option<String>,
@@ -30,7 +30,7 @@ pub struct Lens {
     pub height: usize,
     /// Focal lengths along x and y.
     pub focal: [f64; 2],
-    /// Where the optical axis meets the picture.
+    /// The point of the picture on the optical axis.
     pub center: [f64; 2],
 }
 
@@ -48,7 +48,7 @@ pub fn digest(cameras: &[Camera]) -> [u8; 32] {
 /// A ray from the camera through a point of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it starts.
+    /// Its start.
     pub origin: DVec3,
     /// Its direction, not normalised: a unit of `t` is a unit along the optical axis.
     pub direction: DVec3,

@@ -158,7 +158,7 @@ fn picture_size(folder: &Path, name: &str) -> Option<[usize; 2]> {
     crate::base::picture::size(&path).ok()
 }
 
-/// Where a frame's picture lies: as named, or with the extension that NeRF-synthetic files leave out.
+/// Path of a frame's picture: as named, or with the extension that NeRF-synthetic files leave out.
 pub fn picture_path(folder: &Path, name: &str) -> Option<PathBuf> {
     let plain = folder.join(name);
     let candidates = [plain.clone(), PathBuf::from(format!("{}.png", plain.display()))];

@@ -13,7 +13,7 @@ pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera>
     let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
     // A field of view of about 40 degrees along the shorter side.
     let half_angle: f64 = 0.35;
-    // What cameras see may decide what is stored: the same bits on every machine.
+    // Pictures of cameras may decide the stored values: the same bits on every machine.
     let distance = radius / libm::sin(half_angle);
     let focal = 0.5 * size[0].min(size[1]) as f64 / libm::tan(half_angle);
     let lens = Lens {

@@ -12,12 +12,12 @@ pub struct FreeSpace {
     pub scale: [f64; 3],
     /// See `scale`.
     pub shift: [f64; 3],
-    /// How a position between nodes is looked up.
+    /// Lookup of positions between nodes.
     pub lookup: Lookup,
 }
 
-/// How a position between the mask's nodes is looked up. Positions outside the mask's nodes are
-/// outside the mask.
+/// Lookup of a position between the mask's nodes. Positions outside the mask's nodes are outside
+/// the mask.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Lookup {
     /// The nearest node decides (DirectVoxGO's boolean mask). Halves round to even.
@@ -33,8 +33,8 @@ pub enum Lookup {
 }
 
 impl FreeSpace {
-    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along an
-    /// axis.
+    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along
+    /// an axis.
     ///
     /// # Errors
     /// `Malformed`.
@@ -51,7 +51,7 @@ impl FreeSpace {
         Err(Error::malformed(place, found, "one for each, at least 2 nodes along each axis"))
     }
 
-    /// Whether training kept samples at this world position.
+    /// True if training kept samples at this world position.
     pub fn contains(&self, world: [f64; 3]) -> bool {
         let at: [f64; 3] =
             std::array::from_fn(|axis| world[axis] * self.scale[axis] + self.shift[axis]);

@@ -12,7 +12,7 @@ pub const EMPTY_DENSITY: f32 = -100.0;
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
 const BRIDGED_BYTES: usize = 1024;
 
-/// What happens to values that are not finite.
+/// Treatment of values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Nonfinite {
     /// The bake is refused, with their count and the first one's place.
@@ -45,7 +45,7 @@ pub struct PlaneRead {
 /// Values that are not finite, among those that were read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct NonfiniteCount {
-    /// How many.
+    /// Their number.
     pub count: u64,
     /// The first one's channel, x, y and z; density is channel 0.
     pub first: Option<[usize; 4]>,
@@ -63,8 +63,8 @@ impl NonfiniteCount {
 }
 
 impl<'a> Planes<'a> {
-    /// Planes of `field`. Nodes in `outside` lose their density. `nonfinite` says whether values that
-    /// are not finite are an error.
+    /// Planes of `field`. Nodes in `outside` lose their density. `nonfinite` says whether values
+    /// that are not finite are an error.
     pub fn new(field: &'a RadianceField, outside: Option<NodeMask>, nonfinite: Nonfinite) -> Self {
         Self { field, outside, nonfinite }
     }
@@ -164,7 +164,8 @@ fn replace_nonfinite(
     found
 }
 
-/// Whether no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors do it.
+/// True if no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors
+/// do it.
 fn all_finite(values: &[f32]) -> bool {
     const EXPONENT: u32 = 0xff << 23;
     let found = |found, value: &f32| found | u32::from(value.to_bits() & EXPONENT == EXPONENT);

@@ -7,7 +7,7 @@ use crate::model::view_mlp::ViewMlp;
 /// A trained scene, grids not yet read.
 #[derive(Debug, Clone)]
 pub struct RadianceField {
-    /// What a renderer needs beside the grids.
+    /// The renderer's settings beside the grids.
     pub scene: Scene,
     /// Raw logits, one channel.
     pub density: Volume,
@@ -15,7 +15,7 @@ pub struct RadianceField {
     pub color: Vec<Volume>,
     /// View-dependent colour, added once a ray; without it the scene is diffuse.
     pub view_mlp: Option<ViewMlp>,
-    /// Where training kept samples; without it everywhere.
+    /// The space in which training kept samples; none means everywhere.
     pub free_space: Option<FreeSpace>,
 }
 

@@ -1,4 +1,4 @@
-//! What a renderer needs beside the grids.
+//! The renderer's settings beside the grids.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -6,10 +6,10 @@ use crate::base::error::{Error, Place, Result};
 use crate::model::activate;
 use crate::model::grid::{Bounds, Nodes};
 
-/// Opacity over one interval that nobody sees: 10^4 such samples move a picture by a part in 10^6.
+/// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
 pub const UNSEEN_OPACITY: f64 = 1e-10;
 
-/// How raw density becomes opacity, and how a ray is marched.
+/// Opacity of raw density, and the march of rays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// The box that every level spans.
@@ -32,19 +32,19 @@ pub struct Activation {
     pub shift: f32,
     /// Step length over base voxel size.
     pub interval: f32,
-    /// What is interpolated between nodes.
+    /// The values that are interpolated between nodes.
     pub order: ActivationOrder,
 }
 
 impl Activation {
-    /// The raw density of an opacity of 1e-10: renderers need not look at cells whose corners are all
-    /// at or below it, and bakes fill nodes that nobody needs with at most this.
+    /// The raw density of an opacity of 1e-10. Renderers need not look at cells whose corners are
+    /// all at or below it, and bakes give don't-care nodes at most this value.
     pub fn unseen_raw(&self) -> f32 {
         activate::raw_at_opacity(UNSEEN_OPACITY, self.shift.into(), self.interval.into()) as f32
     }
 }
 
-/// What is interpolated between nodes.
+/// The values that are interpolated between nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActivationOrder {

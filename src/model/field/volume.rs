@@ -14,7 +14,7 @@ pub struct Volume {
     pub channels: usize,
     /// Type of the stored numbers.
     pub element: Element,
-    /// Where the bytes lie.
+    /// Place of the bytes.
     pub storage: Storage,
     /// Elements before the first one.
     pub first: u64,
@@ -28,8 +28,8 @@ impl Volume {
         (self.channels * self.nodes.count() * self.element.size()) as u64
     }
 
-    /// Whether the values lie in the storage one after the other in C order and fill it, so that
-    /// reading all of them reads what the storage's checksum covers.
+    /// True if the values lie in the storage one after the other in C order and fill it. Then
+    /// reading all of them reads the same bytes that the storage's checksum covers.
     pub fn fills_storage(&self) -> bool {
         let [nx, ny, nz] = self.nodes.0.map(|n| n as u64);
         let dense = [nx * ny * nz, ny * nz, nz];
@@ -57,7 +57,7 @@ impl Volume {
     ) -> Result<()> {
         let size = self.element.size();
         let first = (self.row(channel, x, y) + z as u64) * size as u64;
-        // What is stored as it is needed is read where it is needed.
+        // Little-endian float32 needs no conversion: it is read straight into the result.
         if self.element == Element::F32 && cfg!(target_endian = "little") {
             let bytes = bytemuck::cast_slice_mut(out);
             self.storage.read_into(first, bytes)?;
@@ -71,7 +71,7 @@ impl Volume {
         Ok(())
     }
 
-    /// Whether the rows of one x plane follow each other without gaps.
+    /// True if the rows of one x plane follow each other without gaps.
     pub fn rows_are_contiguous(&self) -> bool {
         self.strides[2] == self.nodes.0[2] as u64
     }

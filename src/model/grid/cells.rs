@@ -31,7 +31,7 @@ impl CellMask {
         self.lowest.insert(cell);
     }
 
-    /// Whether the cell is in the set.
+    /// True if the cell is in the set.
     pub fn contains(&self, cell: [usize; 3]) -> bool {
         self.lowest.contains(cell)
     }

@@ -95,7 +95,7 @@ impl NodeMask {
         &self.bits[(x * self.nodes.0[1] + y) * self.words..][..self.words]
     }
 
-    /// Whether the node is in the set.
+    /// True if the node is in the set.
     pub fn contains(&self, [x, y, z]: [usize; 3]) -> bool {
         row::get(self.row(x, y), z)
     }
@@ -111,17 +111,17 @@ impl NodeMask {
         both.map(u64::from).sum()
     }
 
-    /// What is in both sets.
+    /// Keeps the nodes that are in both sets.
     pub fn intersect(&mut self, other: &Self) {
         row::and_into(&mut self.bits, &other.bits);
     }
 
-    /// What is in either set.
+    /// Adds the nodes of the other set.
     pub fn unite(&mut self, other: &Self) {
         row::or_into(&mut self.bits, &other.bits);
     }
 
-    /// Whether each block, in the order of their numbers, holds a node of the set.
+    /// For each block, in the order of their numbers, true if it holds a node of the set.
     pub fn blocks(&self, edge: usize) -> Result<Vec<bool>> {
         let counts = BlockGrid { nodes: self.nodes, edge }.counts();
         let [nx, ny, nz] = self.nodes.0;

@@ -1,4 +1,5 @@
-//! Rows of bits, one for each node along z, in words of 64: the lowest bit first, none set beyond the end.
+//! Rows of bits, one for each node along z, in words of 64: the lowest bit first, none set beyond
+//! the end.
 
 use multiversion::multiversion;
 
@@ -101,11 +102,12 @@ fn next_bit(row: &[u64], at: usize, others: u64) -> Option<usize> {
     Some(word * 64 + left.trailing_zeros() as usize)
 }
 
-/// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them may be made of.
+/// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them
+/// may be made of.
 pub const LANES: usize = 16;
 
-/// Ranges of the first `count` bits, lowest first, that cover all set ones. Few are short: runs fewer than `gap` bits
-/// apart are one, and ends are where vectors end.
+/// Ranges of the first `count` bits, lowest first, that cover all set ones. Few are short: runs
+/// fewer than `gap` bits apart are one, and ends are where vectors end.
 #[inline]
 pub fn spans(row: &[u64], count: usize, gap: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut runs = runs(row)

@@ -94,7 +94,7 @@ fn blurred(values: &[f64], width: usize, height: usize) -> Vec<f64> {
     means
 }
 
-/// How absolute errors are distributed.
+/// The distribution of absolute errors.
 #[derive(Debug, Clone)]
 pub struct Errors {
     histogram: Vec<u64>,
@@ -144,7 +144,7 @@ impl Picture {
         (12 * colors + 4 * self.opacity.as_ref().map_or(0, Vec::len)) as u64
     }
 
-    /// The mean of `scale` by `scale` pixels; what is left over at the right and below is dropped.
+    /// The mean of `scale` by `scale` pixels; the remainder at the right and below is dropped.
     #[must_use]
     pub fn downsampled(&self, scale: usize) -> Self {
         let size = [self.width, self.height];
@@ -163,8 +163,8 @@ impl Picture {
         }
     }
 
-    /// The largest channel's error of each pixel as a colour: black for none, through red and yellow
-    /// to white for `full` and above.
+    /// The largest channel's error of each pixel as a colour: black for none, through red and
+    /// yellow to white for `full` and above.
     pub fn heat_map(&self, other: &Self, full: f32) -> Vec<u8> {
         let heat = |(a, b): (&[f32; 3], &[f32; 3])| {
             let error = (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);

@@ -1,4 +1,4 @@
-//! How far one field's pictures are from another's, or from photographs, at every scale.
+//! The distance of one field's pictures from another's, or from photographs, at every scale.
 //!
 //! The reference is rendered at full size (supersampled on request), clamped to 0 to 1 as an 8-bit
 //! picture would be, and box-downsampled in the colour space of training. The field is rendered at

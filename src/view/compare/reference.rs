@@ -1,4 +1,4 @@
-//! What a field should look like: another field, or photographs.
+//! The right pictures of a field: another field's, or photographs.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::base::progress::Progress;
 use crate::model::camera::{self, Camera};
 use crate::view::render::{FrameOptions, Renderer, render};
 
-/// Where the right pictures come from.
+/// Source of the right pictures.
 pub enum Reference {
     /// Rendered from a field.
     Field(Box<Renderer>),

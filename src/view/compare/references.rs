@@ -7,7 +7,7 @@ use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::model::camera::Camera;
 
-/// What fields are compared with. Pictures are made when they are first wanted.
+/// The right pictures that fields are compared with. Pictures are made when they are first wanted.
 pub struct References<'a> {
     reference: &'a Reference,
     cameras: &'a [Camera],
@@ -15,7 +15,7 @@ pub struct References<'a> {
     supersample: usize,
     /// Each camera's pictures, one a scale, where they are kept.
     kept: Vec<Option<Vec<Picture>>>,
-    /// Whether a camera's pictures were paid for.
+    /// For each camera, true if its pictures were paid for.
     paid: Vec<bool>,
     /// Memory for kept pictures; none keeps none.
     budget: Option<Budget>,

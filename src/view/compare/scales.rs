@@ -36,9 +36,9 @@ pub struct FrameErrors<'a> {
     pub frame: &'a str,
     /// Pixels of the full picture along one of this.
     pub scale: usize,
-    /// What should be seen.
+    /// The right picture.
     pub want: &'a Picture,
-    /// What is seen.
+    /// The field's picture.
     pub got: &'a Picture,
 }
 

@@ -10,11 +10,11 @@
 //! is bounded ([`MOST_RAYS_A_CELL`]); lenses wider than a right angle can miss cells far away.
 //!
 //! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
-//! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray are
-//! alike in fog, where one node has hardly any weight. So a ray adds to each node that sum times the
-//! sum of all weights of the ray: the part of the squared error that the node answers for if all
-//! nodes of the ray err alike. Every ray counts as the part of the camera's picture that it stands
-//! for, so that all cameras count alike.
+//! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray
+//! are alike in fog, where one node has hardly any weight. So a ray adds to each node that sum
+//! times the sum of all weights of the ray: the part of the squared error that the node answers for
+//! if all nodes of the ray err alike. Every ray counts as the part of the camera's picture that it
+//! stands for, so that all cameras count alike.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -33,8 +33,8 @@ use crate::model::camera::{Camera, Ray};
 use crate::model::grid::{CellMask, Nodes};
 use crate::view::sample::Sample;
 
-/// Rays along each side of a camera's lattice, at most, for each of the closest cells along the box's
-/// longest edge.
+/// Rays along each side of a camera's lattice, at most, for each of the closest cells along the
+/// box's longest edge.
 const MOST_RAYS_A_CELL: f64 = 8.0;
 /// The sum of one node over all cameras, at most: a quarter of what 64 bits hold, so that rounding
 /// up has room.
@@ -47,8 +47,8 @@ const BATCH: usize = 8;
 pub struct CameraCoverage {
     /// The cells in which a ray has a sample of enough weight.
     pub cells: CellMask,
-    /// The importance of each node, z fastest, in units of the mean of those above 0; 0 where no
-    /// ray meets anything.
+    /// The importance of each node, z fastest, in units of the mean of the values above 0; 0 where
+    /// no ray meets anything.
     pub importance: Vec<f32>,
 }
 
@@ -67,7 +67,7 @@ pub fn camera_coverage(
     view.check()?;
     cameras.iter().try_for_each(Camera::check)?;
     let mut cells = CellMask::empty(view.nodes);
-    // Whole numbers, so that the order in which rays add up does not matter.
+    // Whole numbers, so that the sums are the same in any order of rays.
     let sums: Vec<AtomicU64> = (0..view.nodes.count()).map(|_| AtomicU64::new(0)).collect();
     progress.begin(Step::Render, cameras.len() as u64);
     for batch in cameras.chunks(BATCH) {
@@ -88,7 +88,7 @@ pub fn camera_coverage(
     Ok(CameraCoverage { cells, importance: relative(&sums) })
 }
 
-/// Sums in units of the mean of those that are not zero.
+/// Sums in units of the mean of the sums that are not zero.
 fn relative(sums: &[AtomicU64]) -> Vec<f32> {
     let sums = || sums.iter().map(|sum| sum.load(Ordering::Relaxed));
     let count = sums().filter(|&sum| sum > 0).count();

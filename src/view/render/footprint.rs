@@ -1,16 +1,18 @@
 //! Level of detail from a pixel's footprint.
 //!
-//! `rho` is the larger, over the picture's x and y, of the distance in voxels of size
-//! `(max - min) / N` between a sample and one on the ray half a pixel aside (of the same distance or
-//! the same index, as the rule says), divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias, 0, last)`. Both rays' samples
-//! move linearly with their index, so the offset is linear and `rho^2` a quadratic in it.
+//! `rho` is the larger, over the picture's x and y, of the distance in voxels of size `(max - min)
+//! / N` between a sample and one on the ray half a pixel aside (of the same distance or the same
+//! index, as the rule says), divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias,
+//! 0, last)`. Both rays' samples move linearly with their index, so the offset is linear and
+//! `rho^2` a quadratic in it.
 
 use crate::model::baked::LevelOfDetail;
 
-/// How a ray's level of detail follows from its sample index.
+/// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
-    /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole pixel.
+    /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole
+    /// pixel.
     sides: [[[f64; 3]; 2]; 2],
     factor: f32,
     bias: f32,
@@ -19,8 +21,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, a step]`; `levels` are the
-    /// finest and the coarsest that may be read.
+    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, a step]`;
+    /// `levels` are the finest and the coarsest that may be read.
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.most.map_or(coarsest, |most| most.min(coarsest)).max(finest);

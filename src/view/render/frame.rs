@@ -16,7 +16,7 @@ use crate::view::sample::Sample;
 /// Pixels along a tile's edge. Neighbouring rays read the same blocks.
 const TILE: usize = 16;
 
-/// Which level samples read.
+/// The level that samples read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LevelChoice {
     /// As the field's rule says.
@@ -26,10 +26,10 @@ pub enum LevelChoice {
     Fixed(usize),
 }
 
-/// How to render.
+/// Options of rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameOptions {
-    /// Which level samples read.
+    /// The level that samples read.
     pub levels: LevelChoice,
     /// Rays along each side of a pixel; their mean is the pixel.
     pub supersample: usize,
@@ -52,7 +52,8 @@ pub struct Frame {
     pub color: Vec<[f32; 3]>,
     /// Light left behind the field.
     pub transmittance: Vec<f32>,
-    /// Expected distance in world units; what is left behind the field counts at `far`, if there is one.
+    /// Expected distance in world units; light that passes the field counts at `far`, if there is
+    /// one.
     pub distance: Vec<f32>,
     /// Weighted mean level of the samples; 0 where there are none.
     pub level: Vec<f32>,
@@ -60,11 +61,11 @@ pub struct Frame {
     pub accumulated: Vec<f32>,
     /// Values of `accumulated` for a pixel.
     pub channels: usize,
-    /// What it took.
+    /// Time and samples.
     pub statistics: Statistics,
 }
 
-/// What rendering took.
+/// Cost of rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Statistics {
     /// Rays.
@@ -228,7 +229,7 @@ impl Frame {
         }
     }
 
-    /// The mean of `factor` by `factor` pixels; what is left over at the right and below is dropped.
+    /// The mean of `factor` by `factor` pixels; the remainder at the right and below is dropped.
     #[must_use]
     pub fn box_downsampled(self, factor: usize) -> Self {
         if factor == 1 {

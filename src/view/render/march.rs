@@ -7,10 +7,11 @@ use crate::model::activate::lanes;
 use crate::model::camera::Ray;
 use crate::view::sample::Sample;
 
-/// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over white.
+/// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over
+/// white.
 pub(super) const OPAQUE_DEPTH: f64 = 11.6;
 
-/// What a ray gathers.
+/// Sums along a ray.
 #[derive(Debug, Clone, Copy)]
 pub struct Gathered<const C: usize> {
     /// Weighted activated colour and features.
@@ -27,7 +28,8 @@ pub struct Gathered<const C: usize> {
     pub steps: u32,
 }
 
-/// Follows a ray; `neighbours` are the rays half a pixel aside along x and y, if the level depends on them.
+/// Follows a ray; `neighbours` are the rays half a pixel aside along x and y, if the level depends
+/// on them.
 pub fn march<const C: usize>(
     view: &View,
     field: &impl Sample<C>,

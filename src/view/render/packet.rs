@@ -25,8 +25,8 @@ pub struct Packet {
     intervals: [f32; PACKET],
 }
 
-/// What a ray's packets add up to. In f64: a ray may have 10^5 samples, and in f32 equal small ones would
-/// all be rounded the same way, to a part in 300 of their sum.
+/// Sums over a ray's packets. In f64: a ray may have 10^5 samples, and in f32 equal small ones
+/// would all be rounded the same way, to a part in 300 of their sum.
 pub struct Sums<const C: usize> {
     /// Optical depth.
     pub depth: f64,
@@ -47,14 +47,14 @@ impl<const C: usize> Sums<C> {
     }
 }
 
-/// Where a packet's samples lie, and what is stored there.
+/// Cells of a packet's samples, and the values stored there.
 struct Located {
     cells: [[Option<Cell>; 2]; PACKET],
     /// Densities of the finer and the coarser level.
     density: [[f32; PACKET]; 2],
-    /// What the finer level's mean.
+    /// Meaning of the finer level's densities.
     domain: DensityDomain,
-    /// What the coarser level's mean, where they are decoded before they are mixed.
+    /// Meaning of the coarser level's densities, if they are decoded before they are mixed.
     coarser: Option<DensityDomain>,
 }
 
@@ -73,13 +73,14 @@ impl Packet {
         Self { level: 0, count: 0, k, blend, intervals }
     }
 
-    /// Whether a sample at `level` has to wait until the packet is shaded.
+    /// True if a sample at `level` has to wait until the packet is shaded.
     #[inline(always)]
     pub fn refuses(&self, level: usize) -> bool {
         self.count == PACKET || (self.level != level && self.count > 0)
     }
 
-    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the next.
+    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the
+    /// next.
     #[inline(always)]
     pub fn push(&mut self, k: f64, level: usize, blend: f32, intervals: f32) {
         self.level = level;
@@ -89,8 +90,8 @@ impl Packet {
         self.count += 1;
     }
 
-    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the packets
-    /// before it.
+    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the
+    /// packets before it.
     pub fn shade<const C: usize>(
         &mut self,
         view: &View,
@@ -147,7 +148,7 @@ impl Packet {
         let (domain, coarser) = (field.density_domain(own), field.density_domain(next));
         let mut located = Located {
             cells: [[None; 2]; PACKET],
-            // Where nothing is stored nothing is seen.
+            // Cells without stored values are empty.
             density: [[nothing(domain); PACKET], [nothing(coarser); PACKET]],
             domain,
             coarser: (next != own && view.blend == Blend::AfterActivation).then_some(coarser),
@@ -223,7 +224,7 @@ fn activate<const C: usize>(color: &mut [f32; C]) {
     }
 }
 
-/// What each sample of a packet adds.
+/// The share of each sample of a packet.
 struct Composited {
     /// Opacity times the light left before the sample.
     weight: [f32; PACKET],
@@ -240,8 +241,8 @@ fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -
     }
 }
 
-/// The optical depth over one interval of an interpolated density. Finite even of the largest numbers, so
-/// that mixing two of them gives no NaN.
+/// The optical depth over one interval of an interpolated density. Finite even of the largest
+/// numbers, so that mixing two of them gives no NaN.
 #[inline(always)]
 pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     let Activation { shift, interval, order } = view.activation;

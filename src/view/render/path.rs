@@ -1,14 +1,15 @@
-//! Where a ray's samples lie.
+//! The samples of a ray.
 
 use super::view::View;
 use crate::model::baked::FootprintNeighbour;
 use crate::model::camera::Ray;
 
-/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries are
-/// faces, and rounding must not decide whether a ray's first sample counts.
+/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries
+/// are faces, and rounding must not decide whether a ray's first sample counts.
 const ON_FACE: f64 = 1e-9;
 
-/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each axis.
+/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each
+/// axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Path {
     /// Sample 0.
@@ -17,7 +18,7 @@ pub struct Path {
     pub step: [f64; 3],
     /// The first sample inside the box.
     pub first: f64,
-    /// Where samples end.
+    /// End of the samples.
     pub last: f64,
     /// `t` of sample 0, and for each step.
     entry: f64,
@@ -27,7 +28,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// Where the ray samples the box; none if it misses it.
+    /// The part of the ray that samples the box; none if it misses it.
     pub fn new(view: &View, ray: &Ray) -> Option<Self> {
         let (entry, length) = (entry_t(view, ray), ray.direction.length());
         let t_step = step_world(view) / length;
@@ -106,8 +107,8 @@ fn step_world(view: &View) -> f64 {
     f64::from(view.march.stepsize) * f64::from(view.march.voxel_size)
 }
 
-/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along each
-/// axis of the box.
+/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along
+/// each axis of the box.
 fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
     let extent = view.bounds.extent();
     let start =

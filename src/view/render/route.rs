@@ -10,7 +10,7 @@ use crate::view::sample::{Macro, SkipGrid};
 /// A ray's samples and their levels of detail.
 #[derive(Debug, Clone, Copy)]
 pub struct Route {
-    /// Where samples lie.
+    /// Positions of samples.
     pub path: Path,
     footprint: Footprint,
     /// Bounds of the levels of detail; equal where it is one.
@@ -18,8 +18,8 @@ pub struct Route {
 }
 
 impl Route {
-    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and y, if
-    /// the level depends on them. None if the ray misses the box.
+    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and
+    /// y, if the level depends on them. None if the ray misses the box.
     pub fn new(
         view: &View,
         levels: usize,
@@ -86,7 +86,7 @@ impl Route {
 }
 
 impl View {
-    /// Whether the free-space mask keeps a sample.
+    /// True if the free-space mask keeps a sample.
     fn keeps(&self, position: [f64; 3]) -> bool {
         let Some(free_space) = &self.free_space else { return true };
         let extent = self.bounds.extent();

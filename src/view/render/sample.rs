@@ -28,8 +28,8 @@ impl Renderer {
         with_values!(self, values => values.levels())
     }
 
-    /// The field's values at a `position` in world units, interpolated in one level. Outside the box,
-    /// outside the free-space mask and where nothing is stored, opacity is 0.
+    /// The field's values at a `position` in world units, interpolated in one level. Outside the
+    /// box, outside the free-space mask and where nothing is stored, opacity is 0.
     ///
     /// ```
     /// use mipvog_bake::{RadianceField, Renderer};

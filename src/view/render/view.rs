@@ -1,4 +1,4 @@
-//! What a trained scene or a container says about rendering, as one set of rules.
+//! The rules of rendering that a trained scene or a container states, as one set.
 
 use crate::base::error::{Place, Result};
 use crate::levels::LevelFilter;
@@ -22,9 +22,9 @@ pub struct View {
     pub background: [f32; 3],
     /// Optical depths that levels store, times this, are those over one interval.
     pub depth_scale: f32,
-    /// How two levels are mixed.
+    /// Mixing of two levels.
     pub blend: Blend,
-    /// How far apart samples of coarser levels are.
+    /// Distance of samples of coarser levels.
     pub step_rule: StepRule,
     /// The rule for the level that a sample reads; none reads the finest.
     pub level_of_detail: Option<LevelOfDetail>,
@@ -32,7 +32,7 @@ pub struct View {
     pub finest: usize,
     /// View-dependent colour.
     pub view_mlp: Option<ViewMlp>,
-    /// Where samples count.
+    /// The space in which samples count.
     pub free_space: Option<FreeSpace>,
     /// Specular features.
     pub features: usize,
@@ -41,17 +41,17 @@ pub struct View {
 /// Coarser levels of a trained field, and the rule to render them by.
 #[derive(Debug, Clone, Copy)]
 pub struct TrainedLevels<'a> {
-    /// How they are made, mixed and marched through.
+    /// The rules to make, mix and march through them.
     pub filter: &'a dyn LevelFilter,
     /// Levels in all, at most.
     pub count: usize,
-    /// Which level a sample reads.
+    /// The rule for the level that a sample reads.
     pub level_of_detail: LevelOfDetail,
 }
 
 impl<'a> TrainedLevels<'a> {
-    /// As many levels as `filter` makes of a scene, rendered by the rules of training where training
-    /// had such levels.
+    /// As many levels as `filter` makes of a scene, rendered by the rules of training where
+    /// training had such levels.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
         let neighbour = match filter.blend() {
             Blend::BeforeActivation => FootprintNeighbour::SameIndex,

@@ -26,8 +26,8 @@ pub struct Dense<const C: usize> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one, level
-    /// 0 alone.
+    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one,
+    /// level 0 alone.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ impl<const C: usize> Dense<C> {
         (density.as_deref().unwrap_or_default(), color)
     }
 
-    /// The same, to be changed. What can be skipped stays.
+    /// The same, to be changed. The skip grid stays.
     pub fn values_mut(&mut self, level: usize) -> (&mut [f32], &mut [[f32; C]]) {
         let Values { density, color, .. } = &mut self.values[level];
         (density.as_deref_mut().unwrap_or_default(), color)

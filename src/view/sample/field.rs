@@ -1,4 +1,4 @@
-//! What a renderer reads of a field.
+//! A field as a renderer reads it.
 
 use super::level::Cell;
 use super::skip::SkipGrid;
@@ -18,10 +18,10 @@ pub trait Sample<const C: usize>: Sync {
     /// Interpolated raw colour and features of a located cell.
     fn color(&self, level: usize, cell: &Cell) -> [f32; C];
 
-    /// Whether a level has density of its own.
+    /// True if a level has density of its own.
     fn density_level(&self, level: usize) -> bool;
 
-    /// What densities of a level mean.
+    /// Meaning of a level's densities.
     fn density_domain(&self, level: usize) -> DensityDomain;
 
     /// Density where nothing is stored, of a level that has density.
@@ -30,6 +30,6 @@ pub trait Sample<const C: usize>: Sync {
     /// Raw colour and features where nothing is stored.
     fn empty_color(&self, level: usize) -> [f32; C];
 
-    /// What can be skipped.
+    /// The space that can be skipped.
     fn skip(&self) -> &SkipGrid;
 }

@@ -18,7 +18,7 @@ pub struct Cell {
 pub struct Values<const C: usize> {
     /// None where the level has no density of its own.
     pub density: Option<Vec<f32>>,
-    /// What densities mean.
+    /// Meaning of densities.
     pub domain: DensityDomain,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],

@@ -1,9 +1,9 @@
 //! Empty space that rays skip.
 //!
 //! The box is cut into *macro cells* of a few level-0 cells a side. A macro cell is *occupied* by a
-//! level if a sample of that level can be visible in it. Each macro cell has, for each level, its *skip
-//! distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray passes all
-//! nearer macro cells at once.
+//! level if a sample of that level can be visible in it. Each macro cell has, for each level, its
+//! *skip distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray
+//! passes all nearer macro cells at once.
 
 use crate::base::error::Result;
 use crate::levels::free_space;
@@ -18,7 +18,7 @@ const LEAST_EDGE: usize = 2;
 /// Macro cells along an axis, at most: more would not fit into a processor's caches.
 const MOST_CELLS: usize = 128;
 
-/// What a macro cell says about samples in it.
+/// Rules of a macro cell for samples in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Macro {
     /// Empty, like all macro cells less than this skip distance away along every axis.
@@ -89,8 +89,8 @@ impl OccupiedMacroCells {
 }
 
 impl SkipGrid {
-    /// For level 0 of `nodes` nodes. `occupied[level]` marks the macro cells that samples of that level
-    /// alone occupy, z fastest.
+    /// For level 0 of `nodes` nodes. `occupied[level]` marks the macro cells that samples of that
+    /// level alone occupy, z fastest.
     pub fn new(
         nodes: Nodes,
         bounds: &Bounds,
@@ -122,7 +122,8 @@ impl SkipGrid {
         [along(0, x), along(1, y), along(2, z)]
     }
 
-    /// The state of a macro cell for samples that read some of the levels from `finest` to `coarsest`.
+    /// The state of a macro cell for samples that read some of the levels from `finest` to
+    /// `coarsest`.
     #[inline(always)]
     pub fn state(&self, [finest, coarsest]: [usize; 2], [x, y, z]: [usize; 3]) -> Macro {
         let at = (x * self.counts[1] + y) * self.counts[2] + z;
@@ -134,9 +135,9 @@ impl SkipGrid {
         }
     }
 
-    /// The least `k` at which the ray `start + k * step`, in positions `0..=1`, has left a macro cell and
-    /// all those less than `distance` away: it lies on a face that it moves towards. Infinity where it
-    /// does not move.
+    /// The least `k` at which the ray `start + k * step`, in positions `0..=1`, has left a macro
+    /// cell and all those less than `distance` away: it lies on a face that it moves towards.
+    /// Infinity where it does not move.
     #[inline(always)]
     pub fn leaves(
         &self,

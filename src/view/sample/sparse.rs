@@ -2,8 +2,8 @@
 //! the indirection table.
 //!
 //! A cell belongs to the block of its lowest node. The apron repeats the lowest nodes of the next
-//! blocks along each axis, so that all cells of a block are interpolated within its frame; where the
-//! next block is not stored the apron holds the level's empty values.
+//! blocks along each axis, so that all cells of a block are interpolated within its frame; where
+//! the next block is not stored the apron holds the level's empty values.
 
 use super::level::{Cell, Values, split};
 use super::skip::{OccupiedMacroCells, SkipGrid};
@@ -29,8 +29,8 @@ pub struct Sparse<const C: usize> {
 #[derive(Debug)]
 struct Level<const C: usize> {
     sizes: [usize; 3],
-    /// For each node along each axis, what it adds to the number of its block, and to its own number
-    /// in its frame: divisions that rays would repeat.
+    /// For each node along each axis, what it adds to the number of its block, and to its own
+    /// number in its frame: divisions that rays would repeat.
     parts: [Vec<[u32; 2]>; 3],
     /// Frame of each block, or [`NO_FRAME`].
     frames: Vec<u32>,

@@ -19,7 +19,7 @@ pub(super) struct Machine<'a, 's> {
     /// Heights of the stack at which marks lie; nothing below the last can be popped.
     marks: Vec<usize>,
     memo: BTreeMap<u64, Id>,
-    /// Where the running instruction lies.
+    /// Place of the running instruction.
     pub(super) place: Place,
 }
 

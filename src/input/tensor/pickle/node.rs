@@ -51,7 +51,7 @@ pub(super) struct Array {
 }
 
 impl Node<'_> {
-    /// What it is, for errors.
+    /// Its kind, for errors.
     pub(super) fn describe(&self) -> String {
         match self {
             Self::None => "None".into(),
@@ -114,7 +114,7 @@ pub(super) fn node<'n, 'a>(nodes: &'n [Node<'a>], id: Id) -> &'n Node<'a> {
     nodes.get(id.0 as usize).unwrap_or(&Node::None)
 }
 
-/// How much a pickle may still make.
+/// The nodes and bytes that a pickle may still make.
 #[derive(Debug)]
 pub(super) struct Allowance {
     objects: u64,
@@ -124,8 +124,8 @@ pub(super) struct Allowance {
 
 impl Allowance {
     fn new(limits: &Limits) -> Self {
-        // State dictionaries take about as much more than their pickle; lists take up to half as much again while
-        // they grow.
+        // State dictionaries take about as much more than their pickle; lists take up to half as
+        // much again while they grow.
         let memory = limits.header_bytes.saturating_mul(2);
         let budget = Budget::new(&Limits { memory, ..limits.clone() });
         Self { objects: 0, allowed: limits.pickle_objects, budget }

@@ -21,7 +21,7 @@ pub struct Asset {
     limits: Limits,
 }
 
-/// Whether a file starts like an asset: with GLB's magic, or as a JSON object.
+/// True if a file starts like an asset: with GLB's magic, or as a JSON object.
 pub fn is_asset(file: &SourceFile) -> bool {
     let mut start = vec![0; file.length().min(64) as usize];
     let read = file.read_into(0, &mut start).is_ok();
@@ -36,8 +36,8 @@ impl Asset {
         Self::read(file, limits).map_err(|error| error.in_file(&path))
     }
 
-    /// A document that is not in a file yet; of a GLB where there are bytes for a chunk BIN, whose number
-    /// is a multiple of 4.
+    /// A document that is not in a file yet; of a GLB where there are bytes for a chunk BIN, whose
+    /// number is a multiple of 4.
     pub fn in_memory(text: String, bin: Option<Vec<u8>>, path: &Path, limits: &Limits) -> Self {
         let length = bin.as_ref().map(|bin| bin.len() as u64);
         let file = Arc::new(SourceFile::decoded(bin.unwrap_or_default(), path));
@@ -109,8 +109,8 @@ impl Asset {
         Node::document(&self.text)
     }
 
-    /// The elements of a list of the root, none where it is not there. At most as many as the limits
-    /// allow.
+    /// The elements of a list of the root, none where it is not there. At most as many as the
+    /// limits allow.
     pub fn list<'a>(&self, root: &Members<'a>, name: &str) -> Result<Vec<Node<'a>>> {
         let Some(list) = root.get(name) else { return Ok(Vec::new()) };
         let elements = list.elements()?;

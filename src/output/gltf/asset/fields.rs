@@ -9,7 +9,7 @@ use super::uri;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
-/// What the extension says in a document.
+/// The extension's objects in a document.
 #[derive(Debug)]
 pub struct Fields<'a> {
     /// The fields' objects.
@@ -68,7 +68,8 @@ pub fn extension<'a>(object: &Members<'a>) -> Result<Option<Node<'a>>> {
 pub struct ContainerBytes {
     /// Its bytes, as a file of their own.
     pub file: Arc<SourceFile>,
-    /// Where they start in the file that holds them; 0 in one of their own, and in a data URI's bytes.
+    /// Offset of their start in the file that holds them; 0 in a file of their own, and in a data
+    /// URI's bytes.
     pub offset: u64,
 }
 
@@ -150,7 +151,7 @@ fn chunk_of(asset: &Asset, number: usize, buffer: &Members) -> Option<std::ops::
     (number == 0 && buffer.get("uri").is_none()).then_some(chunk)
 }
 
-/// Whether the buffer of this number is the chunk BIN.
+/// True if the buffer of this number is the chunk BIN.
 pub fn buffer_is_chunk(asset: &Asset, number: usize, buffer: &Node) -> Result<bool> {
     Ok(chunk_of(asset, number, &buffer.members()?).is_some())
 }

@@ -14,7 +14,7 @@ const CHUNK_HEADER_BYTES: u64 = 8;
 const JSON: [u8; 4] = *b"JSON";
 const BIN: [u8; 4] = *b"BIN\0";
 
-/// Where the chunks of a GLB lie beside its document, as offsets in the file.
+/// The chunks of a GLB beside its document, as offsets in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chunks {
     /// Bytes of the chunk BIN, with its padding, if there is one.
@@ -42,7 +42,7 @@ impl Piece {
     }
 }
 
-/// Where the document and the other chunks lie.
+/// The place of the document and of the other chunks.
 pub fn read(file: &SourceFile) -> Result<(Range<u64>, Chunks)> {
     let header = file.read(0, HEADER_BYTES, HEADER_BYTES)?;
     let mut reader = ByteReader::new(&header, 0);

@@ -15,8 +15,8 @@ pub struct Node<'a> {
     pointer: String,
 }
 
-/// The members of an object, in the order of the text. Of a name that is there twice, the last value
-/// counts.
+/// The members of an object, in the order of the text. Of a name that is there twice, the last
+/// value counts.
 pub type Members<'a> = IndexMap<String, Node<'a>>;
 
 impl<'a> Node<'a> {

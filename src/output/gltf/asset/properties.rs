@@ -1,5 +1,6 @@
-//! The objects of `MIPVOG_radiance_field`: what a viewer must know before it fetches the container.
-//! Words for rules are those of the container's metadata, so that nobody has to map one to the other.
+//! The objects of `MIPVOG_radiance_field`: everything that a viewer must know before it fetches the
+//! container. Words for rules are those of the container's metadata, so no reader has to map one to
+//! the other.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +18,7 @@ pub const MIME_TYPE: &str = "model/vnd.mipvog";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RadianceField {
-    /// Where the container lies outside the asset; or `buffer_view`.
+    /// URI of the container outside the asset; or `buffer_view`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uri: Option<String>,
     /// Number of the buffer view that holds the container.
@@ -37,9 +38,9 @@ pub struct RadianceField {
     pub block_size: usize,
     /// Coarse to fine.
     pub levels: Vec<Level>,
-    /// How stored density becomes opacity.
+    /// The rules that turn stored density into opacity.
     pub opacity: Opacity,
-    /// What colours are.
+    /// Color space of colours.
     pub color_space: ColorSpace,
     /// Specular features.
     pub feature_count: usize,
@@ -58,7 +59,7 @@ pub struct Level {
     pub block_size: usize,
     /// Bytes from the container's start after which the level renders.
     pub byte_length: u64,
-    /// What the level's densities mean; none where it uses the finest level's.
+    /// Meaning of the level's densities; none if it uses the finest level's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<DensityDomain>,
 }
@@ -67,7 +68,7 @@ pub struct Level {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Opacity {
-    /// What is interpolated between nodes.
+    /// The values that are interpolated between nodes.
     pub order: ActivationOrder,
     /// Added to raw density before softplus.
     pub shift: f32,
@@ -83,7 +84,7 @@ pub struct Mlp {
     pub widths: Vec<usize>,
     /// Octaves of the direction's embedding.
     pub frequencies: usize,
-    /// What follows the embedding in the first layer's input.
+    /// The rest of the first layer's input, after the embedding.
     pub input: ViewInput,
 }
 

@@ -1,4 +1,4 @@
-//! What an asset with radiance fields must obey: `formats/MIPVOG_radiance_field/README.md`.
+//! Rules of an asset with radiance fields: `formats/MIPVOG_radiance_field/README.md`.
 
 use serde_json::Value;
 
@@ -52,8 +52,8 @@ pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Rep
 }
 
 /// One field: its properties, where its container lies, the container's structure and metadata, and
-/// how they agree. The container and where it starts in the file that holds it; `None` where it cannot
-/// be read on. Strict errors of the container name that file.
+/// how they agree. The container and where it starts in the file that holds it; `None` where it
+/// cannot be read on. Strict errors of the container name that file.
 pub fn field(
     asset: &Asset,
     root: &Members,
@@ -176,8 +176,8 @@ impl Asset {
     /// Opens the container of a field.
     ///
     /// # Errors
-    /// The first thing that is wrong with the field, its container, or how the two agree; the digest
-    /// is left to the validator.
+    /// The first thing that is wrong with the field, its container, or how the two agree; the
+    /// digest is left to the validator.
     pub fn open_field(&self, number: usize) -> Result<Container> {
         let opened = self.try_open_field(number).map_err(|error| error.in_file(self.path()))?;
         // A strict walk ends with an error or a container.

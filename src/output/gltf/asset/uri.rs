@@ -13,7 +13,7 @@ use crate::base::error::{Error, Place, Result};
 /// All that RFC 3986 does not leave as it is in a segment of a path.
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
-/// Whether the bytes are in the URI itself.
+/// True if the bytes are in the URI itself.
 pub fn is_data(uri: &str) -> bool {
     uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
@@ -54,8 +54,8 @@ pub fn open(uri: &str, base: &Path, place: &Place) -> Result<Arc<SourceFile>> {
     SourceFile::open(&folder.join(path)).map(Arc::new)
 }
 
-/// The relative reference by which a file in the folder of `from` names the file `to`; neither needs
-/// to be there yet, their folders do.
+/// The relative reference by which a file in the folder of `from` names the file `to`; neither
+/// needs to be there yet, their folders do.
 pub fn relative(from: &Path, to: &Path) -> Result<String> {
     let folder = |file: &Path| {
         let folder = match file.parent() {

@@ -1,7 +1,8 @@
 //! Containers out of the buffers of an asset.
 //!
-//! Containers that were attached lie behind everything else, in the order of their buffer views. Taking
-//! one out moves those behind it to where attaching would have put them had it never been there.
+//! Containers that were attached lie behind everything else, in the order of their buffer views.
+//! Taking one out moves those behind it to where attaching would have put them had it never been
+//! there.
 
 use super::remove::Removal;
 use super::write::{ALIGNMENT, chunk_pieces};

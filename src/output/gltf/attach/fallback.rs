@@ -17,13 +17,13 @@ use crate::output::gltf::mesh::Mesh;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const F32: u32 = 5126;
-/// What a buffer view is for.
+/// Targets of buffer views.
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// Writes an asset of one node to `output`, complete but not yet finished: the mesh, and the field in
-/// `container` in its place. A GLB where `glb` says so, which embeds the container unless `external`;
-/// else a `.gltf`, which names the container by a URI and holds the mesh itself.
+/// Writes an asset of one node to `output`, complete but not yet finished: the mesh, and the field
+/// in `container` in its place. A GLB where `glb` says so, which embeds the container unless
+/// `external`; else a `.gltf`, which names the container by a URI and holds the mesh itself.
 pub fn write_fallback(
     mesh: &Mesh,
     container: &Container,
@@ -69,7 +69,8 @@ fn generator() -> &'static str {
     concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"))
 }
 
-/// Colours are as trained: no light falls on them. The box of an empty field is cut away altogether.
+/// Colours are as trained: no light falls on them. The box of an empty field is cut away
+/// altogether.
 fn material(visible: bool) -> Value {
     let mut rules = json!({ "metallicFactor": 0.0, "roughnessFactor": 1.0 });
     let mut material = json!({ "name": "as trained" });

@@ -20,14 +20,14 @@ use crate::output::gltf::asset::{
 pub(super) const Z_UP_TO_Y_UP: [f32; 4] =
     [-std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
 
-/// How a field is attached.
+/// Options of attaching.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct AttachOptions {
     /// The node that shows the field. Default: a new one in the default scene, turned so that the
     /// field stands upright, without a mesh
     pub node: Option<NodeChoice>,
-    /// Whether a GLB names the container by a URI; a `.gltf` always does. Default: it embeds it
+    /// True if a GLB names the container by a URI; a `.gltf` always does. Default: it embeds it
     pub external: bool,
 }
 
@@ -40,22 +40,22 @@ pub enum NodeChoice {
     Name(String),
 }
 
-/// What was attached.
+/// The attached field.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Attached {
     /// Number of the field in the document.
     pub field: usize,
     /// Number of the node that shows it.
     pub node: usize,
-    /// Whether the container is in the asset's file.
+    /// True if the container is in the asset's file.
     pub embedded: bool,
     /// The container's digest.
     pub sha256: String,
 }
 
 /// Writes `asset` with the field in `container` to `output`, complete but not yet finished.
-/// `container_path` is the container's name, and `output_path` that of the asset, for the URI between
-/// them.
+/// `container_path` is the container's name, and `output_path` that of the asset, for the URI
+/// between them.
 ///
 /// # Errors
 /// Containers and documents that break their rules; options that do not fit the document.

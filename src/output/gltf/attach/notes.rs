@@ -10,14 +10,14 @@ use crate::output::gltf::asset::json::Node;
 /// The key in a field's `extras`.
 const KEY: &str = "attached";
 
-/// What attaching a field made. Left out where there is nothing to note.
+/// The parts that attaching a field made. Left out if there is nothing to note.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Notes {
-    /// Whether the field's node was made for it.
+    /// True if the field's node was made for it.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(super) node: bool,
-    /// Whether the scene was made too.
+    /// True if the scene was made too.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(super) scene: bool,
     /// Bytes of the buffer, where they did not end right before the container.
@@ -40,7 +40,7 @@ impl Notes {
         }
     }
 
-    /// Puts them in the place of those that a field has.
+    /// Puts them in the place of the notes that a field has.
     pub(super) fn store(&self, field: &mut Tree) -> Result<()> {
         let extras = field.child("extras")?;
         match *self == Self::default() {

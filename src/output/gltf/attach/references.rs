@@ -1,7 +1,7 @@
-//! Numbers of nodes and buffer views, wherever a document refers to them.
+//! Numbers of nodes and buffer views, at every place of a document that refers to them.
 //!
-//! Extensions that nobody here knows refer to things by number too. By convention such a property is
-//! named after what it refers to, so every property of these names counts, at any depth.
+//! Unknown extensions refer to things by number too. By convention such a property is named after
+//! the thing it refers to, so every property of these names counts, at any depth.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,12 +13,12 @@ use crate::output::gltf::asset::Asset;
 /// Properties that hold the number of a node, or several.
 const NODES: [&str; 6] = ["node", "nodes", "children", "joints", "skeleton", "rootNodes"];
 
-/// What a document refers to.
+/// References of a document.
 #[derive(Debug, Default)]
 pub struct References {
     /// Nodes that something other than a scene refers to.
     pub nodes: BTreeSet<u64>,
-    /// How often something refers to a buffer view.
+    /// Number of references to each buffer view.
     pub views: BTreeMap<u64, usize>,
 }
 

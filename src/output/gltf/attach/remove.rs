@@ -20,11 +20,13 @@ pub struct Detached {
     pub left: usize,
 }
 
-/// Writes `asset` without a field, or without all of them, to `output`, complete but not yet finished.
+/// Writes `asset` without a field, or without all of them, to `output`, complete but not yet
+/// finished.
 ///
 /// # Errors
 /// Documents that break their rules; an asset without that field; a container in the middle of what
-/// other parts of the document refer to by number, which cannot be taken out without renumbering those.
+/// other parts of the document refer to by number, which cannot be taken out without renumbering
+/// those.
 pub fn detach(asset: &Asset, field: Option<usize>, output: &mut Output) -> Result<Detached> {
     Removal::new(asset, field)
         .and_then(|removal| removal.write(output))
@@ -40,7 +42,7 @@ pub(super) struct Removal<'a> {
     pub(super) document: Tree<'a>,
     /// By field; those of fields that stay change as others go.
     pub(super) notes: Vec<Notes>,
-    /// What refers to nodes and buffer views by their numbers.
+    /// References to nodes and buffer views by their numbers.
     pub(super) references: References,
 }
 
@@ -105,8 +107,8 @@ impl<'a> Removal<'a> {
         Ok(())
     }
 
-    /// The nodes that name fields: without the extension, and without those that were made for it, as
-    /// far as they are the last ones and nothing else was made of them.
+    /// The nodes that name fields: without the extension, and without those that were made for it,
+    /// as far as they are the last ones and nothing else was made of them.
     fn take_nodes(&mut self) -> Result<()> {
         let count = self.asset.list(&self.root, "nodes")?.len();
         let (mut removed, mut moved) = (BTreeSet::new(), BTreeMap::new());

@@ -15,8 +15,8 @@ pub const INSIDE: f64 = 0.5;
 pub struct OpacityGrid {
     /// Nodes along each axis, the layer around included.
     pub sizes: [usize; 3],
-    /// World positions along each axis; the layer around lies on the box's faces, so that no surface
-    /// leaves the box.
+    /// World positions along each axis; the layer around lies on the box's faces, so that no
+    /// surface leaves the box.
     pub at: [Vec<f64>; 3],
     /// Opacity over a cell.
     pub opacity: Vec<f64>,
@@ -24,7 +24,7 @@ pub struct OpacityGrid {
     pub color: Vec<([f64; 3], f64)>,
     /// Mean edge of a cell, in world units.
     pub cell: f64,
-    /// Whether nodes of the level were averaged.
+    /// True if nodes of the level were averaged.
     pub averaged: bool,
 }
 
@@ -110,7 +110,7 @@ impl OpacityGrid {
         [self.sizes[1] * self.sizes[2], self.sizes[2], 1]
     }
 
-    /// Makes opaque what is empty, but cannot be reached through empty nodes from the layer around.
+    /// Makes empty nodes opaque that cannot be reached through empty nodes from the layer around.
     fn fill_cavities(&mut self) {
         let strides = self.strides();
         let mut reached = vec![false; self.opacity.len()];
@@ -145,8 +145,8 @@ struct NodeRules<'a> {
 }
 
 impl NodeRules<'_> {
-    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is below
-    /// visibility.
+    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is
+    /// below visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
         if stored <= self.domain.unseen(activation) {

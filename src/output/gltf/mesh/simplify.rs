@@ -1,15 +1,15 @@
 //! Fewer triangles: edges collapse, the one with the least loss first (Garland and Heckbert 1997).
 //!
-//! A vertex carries a quadric, `Q(x) = x' A x + 2 b' x + c`: the sum, over the planes of its triangles, of
-//! area times squared distance, and a small share of the squared distance to the vertex itself, which
-//! keeps flat regions where they are and `A` invertible. The merged vertex lies where the sum of both
-//! quadrics is least. To that loss comes what the merged colour loses, a difference of 1 counting like a
-//! displacement by a cell.
+//! A vertex carries a quadric, `Q(x) = x' A x + 2 b' x + c`: the sum, over the planes of its
+//! triangles, of area times squared distance, and a small share of the squared distance to the
+//! vertex itself, which keeps flat regions where they are and `A` invertible. The merged vertex
+//! lies where the sum of both quadrics is least. To that loss comes what the merged colour loses, a
+//! difference of 1 counting like a displacement by a cell.
 //!
 //! Collapses that would turn a triangle over or pinch the surface wait until no others are left.
 //!
-//! Extents start at +0 and take a coordinate only if it is really beyond: `f64::min` and `f64::max` may
-//! return either zero of two, depending on the machine.
+//! Extents start at +0 and take a coordinate only if it is really beyond: `f64::min` and `f64::max`
+//! may return either zero of two, depending on the machine.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -75,7 +75,7 @@ impl Quadric {
         squares + 2.0 * (products + dot(self.b, [x, y, z])) + self.c
     }
 
-    /// Where it is least, by Cramer's rule; none where rounding leaves no answer.
+    /// The place of its least value, by Cramer's rule; none if rounding leaves no answer.
     fn least(&self) -> Option<[f64; 3]> {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
@@ -228,8 +228,8 @@ impl Surface {
         EdgeCollapse { loss, pair: [low, high], changes: [self.changes[a], self.changes[b]], to }
     }
 
-    /// Whether no triangle turns over, and the surface around the edge stays a surface: the vertices
-    /// that both ends are joined to are the third corners of the edge's two triangles.
+    /// True if no triangle turns over, and the surface around the edge stays a surface: the
+    /// vertices that both ends are joined to are the third corners of the edge's two triangles.
     fn is_harmless(&self, edge: &EdgeCollapse) -> bool {
         let [a, b] = edge.pair;
         let (near, far) = (self.neighbours(a), self.neighbours(b));

@@ -7,7 +7,7 @@ use super::vector::{length, minus};
 /// Marks cells that the surface does not go through.
 const NO_VERTEX: u32 = u32::MAX;
 
-/// The surface around what is inside. Each edge of the grid that it crosses gives two triangles.
+/// The surface around the opaque nodes. Each edge of the grid that it crosses gives two triangles.
 pub fn surface(grid: &OpacityGrid) -> TriangleSoup {
     let mut soup = TriangleSoup::default();
     let strides = grid.strides();
@@ -23,8 +23,8 @@ pub fn surface(grid: &OpacityGrid) -> TriangleSoup {
             if inside(node) == inside(other) {
                 continue;
             }
-            // The four cells around the edge, counter-clockwise as seen from its upper end. The layer
-            // around the grid is outside, so none of them is beyond it.
+            // The four cells around the edge, counter-clockwise as seen from its upper end. The
+            // layer around the grid is outside, so none of them is beyond it.
             let (u, v) = (strides[(axis + 1) % 3], strides[(axis + 2) % 3]);
             let quad = [node - u - v, node - v, node, node - u].map(|cell| vertices[cell]);
             push_quad(

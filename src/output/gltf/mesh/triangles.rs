@@ -12,7 +12,7 @@ pub struct Mesh {
     pub colors: Vec<[f64; 3]>,
     /// Numbers of positions; no triangle is degenerate.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether it shows anything: the mesh of an empty field is its box, not to be drawn.
+    /// True if it shows anything: the mesh of an empty field is its box, not to be drawn.
     pub visible: bool,
 }
 
