@@ -8,7 +8,7 @@
 //!
 //! # Bake, read, sample, render
 //!
-//! A field comes from arrays ([`RadianceField::builder`]) or from a checkpoint ([`open`]). A
+//! A field comes from arrays ([`RadianceField::builder`]) or from a checkpoint ([`open()`]). A
 //! [`Baker`] writes it to a vector, a writer or a file. A [`Container`] is read back by a
 //! [`Renderer`], which gives values at points of the world and pictures.
 //!

@@ -1,4 +1,5 @@
-//! The meaning of the names in a checkpoint: Mip-VoG and DirectVoxGO to [`RadianceField`].
+//! The meaning of the names in a checkpoint: Mip-VoG and DirectVoxGO to
+//! [`crate::model::field::RadianceField`].
 //!
 //! Both families store dense grids of raw density and colour in a box, a small network, a mask of
 //! free space, and settings. A setting that a checkpoint lacks has a default here, an option in

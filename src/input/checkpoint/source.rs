@@ -18,7 +18,8 @@ pub struct Source {
     pub kind: FileKind,
     /// Settings that it lacks and that were assumed, to be shown to the user.
     pub assumptions: Vec<Assumption>,
-    /// SHA-256 of what stands for its content; see [`TensorFile::digest`].
+    /// SHA-256 of what stands for its content; see
+    /// [`crate::input::tensor::TensorFile::digest`].
     pub digest: [u8; 32],
     /// The open file.
     pub file: Arc<SourceFile>,
