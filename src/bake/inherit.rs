@@ -1,10 +1,11 @@
 //! Blocks that inherit their colours from the next coarser level.
 //!
 //! From the second coarsest level to level 0, each block's colours are compared with those that a
-//! reader would interpolate from the next coarser level ([`crate::codec::quantize::InheritedColors`]). If no
-//! retained node's colour would move by more than is allowed, the block's own colours are left out;
-//! its density stays. Coarser levels are decided first, so blocks are compared with the readers'
-//! own colours. Memory is the colours' codes of one level and of the next coarser one.
+//! reader would interpolate from the next coarser level
+//! ([`crate::codec::quantize::InheritedColors`]). If no retained node's colour would move by more
+//! than is allowed, the block's own colours are left out; its density stays. Coarser levels are
+//! decided first, so blocks are compared with the readers' own colours. Memory is the colours'
+//! codes of one level and of the next coarser one.
 
 use super::importance::LevelImportance;
 use crate::base::error::Result;

@@ -377,7 +377,7 @@ impl Arguments {
         if let Some(finest) = report.pruned.first() {
             writeln!(
                 text,
-                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} needed",
+                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} retained",
                 finest.nodes, finest.opaque_nodes, finest.masked_nodes, finest.needed_nodes
             )
             .ok();

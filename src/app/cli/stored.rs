@@ -49,8 +49,8 @@ pub struct StoredArguments {
     /// mean of their level, 0 to 64 [default: 0]
     #[arg(long, value_name = "CODES")]
     pub coarseness: Option<f32>,
-    /// Let blocks inherit their colours from the next coarser level within this error, above 0 to 1,
-    /// at every retained node; with --min-weight or --coarseness larger at nodes that --cameras
+    /// Let blocks inherit their colours from the next coarser level within this error, above 0 to
+    /// 1, at every retained node; with --min-weight or --coarseness larger at nodes that --cameras
     /// cover less [default: keep all]
     #[arg(long, value_name = "ERROR")]
     pub fill_error: Option<f32>,

@@ -5,7 +5,8 @@
 //! `T`:
 //!
 //! ```text
-//! dL/dc_i = w_i dL/dA        dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
+//! dL/dc_i = w_i dL/dA
+//! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 
 use super::target::Targets;

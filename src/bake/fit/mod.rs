@@ -1,8 +1,8 @@
 //! Coarser levels, fitted to pictures of level 0.
 //!
-//! A filter knows neither that a ray sees the front of things, nor how thick opaque regions are along the
-//! ray. So a fit starts from the levels of `rate-tent` and changes them until their pictures are
-//! right:
+//! A filter knows neither that a ray sees the front of things, nor how thick opaque regions are
+//! along the ray. So a fit starts from the levels of `rate-tent` and changes them until their
+//! pictures are right:
 //!
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box, and
 //!    box-downsamples the pictures.

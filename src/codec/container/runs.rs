@@ -5,7 +5,8 @@
 //! is stored as it is. An atlas chunk is
 //!
 //! ```text
-//! u32 frames of a full run, u32 runs, then for each run u32 length (top bit: stored), then the runs
+//! u32 frames of a full run, u32 runs,
+//! then for each run u32 length (top bit: stored), then the runs
 //! ```
 
 use std::borrow::Cow;

@@ -37,8 +37,8 @@ pub struct InheritedColors<'a> {
 type Between = (usize, f64);
 
 impl<'a> InheritedColors<'a> {
-    /// Of blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none where a level does
-    /// not have the group's `channels` in integer codes.
+    /// Of blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none where a
+    /// level does not have the group's `channels` in integer codes.
     pub fn new(
         level: &LevelMetadata,
         (coarser_metadata, coarser): (&LevelMetadata, &'a BakedLevel),

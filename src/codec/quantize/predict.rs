@@ -1,7 +1,8 @@
 //! Prediction inside a block, many blocks at a time.
 //!
 //! ```text
-//! mean       = floor(mean of the lower neighbours along x, y and z that the block has); the origin at its first node
+//! mean       = floor(mean of the lower neighbours along x, y and z that the block has);
+//!              the origin at its first node
 //! prediction = mean + floor((w0 e + w1 k + w2 d1 + w3 d2 + w4 d3 + 16) / 32)
 //! ```
 //!

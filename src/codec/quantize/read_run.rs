@@ -184,8 +184,8 @@ impl<'a> RunParts<'a> {
     /// live.
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
-        // The next bytes of each plane. After the last live node there may be fewer than eight, and
-        // none is retained.
+        // The next bytes of each plane. After the last live node there may be fewer than eight; the
+        // missing ones are not used.
         let mut last = [[0; 8]; 4];
         let mut next = [&[0; 8]; 4];
         for (byte, (next, last)) in next.iter_mut().zip(&mut last).enumerate().take(T::BYTES) {

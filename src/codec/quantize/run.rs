@@ -1,7 +1,8 @@
 //! Frames of one group to the bytes of a run, before compression, and back.
 //!
 //! ```text
-//! u8 modes; their weights; u8 mode of each frame; live bits of each frame; residual bytes of live nodes
+//! u8 modes; their weights; u8 mode of each frame; live bits of each frame;
+//! residual bytes of live nodes
 //! ```
 //!
 //! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has

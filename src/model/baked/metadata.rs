@@ -52,7 +52,8 @@ pub struct LevelMetadata {
     pub block_size: usize,
     /// Stored blocks, those whose colours are inherited among them.
     pub blocks_stored: usize,
-    /// Blocks whose colours are inherited from the next coarser level; left out where there are none.
+    /// Blocks whose colours are inherited from the next coarser level; left out where there are
+    /// none.
     #[serde(default, skip_serializing_if = "is_none")]
     pub blocks_filled: usize,
     /// Density; `None` where every level uses level 0's.

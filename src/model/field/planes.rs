@@ -5,8 +5,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::field::{RadianceField, Volume};
 use crate::model::grid::{NodeMask, row};
 
-/// Raw density of a node that is not there. Far below any threshold, and the value of invisible nodes of
-/// trained scenes hold.
+/// Raw density of a node that is not there. Far below any threshold, and the value of invisible
+/// nodes of trained scenes hold.
 pub const EMPTY_DENSITY: f32 = -100.0;
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.

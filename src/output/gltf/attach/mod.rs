@@ -5,9 +5,10 @@
 //! ```text
 //! extensions.MIPVOG_radiance_field.radianceFields   + the field's properties
 //! extensionsUsed                                    + the extension
-//! nodes[i].extensions.MIPVOG_radiance_field         + {"radianceField": n}, on a node that is there,
-//!                                                     or on a new one in the default scene
-//! bufferViews, buffers[0].byteLength, chunk BIN     + the container, after all else (embedded only)
+//! nodes[i].extensions.MIPVOG_radiance_field         + {"radianceField": n}, on a node that is
+//!                                                     there, or on a new one in the default scene
+//! bufferViews, buffers[0].byteLength, chunk BIN     + the container, after all else
+//!                                                     (embedded only)
 //! ```
 //!
 //! All other values keep their text ([`tree`]). [`detach`] takes these parts out again. It needs to
