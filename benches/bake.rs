@@ -1,7 +1,8 @@
 //! Measures the speed of bakes against the speed of the machine.
 //!
 //! ```text
-//! cargo bench --bench bake -- [SCENE] [--sizes 128,256] [--half 1024] [--scenes DIR] [--options "..."]
+//! cargo bench --bench bake -- [SCENE] [--sizes 128,256] [--half 1024] [--scenes DIR]
+//!                             [--options "..."]
 //!                             [--stepsize S] [--near T] [--far T]
 //! ```
 //!

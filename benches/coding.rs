@@ -118,7 +118,7 @@ fn group_figures(shape: FrameShape, codes: &Codes, frames: &[Frame], chunk: &[u8
             *run = if stored {
                 bytes.to_vec()
             } else {
-                zstd::bulk::decompress(bytes, shape.most_bytes(full).expect("a size"))
+                zstd::bulk::decompress(bytes, shape.max_bytes(full).expect("a size"))
                     .expect("a run")
             };
         }
@@ -163,12 +163,12 @@ fn decode_seconds<T: Code>(
     (restore, copy)
 }
 
-/// Every frame of an atlas, all of it needed.
+/// Every frame of an atlas, all of it retained.
 fn split(shape: FrameShape, codes: &Codes) -> Vec<Frame> {
     let size = shape.channels * shape.nodes();
     let frame = |i: usize| Frame {
         codes: codes.slice(i * size..(i + 1) * size),
-        needed: vec![true; shape.nodes()].into(),
+        retained: vec![true; shape.nodes()].into(),
     };
     (0..codes.len() / size).map(frame).collect()
 }

@@ -221,7 +221,7 @@ fn findings_beyond_the_bound_are_counted() {
     thousandfold(&path);
     let mut options = options();
     for most in [0, 10, 1000, 2000] {
-        options.most_findings = most;
+        options.max_findings = most;
         let report = check_with(&path, &options, &Limits::default()).expect("readable");
         assert_eq!(report.findings.len(), most.min(1000));
         assert_eq!(report.unlisted, 1000 - report.findings.len());
@@ -260,7 +260,7 @@ fn logs_are_sarif() {
     let broken = committed().into_iter().map(|name| fixture("broken").join(name));
     for path in broken.chain([many]) {
         let mut options = options();
-        options.most_findings = 500;
+        options.max_findings = 500;
         let report = check_with(&path, &options, &Limits::default()).expect("readable");
         let log = sarif::log(&path, &report);
         assert_eq!(errors(&log), Vec::<String>::new(), "{}", path.display());

@@ -302,7 +302,7 @@ fn coarser_colors_take_fewer_bytes_and_keep_their_stated_error() {
         let unpacked = unpack(container).expect("unpacks");
         (unpacked.level(0, Group::Density), unpacked.level(0, Group::Diffuse))
     });
-    // Nodes that can be seen; what others hold is what costs least.
+    // Visible nodes; the others hold the cheapest values.
     let count = got.0.len();
     let opaque: Vec<usize> = (0..count).filter(|&node| want.0[node] > 0.0).collect();
     assert!(!opaque.is_empty());

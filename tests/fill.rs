@@ -1,4 +1,4 @@
-//! Blocks whose colours are filled from the next coarser level.
+//! Blocks whose colours are inherited from the next coarser level.
 
 mod common;
 
@@ -39,8 +39,8 @@ fn options(block_size: usize, fill_error: Option<f32>) -> BakeOptions {
     options
 }
 
-/// Blocks that are filled, finest level first.
-fn filled(container: &Container) -> Vec<usize> {
+/// Inherited blocks, finest level first.
+fn inherited(container: &Container) -> Vec<usize> {
     container.metadata().levels.iter().map(|level| level.blocks_filled).collect()
 }
 
@@ -53,7 +53,7 @@ fn between(node: usize, nodes: usize, coarser: usize) -> (usize, f64) {
 
 /// The right value of an inherited node: a sum over eight corners, and the nearest of all codes'
 /// values.
-fn plain_fill(
+fn plain_inherited(
     encoding: &Encoding,
     coarser: &[f32],
     [from, to]: [&LevelMetadata; 2],
@@ -75,15 +75,15 @@ fn plain_fill(
     [value, least]
 }
 
-/// Holds every node of filled blocks to the plain sum. Returns how many there were.
-fn check_filled(container: &Container) -> usize {
+/// Holds every node of inherited blocks to the plain sum. Returns how many there were.
+fn check_inherited(container: &Container) -> usize {
     let unpacked = unpack(container).expect("unpacks");
     let levels = &container.metadata().levels;
     let mut count = 0;
     for (number, level) in levels.iter().enumerate().filter(|(_, level)| level.blocks_filled > 0) {
         let table = unpacked.get(&format!("level{number}.occupied")).expect("a table");
         let counts = level.grid().counts();
-        let is_filled = |at: [usize; 3]| {
+        let is_inherited = |at: [usize; 3]| {
             let [i, j, k] = at.map(|at| at / level.block_size);
             table[(i * counts[1] + j) * counts[2] + k] == 2.0
         };
@@ -95,12 +95,12 @@ fn check_filled(container: &Container) -> usize {
             let fewer: usize = levels[number + 1].dimensions.iter().product();
             for channel in 0..group.channels(container.metadata().features) {
                 for (node, at) in all_nodes(level.dimensions).enumerate() {
-                    if !is_filled(at) {
+                    if !is_inherited(at) {
                         continue;
                     }
-                    let of_coarser = &coarser[channel * fewer..][..fewer];
+                    let coarser_values = &coarser[channel * fewer..][..fewer];
                     let metadata = [&levels[number + 1], level];
-                    let [value, least] = plain_fill(encoding, of_coarser, metadata, at);
+                    let [value, least] = plain_inherited(encoding, coarser_values, metadata, at);
                     let got = f64::from(own[channel * nodes + node]);
                     // Sums in another order: two codes may be equally near but for rounding.
                     let far = (got - value).abs();
@@ -114,7 +114,7 @@ fn check_filled(container: &Container) -> usize {
 }
 
 #[test]
-fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
+fn inherited_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
     let mut random = Random::new(5);
     let mut all = 0;
     for (nodes, edge) in
@@ -125,14 +125,14 @@ fn filled_nodes_hold_the_nearest_code_of_what_the_coarser_level_says() {
             let mut options = options(edge, Some(0.05));
             options.filter = filter.into();
             let bytes = baked_bytes(&field, &options).expect("a bake");
-            all += check_filled(&open_bytes(&bytes).expect("valid"));
+            all += check_inherited(&open_bytes(&bytes).expect("valid"));
         }
     }
     assert!(all > 10_000, "{all} values");
 }
 
 #[test]
-fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
+fn inherited_blocks_keep_the_stated_error_and_take_fewer_bytes() {
     let mut random = Random::new(9);
     let field = smooth_field(&mut random, [32, 24, 28], 3.0);
     let exact =
@@ -142,18 +142,18 @@ fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
     assert!(container.header().file_length < exact.header().file_length);
     assert_eq!((container.header().version, container.header().features), ([1, 1], 1));
     assert_eq!((exact.header().version, exact.header().features), ([1, 0], 0));
-    let [some, stored] = [filled(&container)[0], container.metadata().levels[0].blocks_stored];
+    let [some, stored] = [inherited(&container)[0], container.metadata().levels[0].blocks_stored];
     assert!(some > 0 && some < stored, "{some} of {stored}");
     // Density alone decides visibility, and is the same.
     let [got, want] = [&container, &exact].map(|container| unpack(container).expect("unpacks"));
     assert_eq!(got.level(0, Group::Density), want.level(0, Group::Density));
     let density = want.level(0, Group::Density);
-    let mut most = 0.0f64;
+    let mut largest = 0.0f64;
     for group in COLORS {
         let [got, want] = [&got, &want].map(|unpacked| unpacked.level(0, group));
         for (node, (&got, &want)) in got.iter().zip(&want).enumerate() {
             if density[node % density.len()] > 0.0 {
-                most = most.max((sigmoid(got.into()) - sigmoid(want.into())).abs());
+                largest = largest.max((sigmoid(got.into()) - sigmoid(want.into())).abs());
             }
         }
         let [now, before] = [&container, &exact].map(|container| {
@@ -161,11 +161,11 @@ fn filled_blocks_keep_the_stated_error_and_take_fewer_bytes() {
         });
         assert!(now > before && now <= before + 0.0501, "{now} after {before}");
     }
-    assert!(most > 0.01 && most <= 0.05, "{most}");
+    assert!(largest > 0.01 && largest <= 0.05, "{largest}");
 }
 
 #[test]
-fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
+fn inheriting_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
     let field = smooth_field(&mut Random::new(4), [24, 20, 28], 2.0);
     for (edge, bits) in [(4, Bits::Integer(8)), (8, Bits::Integer(11))] {
         let mut options = options(edge, Some(0.08));
@@ -175,7 +175,7 @@ fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
         });
         assert_eq!(bytes[0], bytes[1]);
         let container = open_bytes(&bytes[0]).expect("valid");
-        assert!(filled(&container).iter().sum::<usize>() > 0);
+        assert!(inherited(&container).iter().sum::<usize>() > 0);
         let unpacked = unpack(&container).expect("unpacks");
         let unpacked = Unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
         let again = packed(&unpacked, &Changes::default()).expect("bakes again");
@@ -192,19 +192,19 @@ fn filled_containers_bake_again_to_the_same_bytes_for_any_number_of_threads() {
     }
 }
 
-/// A container with filled blocks, and its unpacked values.
-fn filled_scene() -> (Container, common::Unpacked) {
+/// A container with inherited blocks, and its unpacked values.
+fn inheriting_scene() -> (Container, common::Unpacked) {
     let field = smooth_field(&mut Random::new(4), [24, 20, 28], 2.0);
     let bytes = baked_bytes(&field, &options(4, Some(0.08))).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
-    assert!(filled(&container)[0] > 0);
+    assert!(inherited(&container)[0] > 0);
     let unpacked = unpack(&container).expect("unpacks");
     (container, unpacked)
 }
 
 #[test]
-fn other_encodings_keep_their_error_in_filled_blocks_too() {
-    let (container, before) = filled_scene();
+fn other_encodings_keep_their_error_in_inherited_blocks_too() {
+    let (container, before) = inheriting_scene();
     let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     let bits = Changes { bits: Some(Bits::Integer(6)), ..Changes::default() };
     let errors = Changes { max_error: Some(0.03.into()), ..Changes::default() };
@@ -232,13 +232,13 @@ fn other_encodings_keep_their_error_in_filled_blocks_too() {
 }
 
 #[test]
-fn levels_are_cut_below_filled_ones() {
-    let (container, before) = filled_scene();
+fn levels_are_cut_below_inherited_ones() {
+    let (container, before) = inheriting_scene();
     let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     for levels in 1..container.metadata().levels.len() {
         let changes = Changes { levels: Some(levels), ..Changes::default() };
         let again = open_bytes(&packed(&input, &changes).expect("bakes again")).expect("valid");
-        assert_eq!(filled(&again)[levels - 1], 0, "the coarsest level has no coarser one");
+        assert_eq!(inherited(&again)[levels - 1], 0, "the coarsest level has no coarser one");
         let after = unpack(&again).expect("unpacks");
         for (level, group) in (0..levels).flat_map(|level| COLORS.map(|group| (level, group))) {
             assert_eq!(after.level(level, group), before.level(level, group));
@@ -247,12 +247,12 @@ fn levels_are_cut_below_filled_ones() {
 }
 
 #[test]
-fn edits_in_filled_blocks_are_kept() {
-    let (container, before) = filled_scene();
+fn edits_in_inherited_blocks_are_kept() {
+    let (container, before) = inheriting_scene();
     let mut input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     let level = &container.metadata().levels[0];
     let table = before.get("level0.occupied").expect("a table");
-    let block = table.iter().position(|&state| state == 2.0).expect("a filled block");
+    let block = table.iter().position(|&state| state == 2.0).expect("an inherited block");
     let [_, by, bz] = level.grid().counts();
     let at = [block / (by * bz), block / bz % by, block % bz].map(|place| place * level.block_size);
     let node = common::plain::index(level.dimensions, at);
@@ -265,13 +265,13 @@ fn edits_in_filled_blocks_are_kept() {
     (volume.storage, volume.first) = (Storage::Memory(bytes.into()), 0);
     let again = packed(&input, &Changes::default()).expect("bakes again");
     let again = open_bytes(&again).expect("valid");
-    assert_eq!(filled(&again)[0], filled(&container)[0] - 1);
+    assert_eq!(inherited(&again)[0], inherited(&container)[0] - 1);
     let after = unpack(&again).expect("unpacks");
     assert_eq!(after.level(0, Group::Diffuse), values);
 }
 
 #[test]
-fn what_cameras_see_little_of_is_filled_sooner() {
+fn what_cameras_see_little_of_inherits_sooner() {
     let field = smooth_field(&mut Random::new(8), [24, 20, 28], 2.0);
     let mut options = options(4, Some(0.05));
     let plain = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
@@ -286,14 +286,14 @@ fn what_cameras_see_little_of_is_filled_sooner() {
 }
 
 #[test]
-fn floats_empty_fields_and_single_levels_have_no_filled_blocks() {
+fn floats_empty_fields_and_single_levels_have_no_inherited_blocks() {
     let field = smooth_field(&mut Random::new(2), [12, 9, 10], 0.0);
     let none = |field: &RadianceField, change: &dyn Fn(&mut BakeOptions)| {
         let mut options = options(4, Some(1.0));
         change(&mut options);
         let bytes = baked_bytes(field, &options).expect("a bake");
         let container = open_bytes(&bytes).expect("valid");
-        assert_eq!(filled(&container).iter().sum::<usize>(), 0);
+        assert_eq!(inherited(&container).iter().sum::<usize>(), 0);
         assert_eq!(container.header().features, 0);
     };
     none(&field, &|options| options.bits = Bits::F16);
@@ -310,9 +310,9 @@ fn errors_out_of_range_are_refused() {
     }
 }
 
-/// A filled container's bytes with other metadata, table and header.
+/// An inheriting container's bytes with other metadata, table and header.
 #[test]
-fn fills_that_cannot_be_are_refused() {
+fn inheritance_that_cannot_be_are_refused() {
     let bytes = std::fs::read(fixture("baked/tiny.rate.filled.mipvog")).expect("a golden file");
     let refused = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = bytes.clone();
@@ -320,7 +320,7 @@ fn fills_that_cannot_be_are_refused() {
         common::mend_checksums(&mut bytes);
         open_bytes(&bytes).and_then(|container| container.read()).expect_err("a broken container")
     };
-    // Without the feature, with one more, and with another count of filled blocks.
+    // Without the feature, with one more, and with another count of inherited blocks.
     assert!(matches!(refused(&|bytes| bytes[16] = 0).kind(), ErrorKind::Malformed { .. }));
     assert!(matches!(refused(&|bytes| bytes[16] = 3).kind(), ErrorKind::Unsupported { .. }));
     let count = b"\"blocks_filled\":";

@@ -32,12 +32,12 @@ fn assert_cut_short(here: &Path, report: &Value) {
     let bytes = std::fs::read(here.join("fit.mipvog")).expect("a container");
     let provenance = open_bytes(&bytes).expect("valid").provenance().expect("readable");
     let taken = &provenance.expect("a provenance")["options"]["fit_steps_taken"];
-    let courses = report["fitted"]["levels"].as_array().expect("levels");
-    let steps: Vec<Value> = courses.iter().map(|course| course["steps"].clone()).collect();
+    let levels = report["fitted"]["levels"].as_array().expect("levels");
+    let steps: Vec<Value> = levels.iter().map(|level| level["steps"].clone()).collect();
     assert_eq!(taken, &Value::from(steps));
-    for course in courses {
-        let psnr = |key: &str| course[key].as_f64().expect("a number");
-        assert!(psnr("psnr_after") >= psnr("psnr_before"), "{course}");
+    for level in levels {
+        let psnr = |key: &str| level[key].as_f64().expect("a number");
+        assert!(psnr("psnr_after") >= psnr("psnr_before"), "{level}");
     }
 }
 

@@ -27,7 +27,7 @@ use targets::{TARGETS, Target};
 static MEMORY: PeakAlloc = PeakAlloc;
 
 /// Bytes that any input may make the reader hold beyond its own length, under the targets' limits.
-const MOST_MEMORY: usize = 256 << 20;
+const MAX_MEMORY: usize = 256 << 20;
 /// Longer files are no seeds: mutants of them would mostly be hashed and copied.
 const LONGEST_SEED: u64 = 24 << 10;
 
@@ -165,7 +165,7 @@ fn run((name, target): Target, bytes: &[u8]) {
     let before = MEMORY.current_usage();
     let outcome = catch_unwind(|| target(bytes));
     let held = MEMORY.peak_usage().saturating_sub(before);
-    if outcome.is_err() || held > MOST_MEMORY + bytes.len() {
+    if outcome.is_err() || held > MAX_MEMORY + bytes.len() {
         let path =
             root().join("target/fuzz").join(format!("{name}-{:08x}", crc32fast::hash(bytes)));
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
@@ -211,7 +211,7 @@ fn hostile_files_take_little_memory() {
         let report = check_file(file, &CheckOptions::default(), &Limits::default());
         let held = MEMORY.peak_usage().saturating_sub(before);
         assert!(!report.expect("readable").valid, "{}", name.display());
-        assert!(held < MOST_MEMORY + length, "{} takes {held} bytes", name.display());
+        assert!(held < MAX_MEMORY + length, "{} takes {held} bytes", name.display());
     }
 }
 

@@ -91,7 +91,7 @@ fn assert_ends<T>(name: &str, work: impl FnOnce(&dyn Progress) -> Result<T, Erro
 fn long_loops_end_within_a_second_of_being_told_to() {
     // The shortest step that is allowed: a million samples a ray.
     let diagonal = f64::from(3 * 7 * 7).sqrt();
-    let field = fog((diagonal / f64::from(March::MOST_SAMPLES - 1)) as f32);
+    let field = fog((diagonal / f64::from(March::MAX_SAMPLES - 1)) as f32);
     let cameras = cameras(&field);
     let limits = Limits::default();
     let open = || Renderer::trained(&field, None, &limits).expect("a field");
@@ -104,8 +104,8 @@ fn long_loops_end_within_a_second_of_being_told_to() {
         compare(&reference, &open(), &cameras, &[1, 4], 1, progress, |_| Ok(()))
     });
     let made = TrainedLevels { count: 2, ..TrainedLevels::of_training(&Filter::Fit, &field.scene) };
-    let needed = [[6; 3], [3; 3]].map(|nodes| NodeMask::full(Nodes(nodes)));
-    let needed = [&needed[0], &needed[1]];
+    let retained = [[6; 3], [3; 3]].map(|nodes| NodeMask::full(Nodes(nodes)));
+    let retained = [&retained[0], &retained[1]];
     let options = FitOptions { steps: 1000, seconds: None, cameras: &cameras };
-    assert_ends("fit", |progress| fit(&field, made, &needed, false, &options, &limits, progress));
+    assert_ends("fit", |progress| fit(&field, made, &retained, false, &options, &limits, progress));
 }

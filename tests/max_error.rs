@@ -1,4 +1,4 @@
-//! `max_error`: every needed node of every level is within it, by a second bake that keeps all
+//! `max_error`: every retained node of every level is within it, by a second bake that keeps all
 //! bits.
 
 mod common;
@@ -41,7 +41,7 @@ fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
 }
 
 /// The nodes that must be right, at every level.
-fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
+fn retained(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
     let planes = masked_planes(field, Nonfinite::Refuse).expect("planes");
     let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
     let threshold = options.alpha_threshold;
@@ -49,7 +49,7 @@ fn needed(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
     visible.expect("visible").levels.into_iter().map(|level| level.retained).collect()
 }
 
-/// Bakes with `max_error` and with all bits, holds one to the other at every needed node, and
+/// Bakes with `max_error` and with all bits, holds one to the other at every retained node, and
 /// returns the encodings of all levels.
 fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Vec<Encoding> {
     let limits = options.max_error.expect("errors");
@@ -61,19 +61,19 @@ fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Ve
     let want = open_bytes(&baked_bytes(field, &exact).expect("a bake")).expect("valid");
     let want = unpack(&want).expect("unpacks");
     let mut encodings = Vec::new();
-    for (level, needed) in needed(field, options).iter().enumerate() {
+    for (level, retained) in retained(field, options).iter().enumerate() {
         for group in Group::ALL {
             let Some(encoding) = container.metadata().levels[level].encoding(group) else {
                 continue;
             };
             assert!(encoding.max_error <= limits.of(group), "{case}: {encoding:?}");
             let activated = |value| activated(encoding.decode, &field.scene.activation, value);
-            let nodes = needed.nodes();
+            let nodes = retained.nodes();
             let (got, want) = (got.level(level, group), want.level(level, group));
             for (i, (&got, &want)) in got.iter().zip(&want).enumerate() {
                 let [_, ny, nz] = nodes.0;
                 let node = i % nodes.count();
-                if needed.contains([node / nz / ny, node / nz % ny, node % nz]) {
+                if retained.contains([node / nz / ny, node / nz % ny, node % nz]) {
                     let error = (activated(got) - activated(want)).abs();
                     // The twin's own functions differ in their last bits.
                     let bound = f64::from(encoding.max_error) + 1e-14;
@@ -90,7 +90,7 @@ fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Ve
 }
 
 #[test]
-fn every_needed_node_is_within_the_error() {
+fn every_retained_node_is_within_the_error() {
     let filters = Filter::all();
     for seed in 0..42 {
         let mut random = Random::new(500 + seed);

@@ -66,7 +66,7 @@ fn assert_closed(mesh: &Mesh, case: &str) {
     assert!(edges.values().all(|&balance| balance == 0), "{case}: a border");
 }
 
-/// A ball of opaque matter of one colour a half space, in the box of `common::field`.
+/// An opaque ball of one colour a half space, in the box of `common::field`.
 fn ball(size: usize, radius: f32) -> mipvog_bake::unstable::model::field::RadianceField {
     let nodes = [size; 3];
     let middle = (size - 1) as f32 / 2.0;

@@ -102,7 +102,7 @@ fn numbers_are_held_to_their_ranges() {
         ("level_of_detail", |m, v| m.level_of_detail.bias = v, &[-5.0], &[NAN, INFINITE]),
         (
             "level_of_detail",
-            |m, v| m.level_of_detail.most = Some(v),
+            |m, v| m.level_of_detail.bound = Some(v),
             &[0.0, 9.0],
             &[-1e-30, NAN, INFINITE],
         ),

@@ -45,7 +45,7 @@ fn opaque(field: &RadianceField, density: &[f32], threshold: f64) -> Vec<bool> {
 }
 
 #[test]
-fn research_code_levels_equal_the_oracle_at_needed_nodes() {
+fn research_code_levels_equal_the_oracle_at_retained_nodes() {
     let field = trained("tiny/fine_last.tar");
     let nodes = field.scene.nodes.0;
     let cells = plain::cells(nodes, &opaque(&field, &density_of(&field), 1e-3));
@@ -58,11 +58,11 @@ fn research_code_levels_equal_the_oracle_at_needed_nodes() {
             let mut got = unpacked.level(level, Group::Diffuse);
             got.extend(unpacked.level(level, Group::Features));
             assert_eq!(got.len(), want.len());
-            let needed = plain::corners(size, &plain::overlapping(nodes, &cells, size));
+            let retained = plain::corners(size, &plain::overlapping(nodes, &cells, size));
             let largest = want.iter().fold(1.0, |most: f32, value| most.max(value.abs()));
             let mut checked = 0;
             for (i, (got, want)) in got.iter().zip(&want).enumerate() {
-                if !needed[i % needed.len()] {
+                if !retained[i % retained.len()] {
                     continue;
                 }
                 checked += 1;
@@ -73,7 +73,7 @@ fn research_code_levels_equal_the_oracle_at_needed_nodes() {
                 };
                 assert!(error <= bound, "level {level}, value {i}: {got} for {want}");
             }
-            assert!(checked > 7 * 20, "level {level}: only {checked} needed values");
+            assert!(checked > 7 * 20, "level {level}: only {checked} retained values");
             size = plain::halved(size);
         }
     }
@@ -84,7 +84,7 @@ fn every_kernel_equals_the_oracle() {
     let nodes = [33, 24, 20];
     let input = golden("pyramid.safetensors", "input");
     let count: usize = nodes.iter().product();
-    // All of it opaque, so that every node is needed; density is constant.
+    // All of it opaque, so that every node is retained; density is constant.
     let field = field(nodes, &vec![10.0; count], &input);
     let largest = input.iter().fold(1.0, |most: f32, value| most.max(value.abs()));
     for kernel in Kernel::ALL {
@@ -125,13 +125,14 @@ fn odd_sizes_and_all_levels_equal_the_plain_twin() {
         let (mut size, mut level) = (nodes, 0);
         loop {
             let density: Vec<f32> = channels[0].iter().map(|&raw| raw as f32).collect();
-            let needed = plain::corners(size, &plain::cells(size, &opaque(&field, &density, 1e-3)));
+            let retained =
+                plain::corners(size, &plain::cells(size, &opaque(&field, &density, 1e-3)));
             let mut got = unpacked.level(level, Group::Density);
             got.extend(unpacked.level(level, Group::Diffuse));
             got.extend(unpacked.level(level, Group::Features));
             for (channel, want) in channels.iter().enumerate() {
-                for (i, &want) in want.iter().enumerate().filter(|(i, _)| needed[*i]) {
-                    let got = f64::from(got[channel * needed.len() + i]);
+                for (i, &want) in want.iter().enumerate().filter(|(i, _)| retained[*i]) {
+                    let got = f64::from(got[channel * retained.len() + i]);
                     // The largest input is 100 in density, 9 in colour.
                     let bound = if channel == 0 { 1e-4 } else { 9e-6 };
                     let error = (got - want).abs();
@@ -185,13 +186,13 @@ fn levels_of_alpha_equal_the_plain_twin() {
             let threshold = -(-1e-3f64).ln_1p() / 2f64.powi(level as i32);
             let limit = -(-threshold * f64::from(domain.span)).exp_m1() * (1.0 + 1e-5);
             let visible: Vec<bool> = linear[0].iter().map(|&alpha| alpha > limit).collect();
-            let needed = plain::corners(size, &plain::cells(size, &visible));
+            let retained = plain::corners(size, &plain::cells(size, &visible));
             let mut got = unpacked.level(level, Group::Density);
             got.extend(unpacked.level(level, Group::Diffuse));
             got.extend(unpacked.level(level, Group::Features));
             for (channel, want) in stored.iter().enumerate() {
-                for (i, &want) in want.iter().enumerate().filter(|(i, _)| needed[*i]) {
-                    let got = f64::from(got[channel * needed.len() + i]);
+                for (i, &want) in want.iter().enumerate().filter(|(i, _)| retained[*i]) {
+                    let got = f64::from(got[channel * retained.len() + i]);
                     // Activated colours and opacities: near their ends stored values are steep.
                     let (got, want) = match (channel, domain.stored) {
                         (0, DensityDomain::SqrtOpticalDepth) => {
@@ -242,20 +243,20 @@ fn opaque_nodes_survive_and_keep_the_promised_errors() {
     let density = density_of(&field);
     let opaque = opaque(&field, &density, 1e-3);
     let occupied = unpacked.occupied(0, nodes, 8);
-    let needed = plain::corners(nodes, &plain::cells(nodes, &opaque));
+    let retained = plain::corners(nodes, &plain::cells(nodes, &opaque));
     let activation = &field.scene.activation;
     let alpha =
         |raw: f32| plain::opacity(raw.into(), activation.shift.into(), activation.interval.into());
     let got = unpacked.level(0, Group::Density);
-    for (i, &needed) in needed.iter().enumerate().filter(|(_, needed)| **needed) {
-        assert!(needed && occupied[i]);
+    for (i, &retained) in retained.iter().enumerate().filter(|(_, retained)| **retained) {
+        assert!(retained && occupied[i]);
         assert!((alpha(got[i]) - alpha(density[i])).abs() <= 0.0125, "node {i}");
     }
     let color = color_of(&field);
     let mut got = unpacked.level(0, Group::Diffuse);
     got.extend(unpacked.level(0, Group::Features));
     for (i, (&got, &want)) in
-        got.iter().zip(&color).enumerate().filter(|(i, _)| needed[i % needed.len()])
+        got.iter().zip(&color).enumerate().filter(|(i, _)| retained[i % retained.len()])
     {
         let error = (plain::sigmoid(got.into()) - plain::sigmoid(want.into())).abs();
         assert!(error <= 0.0085, "value {i}: {got} for {want}");

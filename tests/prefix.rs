@@ -20,7 +20,8 @@ fn read_prefix(bytes: &[u8]) -> Result<Prefix> {
     Container::read_prefix(Arc::new(file), &Limits::default())
 }
 
-/// Files with raw levels, with filled blocks, with a mask and with colour alone on coarser levels.
+/// Files with raw levels, with inherited blocks, with a mask and with colour alone on coarser
+/// levels.
 const FILES: [&str; 4] =
     ["tiny.paper.mipvog", "tiny.rate.filled.mipvog", "dvgo.mask.mipvog", "tiny.code.mipvog"];
 

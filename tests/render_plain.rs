@@ -25,7 +25,7 @@ use mipvog_bake::unstable::view::render::{
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32,
 /// in which raw values around 100 are 4e-6 off.
 const BOUND: f64 = 1.2e-5;
-/// The same where levels are made of matter while a field is opened: amounts are f32, and near 1
+/// The same where levels average alpha while a field is opened: amounts are f32, and near 1
 /// what they leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial
 /// found 4e-5.
 const ALPHA_BOUND: f64 = 1e-4;
@@ -96,7 +96,7 @@ fn random_rule(random: &mut Random) -> LevelOfDetail {
         bias: random.between(-1.0, 1.5),
         neighbour: [FootprintNeighbour::SameIndex, FootprintNeighbour::SameDistance]
             [random.below(2)],
-        most: [None, Some(0.7), Some(4.0)][random.below(3)],
+        bound: [None, Some(0.7), Some(4.0)][random.below(3)],
     }
 }
 
@@ -279,13 +279,13 @@ fn levels_of_any_kind_look_as_their_twins() {
         let field = random_scene(&mut random);
         let mut baked = random_bake(&mut random, &field);
         baked.metadata.level_of_detail = random_rule(&mut random);
-        for (number, of_level) in baked.metadata.levels.iter_mut().enumerate() {
+        for (number, level) in baked.metadata.levels.iter_mut().enumerate() {
             let mixed_raw = baked.metadata.blend == Blend::BeforeActivation;
             if number > 0 && mixed_raw && random.below(2) == 0 {
-                of_level.density = None;
+                level.density = None;
                 baked.levels[number].atlases[0] = None;
             }
-            for encoding in [&mut of_level.diffuse, &mut of_level.features].into_iter().flatten() {
+            for encoding in [&mut level.diffuse, &mut level.features].into_iter().flatten() {
                 encoding.empty = random.between(-3.0, 3.0);
             }
         }

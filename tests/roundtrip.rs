@@ -89,7 +89,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         (LevelRule::Code, 0.5, Some(4.0)),
         (LevelRule::Mipmap, 1.0, None),
     ];
-    for (rule, factor, most) in rules {
+    for (rule, factor, bound) in rules {
         let mut options = BakeOptions::default();
         options.lod_rule = Some(rule);
         options.lod_scale = 2.0;
@@ -100,7 +100,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         expected.level_of_detail = LevelOfDetail {
             factor: 2.0 * factor,
             bias: 0.0,
-            most,
+            bound,
             neighbour: FootprintNeighbour::SameDistance,
         };
         for container in [&asked, &changed] {

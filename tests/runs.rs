@@ -19,12 +19,12 @@ fn plain_codes(shape: FrameShape, frames: usize, run: &[u8]) -> Vec<i128> {
     let modes = take();
     let mut weights = Vec::new();
     for _ in 0..modes {
-        let of_channel = |channel: usize| 2 + channel.min(3);
-        let mut of_mode = Vec::new();
+        let terms = |channel: usize| 2 + channel.min(3);
+        let mut mode_weights = Vec::new();
         for channel in 0..channels {
-            of_mode.push((0..of_channel(channel)).map(|_| take() as i8).collect::<Vec<_>>());
+            mode_weights.push((0..terms(channel)).map(|_| take() as i8).collect::<Vec<_>>());
         }
-        weights.push(of_mode);
+        weights.push(mode_weights);
     }
     let mode_of: Vec<u8> = (0..frames).map(|_| take()).collect();
     let bits: Vec<u8> = (0..frames * nodes.div_ceil(8)).map(|_| take()).collect();
@@ -89,7 +89,7 @@ fn plain_codes(shape: FrameShape, frames: usize, run: &[u8]) -> Vec<i128> {
     codes
 }
 
-/// Frames of noise around something smooth; a share of nodes is needed.
+/// Frames of noise around something smooth; a share of nodes is retained.
 fn frames(shape: FrameShape, count: usize, random: &mut Random) -> Vec<Frame> {
     let bits = 1 + random.below(8 * shape.number.bytes());
     let share = random.below(5);
@@ -110,7 +110,7 @@ fn frames(shape: FrameShape, count: usize, random: &mut Random) -> Vec<Frame> {
                     }
                     NumberType::F32 => Codes::U32(codes),
                 },
-                needed: (0..nodes).map(|_| random.below(4) < share).collect(),
+                retained: (0..nodes).map(|_| random.below(4) < share).collect(),
             }
         })
         .collect()
@@ -145,17 +145,17 @@ fn runs_hold_their_codes_and_agree_with_a_plain_reading() {
     for shape in shapes() {
         for count in [1, 2, 9, 33, 70] {
             let made = frames(shape, count, &mut random);
-            let most = random.next() as u32;
-            let run = run_bytes(shape, &made, most);
+            let dont_care_max = random.next() as u32;
+            let run = run_bytes(shape, &made, dont_care_max);
             assert!(run.sections.is_sorted() && run.sections.last() == Some(&run.bytes.len()));
-            assert!(shape.most_bytes(count).expect("small") >= run.bytes.len());
+            assert!(shape.max_bytes(count).expect("small") >= run.bytes.len());
             let back = wide(&restored(shape, count, &run.bytes).expect("a run"));
             let plain = plain_codes(shape, count, &run.bytes);
             assert!(plain.iter().zip(&back).all(|(&plain, &back)| plain == back.into()));
             let channel = shape.nodes();
             for (frame, back) in made.iter().zip(back.chunks(shape.channels * channel)) {
                 for (i, (code, back)) in wide(&frame.codes).iter().zip(back).enumerate() {
-                    assert!(!frame.needed[i % channel] || code == back, "{shape:?} {count} {i}");
+                    assert!(!frame.retained[i % channel] || code == back, "{shape:?} {count} {i}");
                 }
             }
         }
@@ -169,17 +169,17 @@ fn runs_follow_from_their_codes_alone() {
         for count in [1, 10, 50] {
             let made = frames(shape, count, &mut random);
             // A reader counts all nodes as retained: it knows no others.
-            let most = u32::MAX >> (1 + random.below(8));
-            let run = run_bytes(shape, &made, most).bytes;
+            let dont_care_max = u32::MAX >> (1 + random.below(8));
+            let run = run_bytes(shape, &made, dont_care_max).bytes;
             let codes = restored(shape, count, &run).expect("a run");
             let size = shape.channels * shape.nodes();
             let again: Vec<Frame> = (0..count)
                 .map(|i| Frame {
                     codes: codes.slice(i * size..(i + 1) * size),
-                    needed: vec![true; shape.nodes()].into(),
+                    retained: vec![true; shape.nodes()].into(),
                 })
                 .collect();
-            assert!(run == run_bytes(shape, &again, most).bytes, "{shape:?} {count}");
+            assert!(run == run_bytes(shape, &again, dont_care_max).bytes, "{shape:?} {count}");
         }
     }
 }
@@ -211,7 +211,8 @@ fn what_nobody_needs_costs_a_bit() {
     let shape = FrameShape { number: NumberType::U8, channels: 3, edge: 8 };
     let mut random = Random::new(4);
     let mut made = frames(shape, 40, &mut random);
-    made.iter_mut().for_each(|frame| frame.needed = frame.needed.iter().map(|_| false).collect());
+    made.iter_mut()
+        .for_each(|frame| frame.retained = frame.retained.iter().map(|_| false).collect());
     let run = run_bytes(shape, &made, u32::MAX).bytes;
     assert_eq!(run.len(), 1 + usize::from(run[0]) * (2 + 3 + 4) + 40 * (1 + 64));
 }

@@ -98,7 +98,7 @@ const EXAMPLE: [u8; 8] = [10, 12, 10, 11, 10, 11, 13, 14];
 #[test]
 fn the_worked_example_is_what_the_code_makes_and_reads() {
     let shape = FrameShape { number: NumberType::U8, channels: 1, edge: 2 };
-    let frame = Frame { codes: Codes::U8(EXAMPLE.to_vec()), needed: vec![true; 8].into() };
+    let frame = Frame { codes: Codes::U8(EXAMPLE.to_vec()), retained: vec![true; 8].into() };
     let bytes = run_bytes(shape, &[frame], 0).bytes;
     let start = SPEC.find("bytes  meaning").expect("the example's table of bytes");
     let table = SPEC[start..].split("```").next().expect("it ends");

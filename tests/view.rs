@@ -172,7 +172,7 @@ fn connections_live_on_and_beside_each_other() {
 #[test]
 fn a_binary_asset_is_served_as_it_is_and_other_files_are_refused() {
     let folder = folder();
-    let asset = folder.path().join("no.matter");
+    let asset = folder.path().join("no.alpha");
     std::fs::write(&asset, b"glTF\x02\0\0\0\x0c\0\0\0").expect("a file");
     let served = Served::start(&asset);
     assert_eq!(served.report["kind"], "asset");

@@ -1,7 +1,7 @@
-//! Larger scenes of the same kind: a trained scene upsampled, with noise where matter is.
+//! Larger scenes of the same kind: a trained scene upsampled, with noise at opaque nodes.
 //!
 //! Trilinear upsampling alone would compress and filter better than anything trained, so values of
-//! nodes with matter are moved by noise of a tenth of the scene's own spread. The same scene, size
+//! opaque nodes are moved by noise of a tenth of the scene's own spread. The same scene, size
 //! and type give the same bytes.
 
 use std::fs::File;
@@ -13,8 +13,8 @@ use mipvog_bake::unstable::base::parallel;
 use mipvog_bake::unstable::model::field::{EMPTY_DENSITY, RadianceField, Volume};
 use serde_json::json;
 
-/// Raw density above which a node has matter.
-const MATTER: f32 = 0.0;
+/// Raw density above which a node is opaque.
+const OPAQUE: f32 = 0.0;
 /// Half the spread of the noise in raw values.
 const NOISE: f32 = 0.5;
 
@@ -72,7 +72,7 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
                     let at = [x, y, z];
                     let raw = trilinear(nodes, &density, at, side);
                     let mut value = if is_density { raw } else { trilinear(nodes, of, at, side) };
-                    if raw > MATTER {
+                    if raw > OPAQUE {
                         value += NOISE * noise(channel, at);
                     }
                     match element {
@@ -88,9 +88,9 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
     upsampled(&density, 0, true);
     let mut channel = 0;
     for volume in &field.color {
-        for of_volume in 0..volume.channels {
+        for number in 0..volume.channels {
             channel += 1;
-            upsampled(&values(volume, of_volume), channel, false);
+            upsampled(&values(volume, number), channel, false);
         }
     }
     for corner in [bounds.min, bounds.max] {

@@ -42,7 +42,7 @@ pub struct EncodeOptions<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Importance<'a> {
     /// Of each node of the level, in units of their mean; z fastest.
-    pub of_nodes: &'a [f32],
+    pub by_node: &'a [f32],
     /// Codes that colours may move by at the mean.
     pub coarseness: f32,
 }
@@ -127,24 +127,24 @@ impl<'a> LevelEncoder<'a> {
         options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
-        let (mut groups, mut of_channels, mut bounds) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut groups, mut channel_groups, mut bounds) = (Vec::new(), Vec::new(), Vec::new());
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
             let channels = group.channels(options.features);
             let bound = options.bound.of(group, encoding.max_error);
             groups.push(GroupEncoder {
                 group,
-                first_channel: of_channels.len(),
+                first_channel: channel_groups.len(),
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
                 moved: 0.0,
                 pending: Vec::new(),
                 runs: Vec::new(),
             });
-            of_channels.extend(std::iter::repeat_n(group, channels));
+            channel_groups.extend(std::iter::repeat_n(group, channels));
             bounds.push((encoding, channels, bound));
         }
         let codes = CodePlanes::new(retained, options.activation, bounds);
-        let planes = LevelPlanes { codes, groups: of_channels, level: options.level };
+        let planes = LevelPlanes { codes, groups: channel_groups, level: options.level };
         let planes = Arc::new(planes);
         Self { table, retained, planes, options, groups }
     }
@@ -165,14 +165,14 @@ impl<'a> LevelEncoder<'a> {
             .map(|block| [row, block / bz, block % bz])
             .filter(|&place| self.table.frame(place).is_some())
             .collect();
-        let (groups, needed) = (&self.groups, self.retained);
+        let (groups, retained) = (&self.groups, self.retained);
         let importance = self.options.importance;
         let frames = parallel::map(places.len(), |i| {
-            let source = BlockSource { slab: &slab, needed, place: places[i] };
-            let counted = source.needed_nodes(grid.edge);
-            let filled = self.table.is_filled(places[i]);
-            // Colours of filled blocks follow from the next coarser level.
-            let stored = |group: &&GroupEncoder| !filled || group.group == Group::Density;
+            let source = BlockSource { slab: &slab, retained, place: places[i] };
+            let counted = source.retained_nodes(grid.edge);
+            let inherits = self.table.is_inherited(places[i]);
+            // Colours of inherited blocks follow from the next coarser level.
+            let stored = |group: &&GroupEncoder| !inherits || group.group == Group::Density;
             let frame = |group: &GroupEncoder| {
                 let group = Some(group).filter(stored);
                 group.map(|group| group.frame(source, counted.clone(), importance))
@@ -194,8 +194,8 @@ impl<'a> LevelEncoder<'a> {
         Ok(())
     }
 
-    /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and what
-    /// coarsening added.
+    /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and the
+    /// error that coarsening added.
     pub fn max_errors(&self) -> [Option<f32>; 3] {
         let mut errors = [None; 3];
         for group in &self.groups {
@@ -230,8 +230,8 @@ impl<'a> LevelEncoder<'a> {
         let compressed = parallel::map(runs.len(), |i| {
             let (number, frames) = &runs[i];
             let encoder = &groups[*number].encoder;
-            let most = encoder.dont_care_max();
-            let mut run = CompressedRun::new(encoder.shape(), frames, most, level)?;
+            let dont_care_max = encoder.dont_care_max();
+            let mut run = CompressedRun::new(encoder.shape(), frames, dont_care_max, level)?;
             self.options.store.map_or(Ok(()), |store| store.keep(&mut run))?;
             Ok(run)
         })?;
@@ -244,31 +244,31 @@ impl<'a> LevelEncoder<'a> {
 
 impl Importance<'_> {
     /// Importance of a block's nodes; 0 beyond the grid.
-    fn of_block(&self, source: BlockSource, edge: usize) -> Vec<f32> {
-        let sizes = source.needed.nodes().0;
-        let of_node = |node: usize| {
+    fn block(&self, source: BlockSource, edge: usize) -> Vec<f32> {
+        let sizes = source.retained.nodes().0;
+        let node_importance = |node: usize| {
             let inside = [node / (edge * edge), node / edge % edge, node % edge];
             let [x, y, z] = [0, 1, 2].map(|axis| source.place[axis] * edge + inside[axis]);
             let has = x < sizes[0] && y < sizes[1] && z < sizes[2];
-            if has { self.of_nodes[(x * sizes[1] + y) * sizes[2] + z] } else { 0.0 }
+            if has { self.by_node[(x * sizes[1] + y) * sizes[2] + z] } else { 0.0 }
         };
-        (0..edge.pow(3)).map(of_node).collect()
+        (0..edge.pow(3)).map(node_importance).collect()
     }
 }
 
 impl GroupEncoder {
-    /// A block's codes, all channels; the nodes `needed` count.
+    /// A block's codes, all channels; the nodes `retained` count.
     fn frame(
         &self,
         source: BlockSource,
-        needed: Arc<[bool]>,
+        retained: Arc<[bool]>,
         importance: Option<Importance>,
     ) -> (Frame, f64) {
         let coarser = importance.filter(|_| self.group != Group::Density);
-        let of_block = coarser.map(|all| all.of_block(source, self.encoder.shape().edge));
+        let block = coarser.map(|all| all.block(source, self.encoder.shape().edge));
         let coarsening = coarser
-            .zip(of_block.as_deref())
+            .zip(block.as_deref())
             .map(|(all, importance)| Coarsening { importance, coarseness: all.coarseness });
-        self.encoder.frame(source, needed, self.first_channel, coarsening)
+        self.encoder.frame(source, retained, self.first_channel, coarsening)
     }
 }

@@ -3,7 +3,7 @@
 //! The visible nodes are found for real: costs and bytes follow the number of retained nodes. Then
 //! two windows along x, an eighth of the box each, are encoded for real, with all levels. One
 //! starts where a third of level 0's retained nodes is passed, the other where two thirds are. The
-//! forecast assumes that all retained nodes cost and take what those in the windows do.
+//! forecast assumes that all retained nodes cost as much as those in the windows.
 
 use super::levels::FilteredLevels;
 use super::memory::MemoryPlan;
@@ -181,9 +181,9 @@ mod tests {
     fn windows_are_where_retained_nodes_are() {
         let nodes = Nodes([64, 2, 2]);
         let starts = |range: std::ops::Range<usize>| {
-            let mut needed = NodeMask::empty(nodes);
-            range.for_each(|x| needed.insert([x, 0, 1]));
-            window_starts(&needed)
+            let mut retained = NodeMask::empty(nodes);
+            range.for_each(|x| retained.insert([x, 0, 1]));
+            window_starts(&retained)
         };
         assert_eq!(starts(0..64), [4, 9]);
         assert_eq!(starts(0..4), [0, 0]);

@@ -21,11 +21,15 @@ pub struct LevelImportance {
 
 impl LevelImportance {
     /// Of every level, finest first; none where nothing depends on it.
-    pub fn of_levels(seen: CameraCoverage, sizes: &[Nodes], options: &BakeOptions) -> Vec<Self> {
+    pub fn of_levels(
+        coverage: CameraCoverage,
+        sizes: &[Nodes],
+        options: &BakeOptions,
+    ) -> Vec<Self> {
         if options.coarseness == 0.0 && options.fill_error.is_none() {
             return Vec::new();
         }
-        let mut levels = vec![Self { color: seen.importance }];
+        let mut levels = vec![Self { color: coverage.importance }];
         for pair in sizes.windows(2) {
             let color = levels.last().map(|finer| coarser(&finer.color, pair[0], pair[1]));
             levels.extend(color.map(|color| Self { color }));
@@ -34,13 +38,13 @@ impl LevelImportance {
     }
 
     /// That of the node at a place of a level with so many nodes.
-    pub fn of_node(&self, sizes: [usize; 3], [x, y, z]: [usize; 3]) -> f32 {
+    pub fn node(&self, sizes: [usize; 3], [x, y, z]: [usize; 3]) -> f32 {
         self.color[(x * sizes[1] + y) * sizes[2] + z]
     }
 
     /// As encoders take it.
     pub fn importance(&self, coarseness: f32) -> Importance<'_> {
-        Importance { of_nodes: &self.color, coarseness }
+        Importance { by_node: &self.color, coarseness }
     }
 }
 

@@ -1,22 +1,23 @@
 //! Blocks that inherit their colours from the next coarser level.
 //!
 //! From the second coarsest level to level 0, each block's colours are compared with those that a
-//! reader would interpolate from the next coarser level ([`crate::codec::quantize::Filler`]). If no
-//! retained node's colour would move by more than is allowed, the block's own colours are left out;
-//! its density stays. Coarser levels are decided first, so blocks are compared with the readers'
-//! own colours. Memory is the colours' codes of one level and of the next coarser one.
+//! reader would interpolate from the next coarser level
+//! ([`crate::codec::quantize::InheritedColors`]). If no retained node's colour would move by more
+//! than is allowed, the block's own colours are left out; its density stays. Coarser levels are
+//! decided first, so blocks are compared with the readers' own colours. Memory is the colours'
+//! codes of one level and of the next coarser one.
 
 use super::importance::LevelImportance;
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
-use crate::codec::quantize::{Filler, Frame, FrameShape};
+use crate::codec::quantize::{Frame, FrameShape, InheritedColors};
 use crate::model::baked::{
     BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table,
 };
 use crate::model::grid::{BlockGrid, NodeMask};
 
-/// Groups that are filled.
+/// Groups that blocks may inherit.
 const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
 
 /// The blocks that may inherit their colours.
@@ -50,15 +51,20 @@ pub fn inherit_levels<'a>(
             break;
         }
         let mut own = decode(&encoded[number], &levels[number], features)?;
-        if let (Some(coarser), Some(of_coarser)) = (&coarser, levels.get(number + 1)) {
+        if let (Some(coarser), Some(coarser_metadata)) = (&coarser, levels.get(number + 1)) {
             let level = &levels[number];
-            let fillers = COLORS.map(|group| {
-                Filler::new(level, (of_coarser, coarser), group, group.channels(features))
+            let interpolated = COLORS.map(|group| {
+                InheritedColors::new(
+                    level,
+                    (coarser_metadata, coarser),
+                    group,
+                    group.channels(features),
+                )
             });
             let groups = [0, 1].map(|i| {
                 let group = COLORS[i];
                 Some(ColorGroup {
-                    filler: fillers[i].as_ref()?,
+                    colors: interpolated[i].as_ref()?,
                     codes: own.atlases[group as usize].as_ref()?,
                     activated: activated(level.encoding(group)?),
                     channels: group.channels(features),
@@ -67,34 +73,34 @@ pub fn inherit_levels<'a>(
             let (retained, importance) = level_nodes(number);
             let test = InheritanceTest {
                 grid: level.grid(),
-                needed: retained,
+                retained,
                 importance,
-                most: inheritance.error.into(),
+                max_shift: inheritance.error.into(),
             };
             let places: Vec<_> = own.table.stored().collect();
             let among = inheritance.among.map(|tables| &tables[number]);
             let moves = |frame: usize| {
                 let place = places[frame];
-                let may = among.is_none_or(|table| table.is_filled(place));
+                let may = among.is_none_or(|table| table.is_inherited(place));
                 Ok(may.then(|| test.color_shifts(place, frame, &groups)).flatten())
             };
             let moves = parallel::map(places.len(), moves)?;
-            let (table, moved) = filled(&own.table, &moves)?;
+            let (table, moved) = inheriting(&own.table, &moves)?;
             let level = &mut levels[number];
-            level.blocks_filled = table.filled();
-            for ((group, filler), moved) in COLORS.into_iter().zip(fillers).zip(moved) {
-                let (Some(filler), Some(encoding)) = (filler, level.encoding_mut(group)) else {
+            level.blocks_filled = table.inherited();
+            for ((group, colors), moved) in COLORS.into_iter().zip(interpolated).zip(moved) {
+                let (Some(colors), Some(encoding)) = (colors, level.encoding_mut(group)) else {
                     continue;
                 };
                 let Some(codes) = own.atlases[group as usize].take() else { continue };
                 let shape = shape(encoding, group, features, table.grid().edge);
                 let stored = only_stored(&codes, &table, shape);
                 encoding.max_error = encoding.error_after(moved);
-                if table.filled() > 0 {
+                if table.inherited() > 0 {
                     encoded[number].atlases[group as usize] =
                         Some(atlas(shape, &stored, zstd_level)?);
                 }
-                own.atlases[group as usize] = Some(filler.fill(&table, &stored));
+                own.atlases[group as usize] = Some(colors.restore(&table, &stored));
             }
             own.table = table.clone();
             encoded[number].table = table;
@@ -105,9 +111,9 @@ pub fn inherit_levels<'a>(
     Ok(())
 }
 
-/// A group that may be filled.
+/// A group that blocks may inherit.
 struct ColorGroup<'a> {
-    filler: &'a Filler<'a>,
+    colors: &'a InheritedColors<'a>,
     /// The codes stored so far.
     codes: &'a Codes,
     /// The colour of each code.
@@ -118,15 +124,14 @@ struct ColorGroup<'a> {
 /// The test that a level's blocks must pass to inherit.
 struct InheritanceTest<'a> {
     grid: BlockGrid,
-    needed: &'a NodeMask,
+    retained: &'a NodeMask,
     importance: Option<&'a LevelImportance>,
-    /// The most that a needed node may be moved by, where its importance is 1 or none is known.
-    most: f64,
+    /// Largest move of a retained node's colour, if its importance is 1 or none is known.
+    max_shift: f64,
 }
 
 impl InheritanceTest<'_> {
-    /// The most that filling a block would move a colour of each group by; none where that is too
-    /// much.
+    /// The largest move of a colour of each group if the block inherits; none if that is too much.
     fn color_shifts(
         &self,
         place: [usize; 3],
@@ -137,25 +142,25 @@ impl InheritanceTest<'_> {
         let nodes = edge.pow(3);
         let sizes = self.grid.nodes.0;
         let mut moves = [0.0f64; 2];
-        for (group, most) in groups.iter().zip(&mut moves) {
+        for (group, largest) in groups.iter().zip(&mut moves) {
             let Some(group) = group else { continue };
-            let filled = group.filler.block(place);
+            let inherited = group.colors.block(place);
             for node in 0..nodes {
                 let inside = [node / (edge * edge), node / edge % edge, node % edge];
                 let at = [0, 1, 2].map(|axis| place[axis] * edge + inside[axis]);
-                if (0..3).any(|axis| at[axis] >= sizes[axis]) || !self.needed.contains(at) {
+                if (0..3).any(|axis| at[axis] >= sizes[axis]) || !self.retained.contains(at) {
                     continue;
                 }
-                let importance = self.importance.map_or(1.0, |level| level.of_node(sizes, at));
+                let importance = self.importance.map_or(1.0, |level| level.node(sizes, at));
                 for channel in 0..group.channels {
                     let code = group.codes.code((frame * group.channels + channel) * nodes + node)
                         as usize;
-                    let to = filled[channel * nodes + node] as usize;
+                    let to = inherited[channel * nodes + node] as usize;
                     let moved = (group.activated[to] - group.activated[code]).abs();
-                    if moved * moved * f64::from(importance) > self.most * self.most {
+                    if moved * moved * f64::from(importance) > self.max_shift * self.max_shift {
                         return None;
                     }
-                    *most = most.max(moved);
+                    *largest = largest.max(moved);
                 }
             }
         }
@@ -163,18 +168,18 @@ impl InheritanceTest<'_> {
     }
 }
 
-/// The table with those blocks filled that have a move, and the largest moves.
-fn filled(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
+/// The table in which the blocks with a move inherit, and the largest moves.
+fn inheriting(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
     let mut next = moves.iter();
-    let mut most = [0.0f64; 2];
+    let mut largest = [0.0f64; 2];
     let mut occupancy = table.occupancy().to_vec();
     for block in occupancy.iter_mut().filter(|block| **block != Occupancy::Empty) {
         if let Some(Some(moves)) = next.next() {
-            *block = Occupancy::Filled;
-            most = [0, 1].map(|group| most[group].max(moves[group]));
+            *block = Occupancy::Inherited;
+            largest = [0, 1].map(|group| largest[group].max(moves[group]));
         }
     }
-    Ok((Table::new(table.grid(), occupancy)?, most))
+    Ok((Table::new(table.grid(), occupancy)?, largest))
 }
 
 fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {
@@ -194,9 +199,9 @@ fn decode(level: &EncodedLevel, metadata: &LevelMetadata, features: usize) -> Re
     Ok(BakedLevel { table: level.table.clone(), atlases })
 }
 
-/// The codes of the blocks that are not filled.
+/// The codes of the blocks that do not inherit.
 fn only_stored(codes: &Codes, table: &Table, shape: FrameShape) -> Codes {
-    let kept: Vec<bool> = table.stored().map(|place| !table.is_filled(place)).collect();
+    let kept: Vec<bool> = table.stored().map(|place| !table.is_inherited(place)).collect();
     codes.kept_frames(shape.channels * shape.nodes(), &kept)
 }
 
@@ -205,7 +210,7 @@ fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtl
     let size = shape.channels * shape.nodes();
     let frame = |frame: usize| {
         let codes = codes.slice(frame * size..(frame + 1) * size);
-        Frame { codes, needed: vec![true; shape.nodes()].into() }
+        Frame { codes, retained: vec![true; shape.nodes()].into() }
     };
     let (count, full) = (codes.len() / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {

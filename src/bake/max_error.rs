@@ -24,23 +24,23 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaxErrors {
     /// By [`Group`].
-    of_groups: [f32; 3],
+    by_group: [f32; 3],
 }
 
 impl MaxErrors {
     /// Of density's opacity, diffuse colours and features.
     pub const fn new(density: f32, diffuse: f32, features: f32) -> Self {
-        Self { of_groups: [density, diffuse, features] }
+        Self { by_group: [density, diffuse, features] }
     }
 
     /// That of a group.
     pub fn of(&self, group: Group) -> f32 {
-        self.of_groups[group as usize]
+        self.by_group[group as usize]
     }
 
     /// The one that all groups have, if they do.
     fn common(&self) -> Option<f32> {
-        let [density, others @ ..] = self.of_groups;
+        let [density, others @ ..] = self.by_group;
         others.iter().all(|&other| other == density).then_some(density)
     }
 
@@ -48,7 +48,7 @@ impl MaxErrors {
     fn text(&self, shown: impl Fn(f32) -> String) -> String {
         match self.common() {
             Some(error) => shown(error),
-            None => self.of_groups.map(shown).join(":"),
+            None => self.by_group.map(shown).join(":"),
         }
     }
 
@@ -58,7 +58,7 @@ impl MaxErrors {
     ///
     /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
-        let fits = self.of_groups.iter().all(|error| RANGE.contains(error));
+        let fits = self.by_group.iter().all(|error| RANGE.contains(error));
         Error::require_option(fits, "max_error", self, "1e-6 to 0.25")
     }
 
@@ -67,7 +67,7 @@ impl MaxErrors {
         self.common().map_or_else(|| self.to_string().into(), Value::from)
     }
 
-    /// From what [`to_json`](Self::to_json) made.
+    /// From the value of [`to_json`](Self::to_json).
     pub fn from_json(json: &Value) -> Option<Self> {
         json.as_f64().map(|error| (error as f32).into()).or_else(|| json.as_str()?.parse().ok())
     }

@@ -20,7 +20,7 @@ use crate::levels::pyramid::SLAB;
 use crate::model::field::RadianceField;
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
-/// The program, its libraries, and what the allocator keeps for itself.
+/// The program, its libraries, and the allocator's own memory.
 const PROGRAM_BYTES: u64 = 24 << 20;
 /// Memory of a thread that compresses a run, and its stack.
 const THREAD_BYTES: u64 = 8 << 20;
@@ -111,8 +111,8 @@ impl Needs<'_> {
 
     /// Planes of density on their way through the levels, and the light that is followed.
     fn pruning(&self) -> u64 {
-        // A slab's amounts, what each thread works on, what waits for the next level; each level a
-        // fourth of the last.
+        // A slab's amounts, the planes at work in each thread, and the planes that wait for the
+        // next level; each level a fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
         // Depths, transmittance and visibility.
         planes * Self::plane(self.sizes[0]) * 4 / 3 + 3 * self.visibility()
@@ -120,8 +120,8 @@ impl Needs<'_> {
 
     fn visibility(&self) -> u64 {
         let domain = self.options.filter.alpha(&self.field.scene.activation);
-        let seen = |_| 4 * self.sizes[OpticalDepthGrid::level(self.sizes)].count() as u64;
-        domain.map_or(0, seen)
+        let bytes = |_| 4 * self.sizes[OpticalDepthGrid::level(self.sizes)].count() as u64;
+        domain.map_or(0, bytes)
     }
 
     /// Planes of all channels on their way through the levels, and codes that are not compressed
@@ -132,7 +132,7 @@ impl Needs<'_> {
         let rising = channels + u64::from(premultiplies);
         let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
-        let of_level = |level: usize| {
+        let level_bytes = |level: usize| {
             // Planes at work in each thread; with alpha, also the weights of a slab's colours.
             let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
@@ -149,7 +149,7 @@ impl Needs<'_> {
             codes + (at_work + ring + waiting) * plane
         };
         let levels = 0..self.sizes.len();
-        levels.map(|level| of_level(level) + self.frames(level, channels)).sum::<u64>()
+        levels.map(|level| level_bytes(level) + self.frames(level, channels)).sum::<u64>()
             + self.visibility()
     }
 

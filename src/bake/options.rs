@@ -17,7 +17,7 @@ use crate::model::field::Nonfinite;
 pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
 /// More steps than any fit needs by far.
-const MOST_FIT_STEPS: usize = 100_000;
+const MAX_FIT_STEPS: usize = 100_000;
 
 /// Options of a bake.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,31 +46,31 @@ pub struct BakeOptions {
     pub lod_scale: f32,
     /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
     pub fit_steps: usize,
-    /// Seconds of a fit in all, at most; what comes out then depends on the machine. Default: no
-    /// bound
+    /// Seconds of a fit in all, at most; the result then depends on the machine. Default: no bound
     pub fit_seconds: Option<f64>,
-    /// Cameras whose pictures levels are fitted to. Default: none, which is spheres around the box
+    /// Cameras whose pictures levels are fitted to. Default: none; then cameras on spheres around
+    /// the box
     pub fit_cameras: Vec<Camera>,
-    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which matter is kept, above 0
-    /// to 1. Default: none, all matter is kept
+    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which nodes are kept, above 0
+    /// to 1. Default: none, all visible nodes are kept
     pub min_weight: Option<f32>,
-    /// Codes by which colours may be moved at nodes that make up as much as the mean node of their
-    /// level does of what [`seen_from`](Self::seen_from) see; more where it is less. 0 to 64.
-    /// Default: 0
+    /// Codes by which colours may be moved at nodes that add as much to the pictures of
+    /// [`seen_from`](Self::seen_from) as the mean node of their level; more at nodes that add less.
+    /// 0 to 64. Default: 0
     pub coarseness: f32,
-    /// The error, in colour and features from 0 to 1, that lets a block's colours be left out where
-    /// the next coarser level says them so well at every needed node, beyond that of their codes;
-    /// with [`seen_from`](Self::seen_from) at nodes that make up as much as the mean, and more
-    /// where it is less. Default: none, all are stored
+    /// Largest error, in colour and features from 0 to 1, within which blocks inherit their colours
+    /// from the next coarser level; the error of the codes comes on top. With
+    /// [`seen_from`](Self::seen_from) it holds at nodes of mean importance, and is larger at less
+    /// important ones. Default: none, all are stored
     pub fill_error: Option<f32>,
     /// The cameras that `min_weight` and `coarseness` are about
     pub seen_from: Vec<Camera>,
-    /// Bytes of memory that the bake may take, at most; what comes out does not depend on it.
-    /// Default: no bound
+    /// Bytes of memory that the bake may take, at most; the result does not depend on it. Default:
+    /// no bound
     pub memory: Option<u64>,
     /// Treatment of values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
-    /// Limits on sizes and memory; what comes out does not depend on them. Default: those for files
+    /// Limits on sizes and memory; the result does not depend on them. Default: those for files
     /// that are not trusted
     pub limits: Limits,
 }
@@ -194,7 +194,7 @@ impl BakeOptions {
             "1 to 22",
         )?;
         let steps = self.fit_steps;
-        Error::require_option(steps <= MOST_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
+        Error::require_option(steps <= MAX_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
         let seconds = self.fit_seconds.unwrap_or(1.0);
         Error::require_option(seconds > 0.0, "fit_seconds", seconds, "a number above 0")?;
         let is_share = |value: f32| value > 0.0 && value <= 1.0;
@@ -274,7 +274,7 @@ impl BakeOptions {
     }
 }
 
-/// Given cameras by their number and what tells them from others.
+/// Given cameras by their number and their digest.
 fn cameras_json(cameras: &[Camera]) -> serde_json::Value {
     match cameras.len() {
         0 => serde_json::Value::Null,

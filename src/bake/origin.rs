@@ -19,7 +19,7 @@ const SAMPLE_BYTES: u64 = 4096;
 pub struct Origin {
     /// Kind of the input file.
     pub kind: String,
-    /// SHA-256 of what identifies the input without reading it all.
+    /// SHA-256 that identifies the input without a read of all of it.
     pub digest: [u8; 32],
     /// True if the digest covers the grids' values, by their checksums. If not, a bake adds
     /// checksums of values.

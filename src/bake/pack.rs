@@ -22,7 +22,7 @@ use crate::model::grid::NodeMask;
 
 /// A source of all levels' planes, as they are to be stored.
 pub trait LevelSource {
-    /// Streams all levels into `sink` and tells what was read.
+    /// Streams all levels into `sink` and returns the record of reading.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The first step of a bake and of its forecast: the nodes of each level that can be seen.
+//! The first step of a bake and of its forecast: the visible nodes of each level.
 
 use super::BakeOptions;
 use super::importance::LevelImportance;
@@ -17,7 +17,7 @@ pub struct Prepared<'a> {
     pub planes: Planes<'a>,
     /// Sizes of the levels, finest first.
     pub sizes: Vec<Nodes>,
-    /// The nodes that can be seen.
+    /// The visible nodes.
     pub visible: Visible,
     /// The importance of each level's nodes to given cameras; empty where all count alike.
     pub importance: Vec<LevelImportance>,

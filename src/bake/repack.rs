@@ -144,7 +144,7 @@ pub fn repack(
     let tables = tables.collect::<Result<Vec<Table>>>()?;
     metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
     let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
-    let inherits = unpacked_tables.iter().any(|table| table.filled() > 0);
+    let inherits = unpacked_tables.iter().any(|table| table.inherited() > 0);
     let packing = Packing {
         source: &UnpackedLevels(levels),
         retained: stored.iter().collect(),

@@ -61,8 +61,8 @@ pub struct FitReport {
 
 impl From<Fitted> for FitReport {
     fn from(fitted: Fitted) -> Self {
-        let Fitted { level_of_detail, courses, cut_short, .. } = fitted;
-        Self { level_of_detail, levels: courses, cut_short }
+        let Fitted { level_of_detail, levels, cut_short, .. } = fitted;
+        Self { level_of_detail, levels, cut_short }
     }
 }
 
@@ -77,9 +77,9 @@ pub struct LevelReport {
     pub block_size: usize,
     /// Blocks of the level.
     pub blocks_total: usize,
-    /// Those that are stored, filled ones among them.
+    /// Those that are stored, inherited ones among them.
     pub blocks_stored: usize,
-    /// Those whose colours are filled from the next coarser level.
+    /// Those whose colours are inherited from the next coarser level.
     pub blocks_filled: usize,
     /// Bytes of table and codes before compression.
     pub raw_bytes: u64,
@@ -87,9 +87,9 @@ pub struct LevelReport {
     pub stored_bytes: u64,
     /// Bytes from the file's start after which the level renders.
     pub prefix_bytes: u64,
-    /// Largest error of opacity at a needed node, by proof.
+    /// Largest error of opacity at a retained node, by proof.
     pub max_opacity_error: Option<f32>,
-    /// Largest error of a colour or feature at a needed node, by proof.
+    /// Largest error of a colour or feature at a retained node, by proof.
     pub max_color_error: Option<f32>,
     /// The level's groups, density first.
     pub groups: Vec<GroupReport>,
@@ -102,11 +102,11 @@ pub struct GroupReport {
     pub group: &'static str,
     /// Bits of a code: 4 to 16, f16 or f32.
     pub bits: String,
-    /// Largest error at a needed node, by proof.
+    /// Largest error at a retained node, by proof.
     pub max_error: f32,
 }
 
-/// The nodes of a level, by whether they can be seen.
+/// The nodes of a level, sorted by visibility.
 #[derive(Debug, Clone, Serialize)]
 pub struct PruneReport {
     /// 0 is the finest.
@@ -188,7 +188,7 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
         let colors = [&level.diffuse, &level.features].into_iter().flatten();
         let [density, diffuse, features] = Group::ALL.map(values);
         let colored = level.blocks_stored - level.blocks_filled;
-        let of_nodes = level.blocks_stored * density + colored * (diffuse + features);
+        let values_per_node = level.blocks_stored * density + colored * (diffuse + features);
         LevelReport {
             level: number,
             dimensions: level.dimensions,
@@ -196,7 +196,7 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             blocks_total: grid.total(),
             blocks_stored: level.blocks_stored,
             blocks_filled: level.blocks_filled,
-            raw_bytes: (grid.total() + grid.block_nodes() * of_nodes) as u64,
+            raw_bytes: (grid.total() + grid.block_nodes() * values_per_node) as u64,
             stored_bytes: own.clone().map(|entry| entry.length).sum(),
             prefix_bytes: own.map(|entry| entry.prefix).max().unwrap_or(0),
             max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),

@@ -136,7 +136,7 @@ pub(super) fn write(
 fn resolved(options: &BakeOptions, fitted: Option<&Fitted>) -> Value {
     let mut resolved = options.to_json();
     if let Some(fitted) = fitted.filter(|fitted| fitted.cut_short) {
-        let steps: Vec<usize> = fitted.courses.iter().map(|course| course.steps).collect();
+        let steps: Vec<usize> = fitted.levels.iter().map(|level| level.steps).collect();
         resolved["fit_steps_taken"] = json!(steps);
     }
     resolved

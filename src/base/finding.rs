@@ -210,7 +210,7 @@ codes! {
     /// Values are infinite or not a number.
     ValuesNonfinite = "values-nonfinite", Error,
         at "tensor",
-        do "retrain, or bake with --nonfinite empty";
+        do "retrain, or bake with option nonfinite: empty";
     /// Raw values lie beyond 10,000, where no training ends that has not diverged.
     ValuesRange = "values-range", Warning,
         at "tensor",
@@ -224,7 +224,7 @@ codes! {
     SpaceFull = "space-full", Warning,
         at "tensor",
         do "retrain with a loss that clears empty space, or check the activation's shift";
-    /// A channel of colour or features has the same value at every node that can be seen.
+    /// A channel of colour or features has the same value at every visible node.
     ChannelDead = "channel-dead", Warning,
         at "tensor",
         do "train with fewer features";

@@ -6,7 +6,7 @@
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
-/// Upper bounds on what an input may hold. The defaults admit scenes of 2048 nodes a side.
+/// Upper bounds on the contents of an input. The defaults admit scenes of 2048 nodes a side.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Limits {
@@ -48,7 +48,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Every limit under its name, with what it bounds.
+    /// Every limit under its name, with the thing that it bounds.
     pub fn named(&mut self) -> [(&'static str, &'static str, &mut u64); 9] {
         [
             ("axis-nodes", "nodes along one axis of a grid", &mut self.axis_nodes),

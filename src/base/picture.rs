@@ -86,22 +86,22 @@ pub struct Rgba {
     pub bytes: Vec<u8>,
 }
 
-/// Reads a PNG, at most `most_bytes` of it once decoded.
-pub fn read(path: &Path, most_bytes: u64) -> Result<Rgba> {
+/// Reads a PNG, at most `max_bytes` of it once decoded.
+pub fn read(path: &Path, max_bytes: u64) -> Result<Rgba> {
     let file = File::open(path).map_err(|error| Error::io(error, path))?;
-    decode(BufReader::new(file), path, most_bytes)
+    decode(BufReader::new(file), path, max_bytes)
 }
 
 /// The same from bytes, which errors say are the file `path`.
-pub fn decode(from: impl BufRead + Seek, path: &Path, most_bytes: u64) -> Result<Rgba> {
+pub fn decode(from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<Rgba> {
     let mut reader = image::ImageReader::new(from)
         .with_guessed_format()
         .map_err(|error| Error::io(error, path))?;
     let mut limits = image::Limits::default();
-    limits.max_alloc = Some(most_bytes);
+    limits.max_alloc = Some(max_bytes);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| unreadable(error, path))?;
-    limits::check("bytes of a picture", decoder.total_bytes(), most_bytes, &Place::File)
+    limits::check("bytes of a picture", decoder.total_bytes(), max_bytes, &Place::File)
         .map_err(|error| error.in_file(path))?;
     let picture = image::DynamicImage::from_decoder(decoder);
     let picture = picture.map_err(|error| unreadable(error, path))?.into_rgba8();

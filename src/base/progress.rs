@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Step {
-    /// Finding the nodes that can be seen, at every level.
+    /// Finding the visible nodes of every level.
     Prune,
     /// Finding the lowest and the highest values of every level.
     Ranges,
@@ -18,7 +18,7 @@ pub enum Step {
     Render,
     /// Fitting coarser levels.
     Fit,
-    /// Baking over settings, and rendering what came out.
+    /// Baking over settings, and rendering the results.
     Sweep,
 }
 
@@ -46,8 +46,8 @@ pub trait Progress: Sync {
     fn advance(&self, _step: Step, _by: u64) {}
     /// `step` is this good by now, in dB.
     fn quality(&self, _step: Step, _psnr: f64) {}
-    /// Asked between pieces of work that only make a result better; `true` ends them with what
-    /// there is.
+    /// Asked between pieces of work that only make a result better; `true` ends them with the
+    /// result so far.
     fn enough(&self) -> bool {
         false
     }

@@ -23,8 +23,8 @@ use crate::model::baked::DensityDomain;
 use crate::model::field::Activation;
 
 /// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of
-/// this alpha lets all but one part in ten million of the light through, 140 dB below what can be
-/// seen.
+/// this alpha lets all but one part in ten million of the light through, 140 dB below the visible
+/// range.
 const LEAST_ALPHA: f64 = 1e-7;
 /// Lower shifted raw densities have alpha 0 for any interval: the exponential ends here
 /// ([`lanes::exp`]).

@@ -139,8 +139,8 @@ impl dyn LevelFilter + '_ {
     /// sample of the same index. Containers measure them at the same distance, which does not
     /// depend on the place where rays enter the box.
     pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
-        let (factor, bias, most) = self.level_of_detail();
-        LevelOfDetail { factor, bias, neighbour, most }
+        let (factor, bias, bound) = self.level_of_detail();
+        LevelOfDetail { factor, bias, neighbour, bound }
     }
 }
 
@@ -252,8 +252,8 @@ impl LevelFilter for Filter {
 
     fn level_of_detail(&self) -> (f32, f32, Option<f32>) {
         let published = |rule: LevelRule| {
-            let (factor, most) = rule.constants();
-            (factor, 0.0, most)
+            let (factor, bound) = rule.constants();
+            (factor, 0.0, bound)
         };
         match self {
             Self::RateTent => (0.55, -0.15, None),

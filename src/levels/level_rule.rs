@@ -26,7 +26,7 @@ impl LevelRule {
         }
     }
 
-    /// Factor of the footprint's logarithm, and the bound of what comes out.
+    /// Factor of the footprint's logarithm, and the bound of the level.
     pub fn constants(self) -> (f32, Option<f32>) {
         match self {
             Self::Paper => (1.0 / 3.0, None),
@@ -37,7 +37,7 @@ impl LevelRule {
 
     /// `rule` with these constants; how footprints are measured stays.
     pub fn applied_to(self, rule: LevelOfDetail) -> LevelOfDetail {
-        let (factor, most) = self.constants();
-        LevelOfDetail { factor, bias: 0.0, most, ..rule }
+        let (factor, bound) = self.constants();
+        LevelOfDetail { factor, bias: 0.0, bound, ..rule }
     }
 }

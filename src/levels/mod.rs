@@ -1,4 +1,4 @@
-//! Coarser levels of a field, and the nodes of each level that can be seen.
+//! Coarser levels of a field, and the visible nodes of each level.
 //!
 //! ```text
 //! V[k+1] = resize(lowpass(V[k]))
@@ -15,7 +15,7 @@
 //! [`PlaneSource`] through all levels into a [`PlaneSink`], and computes required nodes only
 //! ([`required`]). One step along one axis is an [`axis_filter`], one level is a [`level_step`].
 //! Level 0 is premultiplied on its way up ([`premultiply`]), and each coarser level is turned back
-//! into what is stored ([`unpremultiply`]).
+//! into stored values ([`unpremultiply`]).
 //!
 //! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and
 //! from the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light

@@ -8,8 +8,8 @@
 //! Memory is a few planes a level for any size of the grid, and no level is ever whole in memory.
 //!
 //! Only [`RequiredNodes`] are computed; others are skipped row by row and span by span. A skipped
-//! node of level 0 goes up as 0 where it is premultiplied, and skipped nodes of coarser levels are
-//! 0.
+//! node of level 0 goes up as zero if it is premultiplied. Skipped nodes of coarser levels are
+//! zero.
 //!
 //! Sums run in f64 and are rounded to f32 twice a level (after y, after x and z). A constant
 //! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.

@@ -1,4 +1,4 @@
-//! Passes over a trained field, and the record of what they read.
+//! Passes over a trained field, and the record of their reads.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -18,7 +18,7 @@ pub enum Verify {
     /// reading.
     Colors,
     /// None, but colours are read as for [`Verify::Colors`], where any node of a plane is required.
-    /// A forecast then measures what a bake does.
+    /// A forecast then measures the same work as a bake.
     ColorsOfWindow,
 }
 

@@ -1,4 +1,4 @@
-//! Visibility: how much of each node can be seen from outside the box.
+//! Visibility: the share of each node that is visible from outside the box.
 //!
 //! Colour of coarser levels is the colour that rays meet first. The inside of a wall, which
 //! training never saw, and the back of a leaf must not mix into the front. So alpha counts in
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! with `depth` the optical depth of one interval and `length` the intervals from a node to the
-//! next. The square favours nodes that are seen from most sides. The remainder lets the colour of
-//! hidden nodes through where there is no other.
+//! next. The square favours nodes that are visible from most sides. The remainder lets the colour
+//! of hidden nodes through where there is no other.
 //!
 //! Light is followed on the finest level that is at most 160 nodes long, and visibility is
 //! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]
@@ -28,7 +28,7 @@ use crate::model::activate::lanes;
 use crate::model::grid::Nodes;
 
 /// Nodes along the longest axis of the level on which light is followed, at most.
-const MOST_NODES: usize = 160;
+const MAX_NODES: usize = 160;
 /// The visibility of hidden nodes.
 const LEAST_VISIBILITY: f32 = 1e-4;
 
@@ -55,7 +55,7 @@ impl OpticalDepthGrid {
 
     /// The level on which light is followed, of levels of `sizes`.
     pub fn level(sizes: &[Nodes]) -> usize {
-        let small = |nodes: &Nodes| nodes.0.iter().all(|&size| size <= MOST_NODES);
+        let small = |nodes: &Nodes| nodes.0.iter().all(|&size| size <= MAX_NODES);
         sizes.iter().position(small).unwrap_or(sizes.len() - 1)
     }
 
@@ -101,7 +101,7 @@ fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
     }
 }
 
-/// The share of each node that can be seen: from 1e-4, hidden, to 1.0001, alone.
+/// The visible share of each node: from 1e-4, hidden, to 1.0001, alone.
 #[derive(Debug)]
 pub struct Visibility {
     nodes: Nodes,

@@ -23,10 +23,10 @@ use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField};
 use crate::model::grid::{CellMask, NodeMask, Nodes};
 
 /// The free-space mask is left out of containers where it drops less opacity than this share of all
-/// that can be seen: 120 dB below the picture.
+/// that is visible: 120 dB below the picture.
 const DROPPED_SHARE: f64 = 1e-6;
 
-/// The nodes of one level that can be seen, and why the others cannot.
+/// The visible nodes of one level, and the reasons why the others are not.
 #[derive(Debug)]
 pub struct VisibleLevel {
     /// Corners of visible cells.
@@ -37,12 +37,12 @@ pub struct VisibleLevel {
     pub masked_nodes: u64,
 }
 
-/// The nodes of a field that can be seen at every level.
+/// The visible nodes of a field at every level.
 #[derive(Debug)]
 pub struct Visible {
     /// Finest first.
     pub levels: Vec<VisibleLevel>,
-    /// Raw density of the opacity threshold; a node at or below it cannot be seen.
+    /// Raw density of the opacity threshold; a node at or below it is invisible.
     pub raw_threshold: f32,
     /// True if pictures would change without the free-space mask.
     pub mask_is_required: bool,

@@ -5,9 +5,9 @@
 //! c_s = sigmoid(W2 relu(W1 relu(W0 [e, A] + b0) + b1) + b2)
 //! ```
 //!
-//! `d` is the unit view direction in world space and `A` what the ray accumulated. The embedding
-//! is coordinate-major: `d` (3), then all sines, then all cosines, each ordered x*1, x*2, x*4,
-//! x*8, y*1, ... , z*8.
+//! `d` is the unit view direction in world space and `A` the ray's accumulated colour and features.
+//! The embedding is coordinate-major: `d` (3), then all sines, then all cosines, each ordered x*1,
+//! x*2, x*4, x*8, y*1, ... , z*8.
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::activate::lanes;
@@ -113,7 +113,7 @@ fn input_of(
             format!(
                 "{} for a network that runs once a ray on {features} features ({} without \
                          the diffuse colour); networks that run for each sample cannot be baked, \
-                         --mlp none leaves the network out",
+                         option mlp: none leaves the network out",
                 embedding.saturating_add(features).saturating_add(3),
                 embedding.saturating_add(features)
             ),
@@ -125,8 +125,8 @@ fn input_of(
 pub const RAYS: usize = 16;
 
 impl ViewMlp {
-    /// View-dependent colour of up to [`RAYS`] rays: `directions` of unit length, and what each ray
-    /// accumulated, diffuse colour first.
+    /// View-dependent colour of up to [`RAYS`] rays: `directions` of unit length, and each ray's
+    /// accumulated values, diffuse colour first.
     pub fn colors(&self, directions: &[[f64; 3]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
         let embedding = 3 + 6 * self.frequencies;
         let skip = match self.input {
@@ -158,7 +158,7 @@ impl ViewMlp {
     }
 
     /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of
-    /// half the squared error by what the ray accumulated, through the network alone.
+    /// half the squared error by the ray's accumulated values, through the network alone.
     pub fn differentiate(
         &self,
         direction: [f64; 3],

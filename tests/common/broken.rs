@@ -52,7 +52,7 @@ fn sound_container() -> Vec<u8> {
     let path = folder.path().join("sound.safetensors");
     std::fs::write(&path, Checkpoint::sound().to_bytes()).expect("writable");
     let field = checkpoint::open(&path, &said(), &Limits::default()).expect("a checkpoint").field;
-    // Outside is half of the matter, so that the mask shows and stays.
+    // Half of the opaque nodes are outside, so that the mask shows and stays.
     let inside = (0..8).map(|node| node >= 4).collect();
     let lookup = Lookup::Nearest(inside);
     let mask = FreeSpace { nodes: Nodes([2; 3]), scale: [0.5; 3], shift: [0.5; 3], lookup };

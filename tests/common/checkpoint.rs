@@ -18,7 +18,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// A ball of matter in empty space, four features, a network of one layer.
+    /// An opaque ball in empty space, four features, a network of one layer.
     pub fn sound() -> Self {
         let mut random = Random::new(8);
         let [nx, ny, nz] = NODES;

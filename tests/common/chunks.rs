@@ -2,7 +2,7 @@
 //! coding of a chunk's bytes has no place here.
 
 use mipvog_bake::unstable::codec::container::layout::{
-    ALIGNMENT, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, META,
+    ALIGNMENT, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS, META,
 };
 
 use super::open_bytes;
@@ -49,10 +49,10 @@ pub fn entries(chunks: &[Chunk]) -> Vec<Entry> {
 /// A file of these entries, each with its chunk where it says, padding zero.
 pub fn file(entries: &[Entry], chunks: &[Chunk]) -> Vec<u8> {
     let end = entries.iter().map(Entry::padded_end).max().unwrap_or(HEADER_BYTES);
-    let filled = chunks.iter().any(|chunk| {
+    let inherits = chunks.iter().any(|chunk| {
         chunk.bytes.windows(15).any(|text| text == b"\"blocks_filled\"") && chunk.kind == META
     });
-    let features = if filled { FILLED_BLOCKS } else { 0 };
+    let features = if inherits { INHERITED_BLOCKS } else { 0 };
     let mut bytes = Header::with_directory(features, end, entries).expect("few entries");
     bytes.resize(end.next_multiple_of(ALIGNMENT) as usize, 0);
     for (entry, chunk) in entries.iter().zip(chunks) {

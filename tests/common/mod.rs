@@ -105,7 +105,7 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
     }
 }
 
-/// A random field: smooth matter in empty space, `share` of it opaque, and `channels` of colour.
+/// A random field: a smooth body in empty space, `share` of it opaque, and `channels` of colour.
 pub fn random_field(random: &mut Random, nodes: [usize; 3], channels: usize) -> RadianceField {
     let count: usize = nodes.iter().product();
     let center = nodes.map(|size| random.between(0.0, size as f32));

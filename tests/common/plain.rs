@@ -122,9 +122,9 @@ pub fn cells(nodes: [usize; 3], marked: &[bool]) -> Vec<bool> {
 
 /// Cells of `coarse` that overlap one of `cells` of `fine`, as fractions of the same box.
 pub fn overlapping(fine: [usize; 3], cells: &[bool], coarse: [usize; 3]) -> Vec<bool> {
-    let overlaps = |a: usize, of_a: usize, b: usize, of_b: usize| {
-        // [a, a + 1] / (of_a - 1) and [b, b + 1] / (of_b - 1) share more than a point.
-        a * (of_b - 1) < (b + 1) * (of_a - 1) && b * (of_a - 1) < (a + 1) * (of_b - 1)
+    let overlaps = |a: usize, a_nodes: usize, b: usize, b_nodes: usize| {
+        // [a, a + 1] / (a_nodes - 1) and [b, b + 1] / (b_nodes - 1) share more than a point.
+        a * (b_nodes - 1) < (b + 1) * (a_nodes - 1) && b * (a_nodes - 1) < (a + 1) * (b_nodes - 1)
     };
     let mut found = vec![false; coarse.iter().product()];
     for at in all_nodes(fine).filter(|&at| cells[index(fine, at)]) {

@@ -101,10 +101,10 @@ impl PlainField {
             .map(|[by_x, by_y]| self.ray(camera, [center[0] + by_x, center[1] + by_y]));
         let mut accumulated = vec![0.0; 3 + self.view.features];
         let (mut left, mut distance, mut mean_level, mut doubt) = (1.0, 0.0, 0.0, 0.0);
-        let most = length(self.view.nodes.0.map(|size| (size + 1) as f64));
-        let most = (most / f64::from(march.stepsize)).floor();
+        let diagonal = length(self.view.nodes.0.map(|size| (size + 1) as f64));
+        let max_samples = (diagonal / f64::from(march.stepsize)).floor();
         let (mut next, mut entered) = (0.0, false);
-        while next <= most {
+        while next <= max_samples {
             let k = next;
             let t = ray.entry + k * ray.step;
             let lambda = match (choice, &self.view.level_of_detail) {
@@ -159,10 +159,10 @@ impl PlainField {
     /// Positions and weights of level 0's samples on the ray through a point of a picture.
     pub fn weights(&self, camera: &Camera, point: [f64; 2]) -> Vec<([f64; 3], f64)> {
         let ray = self.ray(camera, point);
-        let most = length(self.view.nodes.0.map(|size| (size + 1) as f64));
-        let most = (most / f64::from(self.view.march.stepsize)).floor() as usize;
+        let diagonal = length(self.view.nodes.0.map(|size| (size + 1) as f64));
+        let max_samples = (diagonal / f64::from(self.view.march.stepsize)).floor() as usize;
         let (mut left, mut weights) = (1.0, Vec::new());
-        for k in 0..=most {
+        for k in 0..=max_samples {
             let at = ray.at(ray.entry + k as f64 * ray.step);
             let Some(position) = self.in_box(at) else { continue };
             let depth = self.optical_depth(0.0, position).unwrap_or(0.0);
@@ -238,7 +238,7 @@ impl PlainField {
         });
         let rho = f64::max(rho[0], rho[1]);
         let last = (self.levels.len() - 1) as f64;
-        let last = rule.most.map_or(last, |most| last.min(most.into()));
+        let last = rule.bound.map_or(last, |bound| last.min(bound.into()));
         match rho > 0.0 {
             true => (f64::from(rule.factor) * rho.log2() + f64::from(rule.bias)).clamp(0.0, last),
             false => 0.0,
@@ -270,10 +270,10 @@ impl PlainField {
     fn decoded(&self, decode: DensityDomain, value: f64) -> f64 {
         let activation = &self.view.activation;
         let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-        let of_opacity = |alpha: f64| -(-alpha.clamp(0.0, 1.0 - f64::from(f32::EPSILON))).ln_1p();
+        let depth = |alpha: f64| -(-alpha.clamp(0.0, 1.0 - f64::from(f32::EPSILON))).ln_1p();
         match (decode, activation.order) {
             (DensityDomain::SqrtOpticalDepth, _) => value * value,
-            (DensityDomain::Opacity, _) | (_, ActivationOrder::Opacity) => of_opacity(value),
+            (DensityDomain::Opacity, _) | (_, ActivationOrder::Opacity) => depth(value),
             (_, ActivationOrder::Raw) => softplus(value + shift) * interval,
             (_, ActivationOrder::Density) => value * interval,
         }
@@ -303,8 +303,8 @@ impl PlainLevel {
     fn is_stored(&self, position: [f64; 3]) -> bool {
         let u = self.node_position(position);
         let low = [0, 1, 2].map(|axis| (u[axis] as usize).min(self.nodes[axis] - 2));
-        let of_block = |pruned: &Pruned| pruned.stored[index(self.nodes, low)];
-        self.pruned.as_ref().is_none_or(of_block)
+        let stored = |pruned: &Pruned| pruned.stored[index(self.nodes, low)];
+        self.pruned.as_ref().is_none_or(stored)
     }
 
     fn value(&self, values: &[f64], empty: Option<f64>, position: [f64; 3]) -> f64 {

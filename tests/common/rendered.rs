@@ -92,23 +92,25 @@ fn masked_density(field: &RadianceField) -> Vec<f64> {
 /// Levels of a baked field.
 pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
     let metadata = &field.metadata;
-    let level = |(level, of_level): (&BakedLevel, &LevelMetadata)| {
-        let (grid, nodes) = (of_level.grid(), of_level.dimensions);
+    let level = |(level, level_metadata): (&BakedLevel, &LevelMetadata)| {
+        let (grid, nodes) = (level_metadata.grid(), level_metadata.dimensions);
         let counts = grid.counts();
         let mut stored = vec![false; grid.total()];
         level.table.stored().for_each(|place| stored[index(counts, place)] = true);
         let is_stored = |at: [usize; 3]| stored[index(counts, at.map(|node| node / grid.edge))];
         let channels = |group: Group| -> Vec<Vec<f64>> {
             let count = group.channels(metadata.features);
-            (0..count).map(|channel| dense(level, of_level, group, (channel, count))).collect()
+            (0..count)
+                .map(|channel| dense(level, level_metadata, group, (channel, count)))
+                .collect()
         };
-        let empty = |group: Group| of_level.encoding(group).map(|of| f64::from(of.empty));
+        let empty = |group: Group| level_metadata.encoding(group).map(|of| f64::from(of.empty));
         let empty_color = [Group::Diffuse, Group::Features]
             .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.features)]);
         PlainLevel {
             nodes,
-            density: of_level.density.is_some().then(|| channels(Group::Density).remove(0)),
-            domain: of_level.density_domain(),
+            density: level_metadata.density.is_some().then(|| channels(Group::Density).remove(0)),
+            domain: level_metadata.density_domain(),
             color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),

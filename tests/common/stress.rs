@@ -133,7 +133,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "weighted averages, density",
-        inputs: "matter of `rate-tent` and `coverage`, all levels, intervals 1e-7 to 1e5, amounts up to the clamp; opacity over the level's own step",
+        inputs: "alpha of `rate-tent` and `coverage`, all levels, intervals 1e-7 to 1e5, amounts up to the clamp; opacity over the level's own step",
         bound: [1e-4, ANY, ANY],
         reason: "amounts are f32: near 1 the light left is known to 3e-8, and level 1's step takes its root",
         portable: true,
@@ -141,7 +141,7 @@ pub const ROWS: [Row; 19] = [
     },
     Row {
         stage: "weighted averages, colour",
-        inputs: "their colours, raw from -1e30 to 1e30, where there is matter",
+        inputs: "their colours, raw from -1e30 to 1e30, where alpha is above 0",
         bound: [4e-5, ANY, ANY],
         reason: "light behind many nodes is a product of as many exponentials, each 2e-7 off; then the quotient of two f32 means",
         portable: true,

@@ -313,16 +313,16 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     let edge = (1..).find(|edge: &usize| edge.pow(3) >= values.len()).expect("an edge").max(2);
     let mut padded = values.to_vec();
     padded.resize(edge.pow(3), values[0]);
-    let needed = NodeMask::full(Nodes([edge; 3]));
+    let retained = NodeMask::full(Nodes([edge; 3]));
     let activation = activation(SHIFTS[0], 0.5);
-    let planes = CodePlanes::new(&needed, activation, [(encoding, 1, None)]);
+    let planes = CodePlanes::new(&retained, activation, [(encoding, 1, None)]);
     for (x, plane) in padded.chunks(edge * edge).enumerate() {
         planes.put(x, 0, plane);
     }
     let slab = planes.take(0..edge);
-    let source = BlockSource { slab: &slab, needed: &needed, place: [0; 3] };
+    let source = BlockSource { slab: &slab, retained: &retained, place: [0; 3] };
     let encoder = BlockEncoder::new(encoding.clone(), 1, edge, &activation);
-    let (frame, _) = encoder.frame(source, source.needed_nodes(edge), 0, None);
+    let (frame, _) = encoder.frame(source, source.retained_nodes(edge), 0, None);
     let bytes = run_bytes(encoder.shape(), &[frame], encoder.dont_care_max()).bytes;
     let codes = match encoding.number {
         NumberType::U8 => Codes::U8(restored(encoder.shape(), &bytes)),
@@ -349,8 +349,8 @@ fn to_store(encoding: &Encoding) -> Vec<f32> {
         let sizes = (0..3000).map(|i| 3e-8 * 1.0095f32.powi(i));
         values.extend(sizes.flat_map(|size| [size, -size]));
     } else {
-        let of_codes: Vec<f32> = encoding.values().collect();
-        for pair in of_codes.windows(2) {
+        let decoded: Vec<f32> = encoding.values().collect();
+        for pair in decoded.windows(2) {
             let border = 0.5 * pair[0] + 0.5 * pair[1];
             values.extend([border.next_down(), border, border.next_up()]);
         }

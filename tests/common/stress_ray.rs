@@ -30,8 +30,8 @@ pub fn interpolation() -> Worst {
         let mixed = (0..count).map(|i| [1e30, -7.0, 1e-40, -1e30, 0.5][i * 7 % 5]).collect();
         for values in [checkerboard.collect(), chance, mixed] {
             let values: Vec<f32> = values;
-            let of_field = field(nodes, &values, &[&values[..]; 3].concat());
-            let dense = Dense::<4>::new(&of_field, None, &Limits::default());
+            let scene = field(nodes, &values, &[&values[..]; 3].concat());
+            let dense = Dense::<4>::new(&scene, None, &Limits::default());
             let dense = dense.expect("a field");
             let wide: Vec<f64> = values.iter().map(|&value| value.into()).collect();
             let shares = |axis: usize, random: &mut Random| {
@@ -115,17 +115,17 @@ fn rays(mut take: impl FnMut(&str, &Frame, usize, &Pixel)) {
         }
     }
     // Along faces and edges, and beside them.
-    let matter = scene([5, 6, 7], |[x, y, z]| ((x * 7 + y * 5 + z * 3) % 11) as f32 - 2.0);
+    let body = scene([5, 6, 7], |[x, y, z]| ((x * 7 + y * 5 + z * 3) % 11) as f32 - 2.0);
     let mut cameras = Vec::new();
     for axis in 0..3 {
         for (a, b) in SHARES.into_iter().flat_map(|a| SHARES.map(|b| (a, b))) {
             let mut share = [a; 3];
             share[(axis + 1) % 3] = b;
             share[axis] = -0.25;
-            cameras.push(straight(axis, place(&matter.scene.bounds, share), 3, 1e4));
+            cameras.push(straight(axis, place(&body.scene.bounds, share), 3, 1e4));
         }
     }
-    look("along a face", &matter, &cameras);
+    look("along a face", &body, &cameras);
     // Intervals and opacities.
     for interval in INTERVALS {
         for raw in [-1e30, -100.0, -27.63, -8.0, 0.0, 9.0, 27.63, 80.0, 1e30f32] {
@@ -235,7 +235,7 @@ pub fn level_blend() -> Worst {
         scene.scene.march.voxel_size = 0.01;
         let mut made = TrainedLevels::of_training(&filter, &scene.scene);
         made.count = 20;
-        made.level_of_detail.most = None;
+        made.level_of_detail.bound = None;
         let fast = Renderer::trained(&scene, Some(made), &Limits::default()).expect("a field");
         let plain =
             PlainField::new(fast.view(), trained_levels(&scene, Some((made.filter, made.count))));

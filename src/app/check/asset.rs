@@ -1,5 +1,5 @@
-//! Findings of a glTF asset: what general validators of glTF cannot know, its radiance fields and
-//! the containers behind them.
+//! Findings of a glTF asset that general validators of glTF cannot make: those of its radiance
+//! fields and of the containers behind them.
 
 use std::sync::Arc;
 

@@ -19,14 +19,14 @@ use crate::output::gltf::asset::is_asset;
 #[non_exhaustive]
 pub struct CheckOptions {
     /// Findings beyond this many are counted, not listed. Default: 1000
-    pub most_findings: usize,
+    pub max_findings: usize,
     /// The user's settings for an input. Default: none
     pub source: SourceOptions,
 }
 
 impl Default for CheckOptions {
     fn default() -> Self {
-        Self { most_findings: 1000, source: SourceOptions::default() }
+        Self { max_findings: 1000, source: SourceOptions::default() }
     }
 }
 
@@ -57,7 +57,7 @@ pub fn check_file(
     limits: &Limits,
 ) -> Result<Report> {
     options.source.check()?;
-    let mut report = Report::new(options.most_findings);
+    let mut report = Report::new(options.max_findings);
     let mut add = |finding: Finding| {
         report.add(&finding);
         Ok(())

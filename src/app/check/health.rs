@@ -13,8 +13,8 @@ use crate::model::activate;
 use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField, Volume, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
-/// Opacity over one interval up to which a node counts as empty: what a bake without options prunes
-/// by.
+/// Opacity over one interval up to which a node counts as empty: the threshold of a bake without
+/// options.
 const EMPTY_OPACITY: f64 = 1e-3;
 /// Raw values beyond this come from no training that worked: logits of trained scenes end near 100.
 const LARGEST_RAW: f32 = 1e4;
@@ -64,17 +64,17 @@ pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health
     let channels = 1 + field.color_channels();
     let whole: Vec<Tally> = (0..channels).map(|channel| merged(channel, &planes)).collect();
     let nodes = field.scene.nodes.count() as u64;
-    let seen: u64 = planes.iter().map(|plane| plane.seen).sum();
+    let visible: u64 = planes.iter().map(|plane| plane.visible).sum();
     let health = Health {
         nodes,
-        empty_share: (nodes - seen) as f64 / nodes as f64,
+        empty_share: (nodes - visible) as f64 / nodes as f64,
         nonfinite: whole.iter().map(|tally| tally.found.count).sum(),
         channels: whole.iter().enumerate().map(|(channel, tally)| tally.health(channel)).collect(),
         unused_network_inputs: field.view_mlp.as_ref().map_or(Vec::new(), unused_inputs),
     };
     whole.iter().enumerate().try_for_each(|(channel, tally)| values(channel, tally, report))?;
     space(&health, report)?;
-    if seen > 1 {
+    if visible > 1 {
         whole.iter().enumerate().skip(1).try_for_each(|(channel, t)| dead(channel, t, report))?;
     }
     for &input in &health.unused_network_inputs {
@@ -88,7 +88,7 @@ pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health
 /// Sums over one x plane.
 struct Plane {
     channels: Vec<Tally>,
-    seen: u64,
+    visible: u64,
 }
 
 fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
@@ -99,18 +99,18 @@ fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
     parallel::map(nx, |x| {
         let (mut density, mut values) = (vec![0.0; ny * nz], vec![0.0; ny * nz]);
         let mut channels = vec![read(&field.density, 0, x, &mut density)?];
-        let is_seen = |value: &f32| *value > threshold;
-        channels[0].take(0, x, nz, &density, |at| density.get(at).is_some_and(is_seen));
+        let is_visible = |value: &f32| *value > threshold;
+        channels[0].take(0, x, nz, &density, |at| density.get(at).is_some_and(is_visible));
         for volume in &field.color {
             for channel in 0..volume.channels {
                 let mut tally = read(volume, channel, x, &mut values)?;
                 let number = channels.len();
-                tally.take(number, x, nz, &values, |at| density.get(at).is_some_and(is_seen));
+                tally.take(number, x, nz, &values, |at| density.get(at).is_some_and(is_visible));
                 channels.push(tally);
             }
         }
-        let seen = density.iter().filter(|value| is_seen(value)).count() as u64;
-        Ok(Plane { channels, seen })
+        let visible = density.iter().filter(|value| is_visible(value)).count() as u64;
+        Ok(Plane { channels, visible })
     })
 }
 
@@ -133,7 +133,7 @@ impl Tally {
         x: usize,
         nz: usize,
         values: &[f32],
-        seen: impl Fn(usize) -> bool,
+        is_visible: impl Fn(usize) -> bool,
     ) {
         for (at, &value) in values.iter().enumerate() {
             if !value.is_finite() {
@@ -142,7 +142,7 @@ impl Tally {
                 continue;
             }
             self.range = widened(self.range, [value; 2]);
-            if seen(at) {
+            if is_visible(at) {
                 self.seen_range = widened(self.seen_range, [value; 2]);
             }
         }
@@ -165,7 +165,7 @@ impl Tally {
 }
 
 fn widened(range: Option<[f32; 2]>, [low, high]: [f32; 2]) -> Option<[f32; 2]> {
-    Some(range.map_or([low, high], |[least, most]| [least.min(low), most.max(high)]))
+    Some(range.map_or([low, high], |[lowest, highest]| [lowest.min(low), highest.max(high)]))
 }
 
 fn merged(channel: usize, planes: &[Plane]) -> Tally {
@@ -182,7 +182,7 @@ fn merged(channel: usize, planes: &[Plane]) -> Tally {
     whole
 }
 
-/// Holds stated checksums against what was read.
+/// Compares stated checksums with those of the values read.
 fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Result<()> {
     let stated = Planes::new(field, None, Nonfinite::Empty);
     let channels = 1 + field.color_channels();
@@ -217,7 +217,7 @@ fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
 /// Nothing is there, or something is everywhere.
 fn space(health: &Health, report: &mut Report) -> Result<()> {
     let (code, found, expected) = match health.empty_share {
-        1.0 => (Code::SpaceEmpty, "no node that can be seen".to_owned(), "some"),
+        1.0 => (Code::SpaceEmpty, "no visible node".to_owned(), "some"),
         share if share < LEAST_EMPTY => {
             let found = format!("{:.2} % of nodes that are empty", 100.0 * share);
             (Code::SpaceFull, found, "at least 1 %")
@@ -233,7 +233,7 @@ fn dead(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     let Some([value, _]) = tally.seen_range.filter(|[low, high]| low == high) else {
         return Ok(());
     };
-    let found = format!("the value {value} at every node that can be seen");
+    let found = format!("the value {value} at every visible node");
     let error = Error::malformed(tally.place(channel), found, "values that differ");
     report(Finding { code: Code::ChannelDead, error })
 }

@@ -12,8 +12,8 @@ use crate::input::checkpoint::{self, SourceOptions};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
-/// Reports everything that is wrong with a file of tensors; what was measured of its values, where
-/// it got so far.
+/// Reports all faults of a file of tensors. Returns the measurements of its values, if they could
+/// be read.
 pub fn check(
     file: Arc<SourceFile>,
     options: &SourceOptions,

@@ -6,7 +6,7 @@ use super::health::Health;
 use crate::base::error::Place;
 use crate::base::finding::{Code, Finding, Severity};
 
-/// Characters of one message, at most: what was found may be as long as a file.
+/// Characters of one message, at most: a found value may be as long as a file.
 const MESSAGE_CHARACTERS: usize = 500;
 
 /// The result of a validation.
@@ -22,7 +22,7 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<Health>,
     #[serde(skip)]
-    most_findings: usize,
+    max_findings: usize,
 }
 
 /// A finding as reports print it.
@@ -45,14 +45,14 @@ pub struct ReportedFinding {
 }
 
 impl Report {
-    pub(super) fn new(most_findings: usize) -> Self {
-        Self { valid: true, findings: Vec::new(), unlisted: 0, health: None, most_findings }
+    pub(super) fn new(max_findings: usize) -> Self {
+        Self { valid: true, findings: Vec::new(), unlisted: 0, health: None, max_findings }
     }
 
     pub(super) fn add(&mut self, finding: &Finding) {
         let severity = finding.code.severity();
         self.valid &= severity != Severity::Error;
-        if self.findings.len() >= self.most_findings {
+        if self.findings.len() >= self.max_findings {
             self.unlisted += 1;
             return;
         }

@@ -26,8 +26,8 @@ pub struct Arguments {
     /// The asset to write, of the same kind
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The node that shows the field, by number or name; its mesh is what other viewers show
-    /// [default: a new node in the default scene]
+    /// The node that shows the field, by number or name; other viewers show its mesh [default: a
+    /// new node in the default scene]
     #[arg(long, value_name = "INDEX|NAME", value_parser = parse_node)]
     node: Option<NodeChoice>,
     /// Name the container by a URI in a .glb too, instead of embedding it
@@ -80,8 +80,8 @@ pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     }
 }
 
-/// Says which files `asset` needs that do not go with it from the folder of `input` to that of
-/// `output`.
+/// Names the files that `asset` refers to and that do not go with it from the folder of `input` to
+/// that of `output`.
 pub fn warn_of_companions(
     asset: &Asset,
     input: &Path,

@@ -203,7 +203,7 @@ impl Arguments {
         if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
             check_judges(&options.fit_cameras, cameras)?;
         }
-        let options = &self.seen(options, &source.field, limits)?;
+        let options = &self.with_cameras(options, &source.field, limits)?;
         let current =
             self.incremental.current(&self.output, &source.field, options, &origin, limits)?;
         let mut report = match current {
@@ -235,7 +235,7 @@ impl Arguments {
         Ok(Baked { report, resolved, gate, inputs })
     }
 
-    /// Tells what a bake would take and give.
+    /// Forecasts the cost and the output of a bake.
     fn forecast(
         &self,
         file: &TensorFile,
@@ -247,7 +247,7 @@ impl Arguments {
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
-        let options = self.seen(options, &source.field, limits)?;
+        let options = self.with_cameras(options, &source.field, limits)?;
         let bar = Bar::new(common);
         let forecast = forecast(&source.field, &options, &bar)?;
         drop(bar);
@@ -277,7 +277,7 @@ impl Arguments {
     }
 
     /// The options with the cameras that they depend on.
-    fn seen(
+    fn with_cameras(
         &self,
         options: &BakeOptions,
         field: &RadianceField,
@@ -343,8 +343,8 @@ impl Arguments {
         Ok(Baked { report, resolved: changes.to_json(), gate: None, inputs })
     }
 
-    /// Refuses what packing an unpacked container again, or baking its finest level `anew`, would
-    /// ignore.
+    /// Refuses options that packing an unpacked container again, or baking its finest level `anew`,
+    /// would ignore.
     fn refuse_ignored(&self, anew: bool) -> Result<()> {
         let (scene, stored) = (&self.scene, &self.stored);
         let ignored = [
@@ -378,7 +378,7 @@ impl Arguments {
         if let Some(finest) = report.pruned.first() {
             writeln!(
                 text,
-                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} needed",
+                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} retained",
                 finest.nodes, finest.opaque_nodes, finest.masked_nodes, finest.needed_nodes
             )
             .ok();

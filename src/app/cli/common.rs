@@ -15,8 +15,8 @@ pub(super) struct Common {
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     pub(super) threads: u16,
-    /// Raise or lower a limit on what files may ask for, such as memory=1000000000; can be given
-    /// again. An unknown name lists all
+    /// Raise or lower a limit on the sizes that files may ask for, such as memory=1000000000; can
+    /// be given again. An unknown name lists all
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(String, u64)>,
     /// Print no report, no progress and no warnings
@@ -34,7 +34,7 @@ pub(super) struct Common {
 }
 
 impl Common {
-    /// Limits on what files may ask for.
+    /// Limits on the sizes that files may ask for.
     pub(super) fn limits(&self) -> Limits {
         let mut limits = Limits::default();
         for (name, count) in &self.limits {

@@ -1,5 +1,5 @@
-//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and what
-//! the user says about it.
+//! Fields that verbs render: a container, alone or in a glTF asset, or a trained input, and the
+//! user's settings for it.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -47,7 +47,7 @@ impl FitArguments {
     }
 }
 
-/// Refuses cameras that judge what was fitted to them.
+/// Refuses to judge a fit by the cameras that it was fitted to.
 pub fn check_judges(fitted: &[Camera], judges: &[Camera]) -> Result<()> {
     let known = |judge: &&Camera| fitted.iter().any(|camera| camera.to_world == judge.to_world);
     match judges.iter().find(known) {

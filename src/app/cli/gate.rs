@@ -1,4 +1,4 @@
-//! The quality gate of `bake`: what the container looks like, before it gets its name.
+//! The quality gate of `bake`: it measures the container's pictures before the file gets its name.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -14,7 +14,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::model::field::RadianceField;
 
-/// When to bake, and what to tell build systems.
+/// Conditions of a bake, and outputs for build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
     /// Bake only if input, options or version differ from those of the container that is there,

@@ -1,8 +1,8 @@
 //! Signals that ask the program to end.
 //!
-//! The first Ctrl-C ends what only makes a result better (a fit) with what there is, and anything
-//! else as soon as it can be; temporary files are then gone. A second one before that ends it on
-//! the spot.
+//! The first Ctrl-C ends a fit with the result so far, because a fit only makes a result better. It
+//! ends any other work as soon as possible; temporary files are then gone. A second one before that
+//! ends the program on the spot.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -19,8 +19,8 @@ fn last() -> &'static Arc<AtomicUsize> {
     LAST.get_or_init(|| Arc::new(AtomicUsize::new(SIGINT.unsigned_abs() as usize)))
 }
 
-/// From now on a file that grows beyond what the user may write is an error like a full disk, where
-/// it would end the program without a word.
+/// From now on a file that grows beyond the user's limit is an error like a full disk, where it
+/// would end the program without a word.
 pub fn outlive_file_limits() {
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();

@@ -1,6 +1,6 @@
 //! The command line: arguments in, reports on stdout, progress and warnings on stderr.
 //!
-//! One file a verb. Verbs return what they report; printing and exit codes are here.
+//! One file a verb. Verbs return their reports; printing and exit codes are here.
 
 mod attach;
 mod bake;

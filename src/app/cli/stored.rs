@@ -41,17 +41,17 @@ pub struct StoredArguments {
     /// Multiplies the rule's level-of-detail factor [default: 1]
     #[arg(long, value_name = "FACTOR")]
     pub lod_scale: Option<f32>,
-    /// Drop what weighs less in every pixel of --cameras than this, above 0 to 1: from elsewhere,
-    /// parts may be missing [default: keep all]
+    /// Drop nodes that weigh less in every pixel of --cameras than this, above 0 to 1: other
+    /// cameras may miss parts [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     pub min_weight: Option<f32>,
-    /// Let colours err more the less they make up of what --cameras see: by so many codes at the
+    /// Let colours err more the less they add to the pictures of --cameras: by so many codes at the
     /// mean of their level, 0 to 64 [default: 0]
     #[arg(long, value_name = "CODES")]
     pub coarseness: Option<f32>,
-    /// Leave colours of blocks out that the next coarser level says within this error, above 0 to
-    /// 1, at every needed node; with --min-weight or --coarseness more where --cameras see less
-    /// [default: keep all]
+    /// Let blocks inherit their colours from the next coarser level within this error, above 0 to
+    /// 1, at every retained node; with --min-weight or --coarseness larger at nodes that --cameras
+    /// cover less [default: keep all]
     #[arg(long, value_name = "ERROR")]
     pub fill_error: Option<f32>,
     /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the

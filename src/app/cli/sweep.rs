@@ -56,13 +56,13 @@ pub struct Arguments {
     /// Compression levels of zstd to try, 1 to 22
     #[arg(long, value_name = "LEVEL,...", value_delimiter = ',')]
     zstd_level: Vec<i32>,
-    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all matter
+    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all
     #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
     min_weight: Vec<f32>,
     /// Coarseness of colours to try, as `bake --coarseness`
     #[arg(long, value_name = "CODES,...", value_delimiter = ',')]
     coarseness: Vec<f32>,
-    /// Errors of filled blocks to try, as `bake --fill-error`; 0 stores all
+    /// Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all
     #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
     fill_error: Vec<f32>,
     /// Presets to try beside the combinations

@@ -17,7 +17,7 @@ pub struct Arguments {
     /// A container, a glTF asset with radiance fields, or anything that can be baked
     file: PathBuf,
     /// Findings to list, at most; how many more there are is told
-    #[arg(long, value_name = "N", default_value_t = CheckOptions::default().most_findings)]
+    #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
     max_findings: usize,
     #[command(flatten)]
     scene: SceneArguments,
@@ -26,7 +26,7 @@ pub struct Arguments {
 /// Validates a file.
 pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     let options = CheckOptions {
-        most_findings: arguments.max_findings,
+        max_findings: arguments.max_findings,
         source: arguments.scene.source_options(),
     };
     let report = check::check_with(&arguments.file, &options, limits)?;

@@ -80,8 +80,8 @@ impl ValueEnum for LevelRule {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (factor, most) = self.constants();
-        let bound = most.map_or(String::new(), |most| format!(", at most {most}"));
+        let (factor, bound) = self.constants();
+        let bound = bound.map_or(String::new(), |bound| format!(", at most {bound}"));
         let help = format!("{factor:.3} times the footprint's logarithm to base 2{bound}");
         Some(PossibleValue::new(self.name()).help(help))
     }

@@ -1,6 +1,6 @@
 //! A server of the web viewer and one file, on the loopback address.
 //!
-//! [`request`] reads what a browser asks, strictly and within limits; [`range`] understands byte
+//! [`request`] reads a browser's request, strictly and within limits; [`range`] understands byte
 //! ranges; [`site`] holds the few names that are served, so that no path ever reaches the file
 //! system. Here connections are accepted and answered, a thread each.
 

@@ -4,9 +4,9 @@ use std::io::Read;
 use std::net::SocketAddr;
 
 /// Bytes of a request's head, at most.
-const MOST_BYTES: usize = 16 << 10;
+const MAX_BYTES: usize = 16 << 10;
 /// Fields of a head, at most.
-const MOST_FIELDS: usize = 100;
+const MAX_FIELDS: usize = 100;
 
 /// A request that can be answered.
 #[derive(Debug, PartialEq, Eq)]
@@ -76,7 +76,7 @@ impl<R: Read> Reader<R> {
                 return Ok(Some(parse(&head[..head.len() - 4], address)));
             }
             looked_at = self.buffer.len();
-            if looked_at >= MOST_BYTES {
+            if looked_at >= MAX_BYTES {
                 return Ok(Some(Err(Refusal::TooLarge)));
             }
             let mut piece = [0; 4096];
@@ -91,7 +91,7 @@ impl<R: Read> Reader<R> {
 
 /// Understands a head without its last two line ends.
 fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
-    // Fields may hold other bytes than ASCII, but not those that matter here.
+    // Fields may hold other bytes than ASCII, but not the bytes that are tested here.
     let text = std::str::from_utf8(head).map_err(|_| Refusal::Malformed)?;
     if text.bytes().any(|byte| byte.is_ascii_control() && !matches!(byte, b'\r' | b'\n' | b'\t')) {
         return Err(Refusal::Malformed);
@@ -116,7 +116,7 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
     let path = target.split('?').next().unwrap_or_default().to_owned();
     let (mut host, mut range, mut is_conditional) = (None, None, false);
     for (count, line) in lines.enumerate() {
-        if count == MOST_FIELDS {
+        if count == MAX_FIELDS {
             return Err(Refusal::TooLarge);
         }
         let (name, value) = line.split_once(':').ok_or(Refusal::Malformed)?;
@@ -238,7 +238,7 @@ mod tests {
     fn everything_else_is_refused() {
         let host = "Host: localhost:8080\r\n";
         let twice = "Range: bytes=0-1\r\nRange: bytes=3-4\r\n";
-        let many = "X: y\r\n".repeat(MOST_FIELDS + 1);
+        let many = "X: y\r\n".repeat(MAX_FIELDS + 1);
         let cases = [
             (format!("POST / HTTP/1.1\r\n{host}\r\n"), Refusal::Method),
             (format!("GET / HTTP/2\r\n{host}\r\n"), Refusal::Version),
@@ -257,7 +257,7 @@ mod tests {
             ("GET / HTTP/1.1\r\n\r\n".to_owned(), Refusal::Host),
             ("GET / HTTP/1.1\r\nHost: evil.example:8080\r\n\r\n".to_owned(), Refusal::Host),
             ("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(), Refusal::Host),
-            (format!("GET /{}", "x".repeat(MOST_BYTES)), Refusal::TooLarge),
+            (format!("GET /{}", "x".repeat(MAX_BYTES)), Refusal::TooLarge),
         ];
         for (text, want) in cases {
             assert_eq!(first(&text), Some(Err(want)), "{}", &text[..text.len().min(80)]);

@@ -13,7 +13,7 @@ use super::site::{self, Body, Resource, Site};
 use crate::base::error::{Error, Result};
 
 /// Connections at a time, at most; a browser opens six.
-const MOST_CONNECTIONS: usize = 64;
+const MAX_CONNECTIONS: usize = 64;
 
 /// A connection that is silent for so long is closed.
 const SILENCE: Duration = Duration::from_secs(60);
@@ -66,7 +66,7 @@ impl Server {
                 continue;
             };
             // Dropped where there are too many: the browser asks again.
-            if open.fetch_add(1, Ordering::AcqRel) >= MOST_CONNECTIONS {
+            if open.fetch_add(1, Ordering::AcqRel) >= MAX_CONNECTIONS {
                 open.fetch_sub(1, Ordering::AcqRel);
                 continue;
             }

@@ -1,5 +1,5 @@
 //! Bakes over settings: each one's cost in time and bytes, its loss at every scale, and the choice
-//! of those worth having.
+//! of the best ones.
 //!
 //! 1. **Settings** ([`Grid`]): every combination of the lists that were given, each once, in a
 //!    stable order and under a stable name.

@@ -87,14 +87,14 @@ pub fn finished(
 
 /// Refuses to begin where a file that no sweep wrote is in the way of one that this would write.
 pub fn refuse_foreign(folder: &Path, settings: &[Setting], limits: &Limits) -> Result<()> {
-    let of_setting = |setting| {
+    let setting_files = |setting| {
         let record = record_path(folder, setting);
         (is_ours(&record, RECORD_SCHEMA, limits), vec![record, container_path(folder, setting)])
     };
     let page = folder.join("sweep.json");
     let beside = ["sweep.csv", "sweep.html"].map(|name| folder.join(name));
     let report = (is_ours(&page, super::SCHEMA, limits), [vec![page], beside.to_vec()].concat());
-    let groups = settings.iter().map(of_setting).chain([report]);
+    let groups = settings.iter().map(setting_files).chain([report]);
     let foreign = groups.filter(|(ours, _)| !ours).flat_map(|(_, files)| files);
     let mut taken = foreign.filter(|file| file.symlink_metadata().is_ok());
     match taken.next() {
@@ -150,8 +150,8 @@ impl Basis {
             let Camera { name, to_world, lens, .. } = camera;
             basis.add(format!("{name} {to_world:?} {lens:?}").as_bytes());
         }
-        let seen = (&options.scales, options.repeat, parallel::threads());
-        basis.add(format!("{seen:?}").as_bytes());
+        let conditions = (&options.scales, options.repeat, parallel::threads());
+        basis.add(format!("{conditions:?}").as_bytes());
         Ok(basis)
     }
 

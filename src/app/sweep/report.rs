@@ -100,7 +100,7 @@ pub struct SweepReport {
 }
 
 impl SettingReport {
-    /// Of a result or a failure; who is on the fronts is not known yet.
+    /// Of a result or a failure; its flags for the fronts are not known yet.
     pub(super) fn new(setting: &Setting, resumed: bool, result: Outcome) -> Self {
         let (result, failure) = match result {
             Ok(result) => (Some(result), None),

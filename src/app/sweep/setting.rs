@@ -35,11 +35,11 @@ pub struct Grid {
     pub block_sizes: Vec<usize>,
     /// Compression levels of zstd.
     pub zstd_levels: Vec<i32>,
-    /// Least weights in a pixel of the sweep's cameras; 0 keeps all matter.
+    /// Least weights in a pixel of the sweep's cameras; 0 keeps all.
     pub min_weights: Vec<f32>,
     /// Coarseness of colours by the same cameras.
     pub coarsenesses: Vec<f32>,
-    /// Errors within which blocks are filled; 0 stores all.
+    /// Errors within which blocks inherit their colours; 0 stores all.
     pub fill_errors: Vec<f32>,
     /// Settings of their own beside the combinations.
     pub presets: Vec<Preset>,

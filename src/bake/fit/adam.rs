@@ -1,4 +1,4 @@
-//! Steps of the optimizer (Adam, Kingma and Ba 2015), on the nodes of one level that can be seen.
+//! Steps of the optimizer (Adam, Kingma and Ba 2015), on the visible nodes of one level.
 
 use super::gradient::{Gradient, NOT_FITTED};
 use crate::base::error::Result;
@@ -18,7 +18,7 @@ const LEAST_SHARE: f32 = 0.3;
 /// Density that empty nodes start with: where it is 0, so is its derivative.
 const SEED_DENSITY: f32 = 0.003;
 /// Largest square root of optical depth: codes end there.
-const MOST_DENSITY: f32 = 3.9;
+const MAX_DENSITY: f32 = 3.9;
 /// Nodes that are updated together.
 const CHUNK: usize = 4096;
 
@@ -43,14 +43,14 @@ pub struct Adam<const C: usize> {
 }
 
 impl<const C: usize> Adam<C> {
-    /// For the `needed` nodes of a level.
-    pub fn new(field: &mut Dense<C>, level: usize, needed: &NodeMask) -> Self {
-        let [nx, ny, nz] = needed.nodes().0;
+    /// For the `retained` nodes of a level.
+    pub fn new(field: &mut Dense<C>, level: usize, retained: &NodeMask) -> Self {
+        let [nx, ny, nz] = retained.nodes().0;
         let (density, _) = field.values_mut(level);
         let mut numbers = vec![NOT_FITTED; nx * ny * nz];
         let mut moments = Vec::new();
         for (node, number) in numbers.iter_mut().enumerate() {
-            if needed.contains([node / nz / ny, node / nz % ny, node % nz]) {
+            if retained.contains([node / nz / ny, node / nz % ny, node % nz]) {
                 *number = moments.len() as u32;
                 density[node] = density[node].max(SEED_DENSITY);
                 moments.push(Moments { node, density: [0.0; 2], color: [[0.0; 2]; C], steps: 0 });
@@ -122,7 +122,7 @@ impl<const C: usize> Adam<C> {
         for (moments, update) in self.moments.iter().zip(updates.into_iter().flatten()) {
             let Some((by_density, by_color)) = update else { continue };
             let at = moments.node;
-            density[at] = (density[at] - by_density).clamp(0.0, MOST_DENSITY);
+            density[at] = (density[at] - by_density).clamp(0.0, MAX_DENSITY);
             color[at].iter_mut().zip(by_color).for_each(|(raw, by)| *raw -= by);
         }
         parallel::map_mut(gradients, |_, gradient| {

@@ -38,7 +38,7 @@ pub struct FittedLevel {
 /// Inputs of the fits of all levels.
 pub struct FitContext<'a> {
     pub targets: &'a Targets,
-    pub needed: &'a [&'a NodeMask],
+    pub retained: &'a [&'a NodeMask],
     pub options: &'a FitOptions<'a>,
     /// The rule that levels are fitted under.
     pub start: LevelOfDetail,

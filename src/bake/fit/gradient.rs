@@ -5,7 +5,8 @@
 //! `T`:
 //!
 //! ```text
-//! dL/dc_i = w_i dL/dA        dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
+//! dL/dc_i = w_i dL/dA
+//! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 
 use super::target::Targets;
@@ -78,7 +79,7 @@ struct Sampled<const C: usize> {
     color: Option<[f32; C]>,
 }
 
-/// Derivatives of half a ray's squared error by what was accumulated and by the light left, the
+/// Derivatives of half a ray's squared error by the accumulated colour and by the light left, the
 /// light left, and the squared error.
 type Traced<const C: usize> = ([f32; C], f32, f32, f32);
 
@@ -87,7 +88,7 @@ impl<const C: usize> Rays<'_, C> {
     pub fn differentiate(&self, number: usize, gradient: &mut Gradient<C>) {
         let Some((by_color, by_left, left, _)) = self.trace(number, gradient) else { return };
         let samples = std::mem::take(&mut gradient.samples);
-        // Back to front: what light behind a sample is worth.
+        // Back to front: the derivative by the light behind a sample.
         let mut behind = left * by_left;
         for sample in samples.iter().rev() {
             let worth = sample.color.map_or(0.0, |color| dot(&by_color, &color));
@@ -222,7 +223,7 @@ impl<const C: usize> Rays<'_, C> {
         (by_color, by_left, left, errors.iter().map(|error| error * error).sum())
     }
 
-    /// Adds what a sample's part says of the level's nodes around it.
+    /// Adds a sample's part to the derivatives of the level's nodes around it.
     fn add(
         &self,
         part: &Part<C>,

@@ -30,7 +30,7 @@ pub struct LevelFit<'a> {
     pub context: &'a FitContext<'a>,
     pub view: &'a View,
     pub level: usize,
-    pub needed: &'a NodeMask,
+    pub retained: &'a NodeMask,
 }
 
 impl LevelFit<'_> {
@@ -46,7 +46,7 @@ impl LevelFit<'_> {
         let before = self.validation_psnr(field)?;
         let mut fitted =
             FittedLevel { level: self.level, steps: 0, psnr_before: before, psnr_after: before };
-        let mut adam = Adam::new(field, self.level, self.needed);
+        let mut adam = Adam::new(field, self.level, self.retained);
         let mut gradients: Vec<Gradient<C>> =
             (0..PARTS).map(|_| Gradient::new(adam.nodes())).collect();
         let mut best = adam.state(field);
@@ -90,7 +90,7 @@ impl LevelFit<'_> {
     /// Seconds since the fit's start, and those allowed by this level's end. Levels share the time
     /// evenly.
     fn seconds(&self) -> (f64, f64) {
-        let levels = self.context.needed.len() - 1;
+        let levels = self.context.retained.len() - 1;
         let share = self.level as f64 / levels as f64;
         let allowed = self.context.options.seconds.map_or(f64::INFINITY, |seconds| seconds * share);
         (self.context.clock.elapsed().as_secs_f64(), allowed)

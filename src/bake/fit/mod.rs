@@ -1,8 +1,8 @@
 //! Coarser levels, fitted to pictures of level 0.
 //!
-//! A filter knows neither that a ray sees the front of things, nor how thick matter is along the
-//! ray. So a fit starts from the levels of `rate-tent` and changes them until their pictures are
-//! right:
+//! A filter knows neither that a ray sees the front of things, nor how thick opaque regions are
+//! along the ray. So a fit starts from the levels of `rate-tent` and changes them until their
+//! pictures are right:
 //!
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box, and
 //!    box-downsamples the pictures.
@@ -15,10 +15,9 @@
 //!    stalled.
 //! 5. [`rule`] moves the level-of-detail rule to where the fitted levels look best.
 //!
-//! Only nodes that can be seen change. The budget is in steps, rays are drawn by a fixed generator,
-//! and sums of gradients are in a fixed order. So the same bytes come out for any number of
-//! threads. A fit can be cut short by a time limit or by the caller; the report then has fewer
-//! steps.
+//! Only visible nodes change. The budget is in steps, rays are drawn by a fixed generator, and sums
+//! of gradients are in a fixed order. So the same bytes come out for any number of threads. A fit
+//! can be cut short by a time limit or by the caller; the report then has fewer steps.
 
 mod adam;
 mod context;

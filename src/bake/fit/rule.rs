@@ -16,7 +16,7 @@ const STEPS: [f32; 2] = [0.05, 0.025];
 /// Rays of each scale that a rule is judged by.
 const RAYS: usize = 2048;
 /// Changes of factor and bias, at most, for each step length.
-const MOST_CHANGES: usize = 4;
+const MAX_CHANGES: usize = 4;
 
 /// Searches around the first rule, uphill along factor and bias, and leaves the best rule in
 /// `view`.
@@ -38,7 +38,7 @@ pub fn search<const C: usize>(
     };
     let (mut best, mut highest) = (start, quality(start)?);
     for step in STEPS {
-        for _ in 0..MOST_CHANGES {
+        for _ in 0..MAX_CHANGES {
             let moved = |factor: f32, bias: f32| LevelOfDetail {
                 factor: best.factor + factor,
                 bias: best.bias + bias,

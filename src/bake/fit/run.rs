@@ -23,7 +23,7 @@ pub struct Fitted {
     /// The rule under which the levels look best.
     pub level_of_detail: LevelOfDetail,
     /// The fit of each level, from level 1 on.
-    pub courses: Vec<FittedLevel>,
+    pub levels: Vec<FittedLevel>,
     /// True if the fit stopped at its time limit or at the wish of the caller.
     pub cut_short: bool,
 }
@@ -37,7 +37,7 @@ impl Fitted {
     }
 }
 
-/// Fits the coarser `levels` of `field`. Only nodes in `needed`, one set for each level, change.
+/// Fits the coarser `levels` of `field`. Only nodes in `retained`, one set for each level, change.
 /// `masked` says whether renderers will have the free-space mask.
 ///
 /// # Errors
@@ -46,7 +46,7 @@ impl Fitted {
 pub fn fit(
     field: &RadianceField,
     levels: TrainedLevels,
-    needed: &[&NodeMask],
+    retained: &[&NodeMask],
     masked: bool,
     options: &FitOptions,
     limits: &Limits,
@@ -57,11 +57,11 @@ pub fn fit(
     if !masked {
         rendered.view_mut().free_space = None;
     }
-    let coarser = needed.len().saturating_sub(1);
+    let coarser = retained.len().saturating_sub(1);
     let targets = Targets::new(&rendered, coarser, options.cameras, limits, progress)?;
     progress.begin(Step::Fit, (coarser * options.steps) as u64);
     let start = levels.level_of_detail;
-    let context = FitContext { targets: &targets, needed, options, start, clock, progress };
+    let context = FitContext { targets: &targets, retained, options, start, clock, progress };
     let (view, values) = rendered.into_parts();
     with_lanes!(values, stored => context.fit(view, stored))
 }
@@ -71,18 +71,18 @@ impl FitContext<'_> {
         let mut fitted = Fitted {
             values: Vec::new(),
             level_of_detail: self.start,
-            courses: Vec::new(),
+            levels: Vec::new(),
             cut_short: false,
         };
         // Trained fields are dense.
         let Stored::Dense(mut field) = stored else { return Ok(fitted) };
-        for (level, needed) in self.needed.iter().enumerate().skip(1) {
-            let fit = LevelFit { context: self, view: &view, level, needed };
+        for (level, retained) in self.retained.iter().enumerate().skip(1) {
+            let fit = LevelFit { context: self, view: &view, level, retained };
             let (level, cut) = fit.run(&mut field, fitted.cut_short)?;
-            fitted.courses.push(level);
+            fitted.levels.push(level);
             fitted.cut_short |= cut;
         }
-        let coarser = fitted.courses.len();
+        let coarser = fitted.levels.len();
         if coarser > 0 {
             fitted.level_of_detail = rule::search(&mut view, self, &field, coarser)?;
         }

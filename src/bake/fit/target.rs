@@ -44,10 +44,10 @@ impl Targets {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let view = field.view();
-        let most = view.nodes.0.into_iter().max().unwrap_or(2) as f64;
+        let longest = view.nodes.0.into_iter().max().unwrap_or(2) as f64;
         // A multiple of the coarsest picture's pixels, so that nothing is cut off.
         let unit = 1usize << halvings;
-        let side = ((most * PIXELS_A_NODE) as usize).next_multiple_of(unit);
+        let side = ((longest * PIXELS_A_NODE) as usize).next_multiple_of(unit);
         let cameras: Vec<Camera> = match given.len() {
             0 => around(&view.bounds, side).collect(),
             count => {

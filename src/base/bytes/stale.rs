@@ -17,13 +17,13 @@ pub const PREFIX: &str = ".mipvog-";
 /// Last part of temporary files' names.
 pub const SUFFIX: &str = ".partial";
 
-/// Removes what killed runs left in a folder, once a folder and process: folders of pictures are
-/// large.
+/// Removes the files that killed runs left in a folder, once a folder and process: folders of
+/// pictures are large.
 pub fn remove(folder: &Path) {
-    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let mut cleaned = CLEANED.lock().unwrap_or_else(PoisonError::into_inner);
     let Ok(folder) = folder.canonicalize() else { return };
-    if !seen.insert(folder.clone()) {
+    if !cleaned.insert(folder.clone()) {
         return;
     }
     let Ok(entries) = std::fs::read_dir(folder) else { return };

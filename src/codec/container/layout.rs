@@ -8,11 +8,11 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
 pub const VERSION: [u16; 2] = [1, 1];
-/// Required feature: there are blocks whose colours are filled from the next coarser level. Since
-/// 1.1.
-pub const FILLED_BLOCKS: u64 = 1;
+/// Required feature: there are blocks whose colours are inherited from the next coarser level.
+/// Since 1.1.
+pub const INHERITED_BLOCKS: u64 = 1;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = FILLED_BLOCKS;
+pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.

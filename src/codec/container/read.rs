@@ -8,7 +8,7 @@ use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked, strict};
 use crate::base::limits::{self, Budget};
-use crate::codec::quantize::{Filler, FrameShape};
+use crate::codec::quantize::{FrameShape, InheritedColors};
 use crate::model::baked::{BakedField, BakedLevel, Codes, Group, LevelMetadata, Occupancy, Table};
 use crate::model::field::FreeSpace;
 use crate::model::view_mlp::ViewMlp;
@@ -55,7 +55,7 @@ impl Container {
     }
 
     /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that
-    /// only one is in memory, beside the coarser one that filled blocks need. Chunks of no level
+    /// only one is in memory, beside the coarser one that inherited blocks need. Chunks of no level
     /// are not read: [`Self::read_head`] does.
     pub fn for_each_level(
         &self,
@@ -73,10 +73,11 @@ impl Container {
 
     /// Reads and decodes one level, 0 being the finest.
     pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
-        // Filled blocks are made of the coarser levels, as far as those have filled blocks too.
+        // Inherited blocks need the coarser levels, as far as those have inherited blocks too.
         let levels = &self.metadata.levels;
-        let filled = |level: &usize| levels.get(*level).is_some_and(|of| of.blocks_filled > 0);
-        let last = (number..levels.len()).find(|level| !filled(level)).unwrap_or(number);
+        let inherits =
+            |level: &usize| levels.get(*level).is_some_and(|level| level.blocks_filled > 0);
+        let last = (number..levels.len()).find(|level| !inherits(level)).unwrap_or(number);
         let mut read = None;
         for level in (number..=last).rev() {
             let mut budget = Budget::new(&self.limits);
@@ -141,7 +142,7 @@ impl Container {
         Ok((view_mlp, free_space))
     }
 
-    /// A level, whose filled blocks are made of the `coarser` one.
+    /// A level, whose inherited blocks are made from the `coarser` one.
     fn level(
         &self,
         number: usize,
@@ -162,11 +163,11 @@ impl Container {
         let mut whole = true;
         for ((group, kind), atlas) in Group::ALL.into_iter().zip(ATLASES).zip(&mut atlases) {
             if level.encoding(group).is_some() {
-                let filled = if group == Group::Density { 0 } else { table.filled() };
-                let frames = table.frames() - filled;
+                let inherited = if group == Group::Density { 0 } else { table.inherited() };
+                let frames = table.frames() - inherited;
                 *atlas = self.atlas(number, group, kind, frames, budget, report)?;
-                if let Some(stored) = atlas.take_if(|_| filled > 0) {
-                    *atlas = self.fill(number, group, (&table, &stored), coarser, budget)?;
+                if let Some(stored) = atlas.take_if(|_| inherited > 0) {
+                    *atlas = self.restore(number, group, (&table, &stored), coarser, budget)?;
                 }
                 whole &= atlas.is_some();
             }
@@ -202,7 +203,7 @@ impl Container {
 
     /// The codes of all blocks from those of the ones that are stored; none where the coarser level
     /// is missing.
-    fn fill(
+    fn restore(
         &self,
         number: usize,
         group: Group,
@@ -210,8 +211,9 @@ impl Container {
         coarser: Option<&BakedLevel>,
         budget: &mut Budget,
     ) -> Result<Option<Codes>> {
-        let of = |number: usize| self.metadata.levels.get(number);
-        let (Some(level), Some(of_coarser), Some(coarser)) = (of(number), of(number + 1), coarser)
+        let metadata = |number: usize| self.metadata.levels.get(number);
+        let (Some(level), Some(coarser_metadata), Some(coarser)) =
+            (metadata(number), metadata(number + 1), coarser)
         else {
             return Ok(None);
         };
@@ -220,8 +222,8 @@ impl Container {
         let size = (table.frames() * channels * bytes) as u64 * level.grid().block_nodes() as u64;
         let place = Place::Chunk { kind: TABLE, level: u32::try_from(number).ok() };
         budget.spend(size, "bytes of codes", &place)?;
-        let filler = Filler::new(level, (of_coarser, coarser), group, channels);
-        Ok(filler.map(|filler| filler.fill(table, stored)))
+        let colors = InheritedColors::new(level, (coarser_metadata, coarser), group, channels);
+        Ok(colors.map(|colors| colors.restore(table, stored)))
     }
 }
 
@@ -247,14 +249,15 @@ fn read_table(
     for (block, id) in ids.into_iter().enumerate() {
         occupancy.push(Occupancy::from_id(id).ok_or_else(|| {
             let found = format!("occupancy {id} of block {block}");
-            Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (filled)")
+            Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (inherited)")
         })?);
     }
     let table = Table::new(grid, occupancy)?;
-    if table.frames() == level.blocks_stored && table.filled() == level.blocks_filled {
+    if table.frames() == level.blocks_stored && table.inherited() == level.blocks_filled {
         return Ok(table);
     }
-    let found = format!("{} stored blocks, {} of them filled", table.frames(), table.filled());
-    let expected = format!("{}, {} of them filled", level.blocks_stored, level.blocks_filled);
+    let found =
+        format!("{} stored blocks, {} of them inherited", table.frames(), table.inherited());
+    let expected = format!("{}, {} of them inherited", level.blocks_stored, level.blocks_filled);
     Err(Error::malformed(place.clone(), found, expected))
 }

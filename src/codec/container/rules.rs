@@ -1,7 +1,7 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
     KNOWN_FEATURES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
@@ -27,7 +27,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
-        let expected = "bit 0 (filled blocks) or none";
+        let expected = "bit 0 (inherited blocks) or none";
         let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
@@ -103,14 +103,14 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     Ok(())
 }
 
-/// The header says just whether there are filled blocks.
+/// The header says just whether there are inherited blocks.
 pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
-    let filled = metadata.levels.iter().any(|level| level.blocks_filled > 0);
-    if filled == (header.features & FILLED_BLOCKS != 0) {
+    let inherits = metadata.levels.iter().any(|level| level.blocks_filled > 0);
+    if inherits == (header.features & INHERITED_BLOCKS != 0) {
         return Ok(());
     }
     let found = format!("required features {:#x}", header.features);
-    let expected = if filled { "bit 0: blocks are filled" } else { "no bit 0: no block is filled" };
+    let expected = if inherits { "bit 0: blocks inherit" } else { "no bit 0: no block inherits" };
     let error = Error::malformed(Place::Offset(16), found, expected);
     report(Finding { code: Code::Header, error })
 }
@@ -125,8 +125,8 @@ pub fn metadata(
     let mut rules = Rules { sound: true, report };
     scene(metadata, place, &mut rules)?;
     let features = metadata.features as u64;
-    let most = limits.channels.saturating_sub(3);
-    rules.hold("features", |place| limits::check("features", features, most, place))?;
+    let max_features = limits.channels.saturating_sub(3);
+    rules.hold("features", |place| limits::check("features", features, max_features, place))?;
     if let Some(view) = &metadata.view {
         let count = view.widths.len();
         let found = format!("{count} widths");
@@ -181,7 +181,7 @@ impl Rules<'_, '_> {
         })
     }
 
-    /// Reports the error of a rule that knows what it found.
+    /// Reports the error of a rule.
     fn hold(&mut self, key: &str, rule: impl FnOnce(&Place) -> Result<()>) -> Result<()> {
         let checked = rule(&Place::Key(key.to_owned()));
         self.report(Code::MetadataValue, checked)
@@ -223,9 +223,10 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let finite = background.iter().all(|value| value.is_finite());
     rules.require(finite, "background", format!("{background:?}"), "finite numbers")?;
     let lod = &metadata.level_of_detail;
-    let most = lod.most.unwrap_or(0.0);
-    let fits = positive(lod.factor) && lod.bias.is_finite() && (0.0..f32::INFINITY).contains(&most);
-    let found = format!("factor {}, bias {}, most {most}", lod.factor, lod.bias);
+    let bound = lod.bound.unwrap_or(0.0);
+    let fits =
+        positive(lod.factor) && lod.bias.is_finite() && (0.0..f32::INFINITY).contains(&bound);
+    let found = format!("factor {}, bias {}, bound {bound}", lod.factor, lod.bias);
     let expected = "a positive factor, a finite bias and bound";
     rules.require(fits, "level_of_detail", found, expected)
 }
@@ -255,17 +256,17 @@ fn level(
     rules.hold(&key("dimensions"), sized)?;
     let block = (1..=LARGEST_BLOCK).contains(&level.block_size);
     rules.require(block, &key("block_size"), level.block_size, "1 to 64")?;
-    let (stored, filled) = (level.blocks_stored, level.blocks_filled);
+    let (stored, inherited) = (level.blocks_stored, level.blocks_filled);
     let fits = block && sizes_fit && stored <= level.grid().total();
     rules.require(fits, &key("blocks_stored"), stored, "at most all blocks")?;
     let coarser = metadata.levels.get(number + 1);
     let inherits = coarser.is_some_and(LevelMetadata::has_integer_colors)
         && level.has_integer_colors()
-        && filled <= stored;
+        && inherited <= stored;
     rules.require(
-        filled == 0 || inherits,
+        inherited == 0 || inherits,
         &key("blocks_filled"),
-        filled,
+        inherited,
         "at most the stored blocks, of a level with a coarser one, both with colours in integers",
     )?;
     rules.require(level.diffuse.is_some(), &key("diffuse"), "null", "an encoding")?;

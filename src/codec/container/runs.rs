@@ -5,7 +5,8 @@
 //! is stored as it is. An atlas chunk is
 //!
 //! ```text
-//! u32 frames of a full run, u32 runs, then for each run u32 length (top bit: stored), then the runs
+//! u32 frames of a full run, u32 runs,
+//! then for each run u32 length (top bit: stored), then the runs
 //! ```
 
 use std::borrow::Cow;
@@ -61,8 +62,13 @@ enum Held {
 
 impl CompressedRun {
     /// Compresses a run of `frames`. Codes of don't-care nodes become at most `dont_care_max`.
-    pub fn new(shape: FrameShape, frames: &[Frame], most: u32, level: i32) -> Result<Self> {
-        let run = run_bytes(shape, frames, most);
+    pub fn new(
+        shape: FrameShape,
+        frames: &[Frame],
+        dont_care_max: u32,
+        level: i32,
+    ) -> Result<Self> {
+        let run = run_bytes(shape, frames, dont_care_max);
         let packed = compress_sections(&run, level)?;
         let stored = packed.len() >= run.bytes.len();
         let mut bytes = if stored { run.bytes } else { packed };
@@ -92,8 +98,7 @@ impl CompressedRun {
 }
 
 /// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the
-/// least, what zstd makes of them. Residuals hardly repeat, and zstd takes accidents for
-/// repetitions.
+/// least, a zstd frame. Residuals hardly repeat, and zstd takes accidents for repetitions.
 fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     let frequencies = [
         CParameter::Strategy(Strategy::ZSTD_fast),
@@ -149,7 +154,7 @@ impl EncodedAtlas {
             chunk.extend(piece);
             Ok(())
         })?;
-        // It was not read from a file: its size is that of what was made here.
+        // It was not read from a file: its size is known here.
         let mut budget = Budget::new(&Limits { memory: u64::MAX, ..Limits::default() });
         decode(shape, encoding, frames, &chunk, &Place::File, 0, &mut budget)
     }
@@ -174,7 +179,7 @@ pub fn compress(bytes: &[u8], level: i32) -> Result<Vec<u8>> {
 }
 
 thread_local! {
-    // A context's tables are larger than what most runs inflate to.
+    // A context's tables are larger than most inflated runs.
     static DECOMPRESSOR: RefCell<Decompressor<'static>> = RefCell::default();
 }
 
@@ -196,15 +201,15 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     }
 }
 
-/// Inflates a run, which states its length, of at most `most` bytes.
-fn decompress_run(bytes: &[u8], most: usize, place: &Place) -> Result<Vec<u8>> {
+/// Inflates a run, which states its length, of at most `max_bytes` bytes.
+fn decompress_run(bytes: &[u8], max_bytes: usize, place: &Place) -> Result<Vec<u8>> {
     let stated = zstd::zstd_safe::get_frame_content_size(bytes).ok().flatten();
     let stated = stated.and_then(|length| usize::try_from(length).ok());
-    match stated.filter(|&length| length <= most) {
+    match stated.filter(|&length| length <= max_bytes) {
         Some(length) => decompress(bytes, length, place),
         None => {
             let found = format!("a run that states {stated:?} bytes");
-            Err(Error::malformed(place.clone(), found, format!("one of at most {most} bytes")))
+            Err(Error::malformed(place.clone(), found, format!("one of at most {max_bytes} bytes")))
         }
     }
 }
@@ -239,7 +244,7 @@ fn decode_runs<T: Code>(
     place: &Place,
 ) -> Result<()> {
     let allowed = encoding.codes();
-    let (least, most) = (T::narrow(*allowed.start()), T::narrow(*allowed.end()));
+    let (lowest, highest) = (T::narrow(*allowed.start()), T::narrow(*allowed.end()));
     let full = runs.first().map_or(1, |run| run.frames * shape.channels * shape.nodes());
     let mut parts: Vec<&mut [T]> = codes.chunks_mut(full.max(1)).collect();
     parallel::map_mut(&mut parts, |i, codes| {
@@ -248,14 +253,14 @@ fn decode_runs<T: Code>(
         let bytes = if run.stored {
             run.bytes
         } else {
-            let most = shape.most_bytes(run.frames).unwrap_or(usize::MAX);
-            inflated = decompress_run(run.bytes, most, place)?;
+            let max_bytes = shape.max_bytes(run.frames).unwrap_or(usize::MAX);
+            inflated = decompress_run(run.bytes, max_bytes, place)?;
             &inflated
         };
         run_codes(shape, bytes, codes, place)?;
         let ends = |(low, high): (T, T), &code: &T| (low.min(code), high.max(code));
-        let (low, high) = codes.iter().fold((most, least), ends);
-        if (least..=most).contains(&low) && (least..=most).contains(&high) {
+        let (low, high) = codes.iter().fold((highest, lowest), ends);
+        if (lowest..=highest).contains(&low) && (lowest..=highest).contains(&high) {
             return Ok(());
         }
         Err(Error::malformed(

@@ -2,8 +2,8 @@
 
 use super::json::to_canonical;
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, FILLED_BLOCKS, HEADER_BYTES, Header, MASK,
-    META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
+    MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use super::rules::{check_metadata, level_prefix};
 use super::runs::{EncodedAtlas, compress};
@@ -92,8 +92,8 @@ pub fn write(
     let prefix = |level| level_prefix(&entries, head.metadata, level, offset);
     let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
     entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
-    let filled = head.metadata.levels.iter().any(|level| level.blocks_filled > 0);
-    let features = if filled { FILLED_BLOCKS } else { 0 };
+    let inherits = head.metadata.levels.iter().any(|level| level.blocks_filled > 0);
+    let features = if inherits { INHERITED_BLOCKS } else { 0 };
     output.append(&Header::with_directory(features, offset, &entries)?)?;
     for chunk in &chunks {
         chunk.content.for_each_piece(|piece| output.append(piece))?;
@@ -102,7 +102,7 @@ pub fn write(
     Ok(entries)
 }
 
-/// Refuses what a reader would refuse: values of inputs and options meet here.
+/// Refuses everything that a reader would refuse: values of inputs and options meet here.
 fn check(head: &Head) -> Result<()> {
     check_metadata(head.metadata, head.limits, &Place::File)?;
     let layers = head.view_mlp.iter().flat_map(|network| &network.layers);
@@ -140,12 +140,12 @@ fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>>
     for (number, level) in levels.iter().enumerate().rev() {
         let number = u32::try_from(number)
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
-        let of_level = |kind, content| Chunk { kind, level: Some(number), content };
+        let level_chunk = |kind, content| Chunk { kind, level: Some(number), content };
         let occupancy: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
-        chunks.push(of_level(TABLE, Content::Bytes(compress(&occupancy, head.zstd_level)?)));
+        chunks.push(level_chunk(TABLE, Content::Bytes(compress(&occupancy, head.zstd_level)?)));
         for ((_, kind), atlas) in Group::ALL.iter().zip(ATLASES).zip(&level.atlases) {
             if let Some(atlas) = atlas {
-                chunks.push(of_level(kind, Content::Atlas(atlas)));
+                chunks.push(level_chunk(kind, Content::Atlas(atlas)));
             }
         }
     }

@@ -18,7 +18,7 @@ pub struct BlockSource<'a> {
     /// The block's planes are among these.
     pub slab: &'a CodeSlab,
     /// Nodes whose values count.
-    pub needed: &'a NodeMask,
+    pub retained: &'a NodeMask,
     /// The block's place along x, y and z.
     pub place: [usize; 3],
 }
@@ -26,7 +26,7 @@ pub struct BlockSource<'a> {
 impl<'a> BlockSource<'a> {
     /// First and end node of a block of `edge` along each axis, as far as the grid goes.
     fn span(&self, edge: usize) -> [Range<usize>; 3] {
-        let sizes = self.needed.nodes().0;
+        let sizes = self.retained.nodes().0;
         [0, 1, 2].map(|axis| {
             let start = self.place[axis] * edge;
             start.min(sizes[axis])..(start + edge).min(sizes[axis])
@@ -44,7 +44,7 @@ impl<'a> BlockSource<'a> {
     /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
     fn copy<T: Code>(&self, edge: usize, channel: usize, codes: &mut [T]) {
         let [_, _, zs] = self.span(edge);
-        let nz = self.needed.nodes().0[2];
+        let nz = self.retained.nodes().0[2];
         for (x, y, at) in self.places(edge) {
             let plane = T::of(self.slab.plane(x, channel));
             copy_row(&plane[y * nz + zs.start..y * nz + zs.end], &mut codes[at..]);
@@ -52,13 +52,13 @@ impl<'a> BlockSource<'a> {
     }
 
     /// True for each retained node of a block of `edge`.
-    pub fn needed_nodes(&self, edge: usize) -> Arc<[bool]> {
-        let mut needed = vec![false; edge.pow(3)];
+    pub fn retained_nodes(&self, edge: usize) -> Arc<[bool]> {
+        let mut retained = vec![false; edge.pow(3)];
         let [_, _, zs] = self.span(edge);
         for (x, y, at) in self.places(edge) {
-            row::unpack(self.needed.row(x, y), zs.start, &mut needed[at..at + zs.len()]);
+            row::unpack(self.retained.row(x, y), zs.start, &mut retained[at..at + zs.len()]);
         }
-        needed.into()
+        retained.into()
     }
 }
 
@@ -77,7 +77,7 @@ impl BlockEncoder {
     pub fn new(encoding: Encoding, channels: usize, edge: usize, activation: &Activation) -> Self {
         let shape = FrameShape { number: encoding.number, channels, edge };
         let coarsener = Coarsener::new(&encoding, activation);
-        let invisible = |domain: DensityDomain| domain.unseen(activation);
+        let invisible = |domain: DensityDomain| domain.invisible(activation);
         let limit = encoding.decode.density().map_or(f32::MAX, invisible);
         let dont_care_max = highest_code_up_to(&encoding, limit);
         Self { encoding, shape, dont_care_max, coarsener }
@@ -98,14 +98,13 @@ impl BlockEncoder {
         self.dont_care_max
     }
 
-    /// The codes of a block, of which the nodes `needed` count, whose channels start at
-    /// `first_channel` of the slab, coarser ones where `coarsening` says so, and the most that the
-    /// colour or opacity of a needed node was moved for that. Codes of other nodes are any: they
-    /// are filled with what costs least.
+    /// The codes of a block, whose channels start at `first_channel` of the slab, and the largest
+    /// move of a retained node's colour or opacity by `coarsening`. Only nodes in `retained` count;
+    /// the others hold the cheapest codes.
     pub fn frame(
         &self,
         source: BlockSource,
-        needed: Arc<[bool]>,
+        retained: Arc<[bool]>,
         first_channel: usize,
         coarsening: Option<Coarsening>,
     ) -> (Frame, f64) {
@@ -121,10 +120,10 @@ impl BlockEncoder {
         if let (Some(coarsener), Some(coarsening)) = (&self.coarsener, coarsening) {
             let limit = self.dont_care_max;
             moved = with_codes!(&mut codes, codes => {
-                coarsener.coarsen(self.shape, codes, &needed, limit, coarsening)
+                coarsener.coarsen(self.shape, codes, &retained, limit, coarsening)
             });
         }
-        (Frame { codes, needed }, moved)
+        (Frame { codes, retained }, moved)
     }
 }
 

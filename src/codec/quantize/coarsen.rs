@@ -38,21 +38,21 @@ impl Coarsener {
         is_integer.then(|| Self { activated: encoding.values().map(activated).collect() })
     }
 
-    /// Coarsens the codes of a frame. Codes of nodes that are not `needed` become what they are
-    /// going to be: their mean, or `dont_care_max` where that is lower. Returns the most that a
-    /// needed node's colour or opacity is moved by.
+    /// Coarsens the codes of a frame. Codes of nodes that are not `retained` take their final
+    /// value: their mean, or `dont_care_max` if that is lower. Returns the largest move of a
+    /// retained node's colour or opacity.
     pub fn coarsen<T: Code>(
         &self,
         shape: FrameShape,
         codes: &mut [T],
-        needed: &[bool],
+        retained: &[bool],
         dont_care_max: u32,
         coarsening: Coarsening,
     ) -> f64 {
         let origin = T::origin(shape.number);
         let mut means = vec![origin; shape.channels];
-        let mut most = 0.0f64;
-        let most_square = coarsening.coarseness * coarsening.coarseness;
+        let mut largest = 0.0f64;
+        let max_square = coarsening.coarseness * coarsening.coarseness;
         for_each_node(shape.edge, |at| {
             let (mut far, mut moved) = (0, 0.0f64);
             for (codes, to) in codes.chunks_exact(shape.nodes()).zip(&mut means) {
@@ -64,19 +64,19 @@ impl Coarsener {
                 moved = moved.max((from - to).abs());
             }
             let far = far as f32;
-            let limit = match needed[at.node] {
-                true if far * far * coarsening.importance[at.node] > most_square => return,
+            let limit = match retained[at.node] {
+                true if far * far * coarsening.importance[at.node] > max_square => return,
                 true => u32::MAX,
                 false => dont_care_max,
             };
-            if needed[at.node] {
-                most = most.max(moved);
+            if retained[at.node] {
+                largest = largest.max(moved);
             }
             for (codes, mean) in codes.chunks_exact_mut(shape.nodes()).zip(&means) {
                 codes[at.node] = T::narrow(mean.code().min(limit));
             }
         });
-        most
+        largest
     }
 }
 
@@ -110,10 +110,10 @@ mod tests {
             let nodes = shape.nodes();
             let before: Vec<u8> = (0..3 * nodes).map(|_| 20 + random(12) as u8).collect();
             let importance: Vec<f32> = (0..nodes).map(|_| random(4) as f32 / 2.0).collect();
-            let needed: Vec<bool> = (0..nodes).map(|_| random(4) > 0).collect();
+            let retained: Vec<bool> = (0..nodes).map(|_| random(4) > 0).collect();
             let mut codes = before.clone();
             let coarsening = Coarsening { importance: &importance, coarseness: 3.0 };
-            let most = coarsener.coarsen(shape, &mut codes, &needed, 22, coarsening);
+            let moved = coarsener.coarsen(shape, &mut codes, &retained, 22, coarsening);
             let mut largest = 0.0f64;
             for node in 0..nodes {
                 let channels = [0, 1, 2].map(|c| {
@@ -125,7 +125,7 @@ mod tests {
                     far * far * importance[node] <= 9.0
                 });
                 for (mean, old, new) in channels {
-                    let expected = match needed[node] {
+                    let expected = match retained[node] {
                         true if near => mean,
                         true => old.into(),
                         false => mean.min(22),
@@ -134,12 +134,12 @@ mod tests {
                     let value = |code: u8| {
                         encoding.decode.activated(encoding.value(code.into()).into(), &activation)
                     };
-                    if needed[node] {
+                    if retained[node] {
                         largest = largest.max((value(old) - value(new)).abs());
                     }
                 }
             }
-            assert_eq!(most, largest);
+            assert_eq!(moved, largest);
         }
     }
 

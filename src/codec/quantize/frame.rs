@@ -1,4 +1,4 @@
-//! Frames of one group: their shape, their codes, and what their predictions have in common.
+//! Frames of one group: their shape, their codes, and the common parts of their predictions.
 
 use std::sync::Arc;
 
@@ -39,9 +39,9 @@ impl FrameShape {
     }
 
     /// The most bytes that a run of so many frames can have.
-    pub fn most_bytes(&self, frames: usize) -> Option<usize> {
-        let of_frame = self.bytes() + self.live_bytes() + 1;
-        frames.checked_mul(of_frame)?.checked_add(1 + 255 * self.weights())
+    pub fn max_bytes(&self, frames: usize) -> Option<usize> {
+        let frame_bytes = self.bytes() + self.live_bytes() + 1;
+        frames.checked_mul(frame_bytes)?.checked_add(1 + 255 * self.weights())
     }
 }
 
@@ -55,8 +55,8 @@ pub(super) fn terms(channel: usize) -> usize {
 pub struct Frame {
     /// `[channel][node]`.
     pub codes: Codes,
-    /// Of each node, whether its codes count; others are filled with what costs least.
-    pub needed: Arc<[bool]>,
+    /// For each node, true if its codes count; the others hold the cheapest codes.
+    pub retained: Arc<[bool]>,
 }
 
 /// A run before compression.
@@ -74,11 +74,11 @@ pub(super) type LaneWeights<T, const L: usize> = [[<T as Code>::Wide; L]; WEIGHT
 /// The weights that each lane's mode has in one channel.
 pub(super) fn lane_weights<T: Code, const L: usize>(
     modes: &[u8],
-    of_mode: impl Fn(u8) -> [i8; WEIGHTS],
+    mode_weights: impl Fn(u8) -> [i8; WEIGHTS],
 ) -> LaneWeights<T, L> {
     let mut out = [[T::Wide::default(); L]; WEIGHTS];
     for (lane, &mode) in modes.iter().enumerate() {
-        for (out, weight) in out.iter_mut().zip(of_mode(mode)) {
+        for (out, weight) in out.iter_mut().zip(mode_weights(mode)) {
             out[lane] = T::Wide::from_i8(weight);
         }
     }

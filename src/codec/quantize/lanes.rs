@@ -11,7 +11,7 @@ use super::code_word::Code;
 /// Nodes of a tile.
 const TILE: usize = 8;
 
-/// Rows of `nodes` numbers to lanes; there are at most `L`, and what has no row stays.
+/// Rows of `nodes` numbers to lanes; there are at most `L`, and lanes without a row stay.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn spread<T: Code, const L: usize>(rows: &[T], nodes: usize, lanes: &mut [[T; L]]) {
     let mut tile = [[T::default(); TILE]; L];

@@ -3,18 +3,18 @@
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`search`] the one
 //! with the fewest bits within an error, [`code`] turns values into integer codes and back
 //! ([`nearest`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`]
-//! drops some of them at nodes that pictures hardly show, [`fill`] makes them from the next coarser
-//! level's, [`run`] turns the codes of many blocks into a run of residuals and back ([`write_run`],
-//! [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
+//! drops some of them at nodes that pictures hardly show, [`inherited_colors`] makes them from the
+//! next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back
+//! ([`write_run`], [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
 //! ([`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
-//! density far below the opacity threshold ([`crate::model::field::Activation::unseen_raw`]).
+//! density far below the opacity threshold ([`crate::model::field::Activation::invisible_raw`]).
 
 mod block;
 mod coarsen;
 mod code;
 mod code_word;
-mod fill;
 mod frame;
+mod inherited_colors;
 mod lanes;
 mod least_squares;
 mod nearest;
@@ -30,8 +30,8 @@ pub use block::{BlockEncoder, BlockSource};
 pub use coarsen::Coarsening;
 pub use code::decode_codes;
 pub use code_word::Code;
-pub use fill::Filler;
 pub use frame::{Frame, FrameShape, RunBytes};
+pub use inherited_colors::InheritedColors;
 pub use planes::{CodePlanes, CodeSlab, Moved};
 pub use range::{Bits, color_encoding, density_encoding};
 pub use run::{run_bytes, run_codes};

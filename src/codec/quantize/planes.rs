@@ -19,7 +19,7 @@ const GAP: usize = 16;
 /// Quantizes the planes of a level from any thread.
 #[derive(Debug)]
 pub struct CodePlanes<'a> {
-    needed: &'a NodeMask,
+    retained: &'a NodeMask,
     activation: Activation,
     channels: Vec<Channel>,
     /// `[x][channel]`; empty before planes come and once they are taken.
@@ -60,10 +60,10 @@ impl CodeSlab {
 }
 
 impl<'a> CodePlanes<'a> {
-    /// For the `needed` nodes of a level. Each group has an encoding, so many channels, and maybe a
-    /// bound: what colours and opacities may be moved by.
+    /// For the `retained` nodes of a level. Each group has an encoding, so many channels, and maybe
+    /// a bound on the move of colours and opacities.
     pub fn new<'e>(
-        needed: &'a NodeMask,
+        retained: &'a NodeMask,
         activation: Activation,
         groups: impl IntoIterator<Item = (&'e Encoding, usize, Option<f32>)>,
     ) -> Self {
@@ -77,11 +77,11 @@ impl<'a> CodePlanes<'a> {
             channels.extend(std::iter::repeat_with(channel).take(count));
         }
         let empty = |_| channels.iter().map(|_| Mutex::new(Codes::U8(Vec::new()))).collect();
-        let planes = (0..needed.nodes().0[0]).map(empty).collect();
-        Self { needed, activation, channels, planes }
+        let planes = (0..retained.nodes().0[0]).map(empty).collect();
+        Self { retained, activation, channels, planes }
     }
 
-    /// Quantizes the needed nodes of a plane. Returns the first that is moved by more than its
+    /// Quantizes the retained nodes of a plane. Returns the first that is moved by more than its
     /// group's bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, spare } = &self.channels[channel];
@@ -115,10 +115,10 @@ impl<'a> CodePlanes<'a> {
     }
 
     fn quantize<T: Code>(&self, x: usize, quantizer: &Quantizer, values: &[f32], codes: &mut [T]) {
-        let nz = self.needed.nodes().0[2];
+        let nz = self.retained.nodes().0[2];
         let rows = values.chunks_exact(nz).zip(codes.chunks_exact_mut(nz));
         for (y, (values, codes)) in rows.enumerate() {
-            for (start, end) in row::spans(self.needed.row(x, y), nz, GAP) {
+            for (start, end) in row::spans(self.retained.row(x, y), nz, GAP) {
                 quantizer.encode(&values[start..end], &mut codes[start..end]);
             }
         }
@@ -133,11 +133,11 @@ impl<'a> CodePlanes<'a> {
         codes: &Codes,
         bound: f32,
     ) -> Option<Moved> {
-        let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.needed.nodes().0);
+        let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.retained.nodes().0);
         let activated = |value: f32| encoding.decode.activated(value.into(), &self.activation);
         let mut decoded = vec![0.0; nz];
         for y in 0..ny {
-            for (start, end) in row::runs(self.needed.row(x, y)) {
+            for (start, end) in row::runs(self.retained.row(x, y)) {
                 let run = y * nz + start..y * nz + end;
                 let decoded = &mut decoded[..run.len()];
                 decode_codes(encoding, codes, run.clone(), decoded);

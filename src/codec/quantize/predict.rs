@@ -1,15 +1,16 @@
 //! Prediction inside a block, many blocks at a time.
 //!
 //! ```text
-//! mean       = floor(mean of the lower neighbours along x, y and z that the block has); the origin at its first node
+//! mean       = floor(mean of the lower neighbours along x, y and z that the block has);
+//!              the origin at its first node
 //! prediction = mean + floor((w0 e + w1 k + w2 d1 + w3 d2 + w4 d3 + 16) / 32)
 //! ```
 //!
 //! with `e` the sum of the differences from the mean of the three lower neighbours along two axes,
 //! `k` that of the one along all three, and `d1`, `d2`, `d3` the differences of code and mean that
-//! the three channels before have at the same node; what a block does not have counts as 0. Trained
-//! values vary smoothly in all directions, but their noise is shared by channels: what the channels
-//! before miss by says most about what this one will.
+//! the three channels before have at the same node; nodes and channels that a block does not have
+//! count as 0. Trained values vary smoothly in all directions, but their noise is shared by
+//! channels: the misses of the channels before predict this channel's miss best.
 //!
 //! A node needs those before it, so nothing along a block is parallel. Blocks are: the same node of
 //! [`Lanes`] is worked on together, in vector instructions.
@@ -22,7 +23,7 @@ use super::code_word::{Code, Wide};
 pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
-/// Of so many nodes one says what weights should be.
+/// Of so many nodes, one is used to fit the weights.
 const SAMPLED: usize = 5;
 /// Weights are in 32nds.
 const SHIFT: usize = 5;
@@ -209,28 +210,28 @@ pub fn restore<T: Code, const L: usize>(
 /// means. Sets all bits in `live` of nodes whose code is not the mean. `retained` has all bits set
 /// for retained nodes.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub fn fill<T: Code, const L: usize>(
+pub fn set_dont_care<T: Code, const L: usize>(
     edge: usize,
     origin: T,
-    most: T,
-    needed: &[[T; L]],
+    dont_care_max: T,
+    retained: &[[T; L]],
     channel: &mut Channel<T, L>,
     live: &mut [[T; L]],
 ) {
     for_each_node(edge, |at| {
         let mean = mean(&channel.codes, at, origin);
-        let (needed, codes) = (&needed[at.node], &mut channel.codes[at.node]);
+        let (retained, codes) = (&retained[at.node], &mut channel.codes[at.node]);
         let (live, off) = (&mut live[at.node], &mut channel.off[at.node]);
         for lane in 0..L {
-            let filler = if mean[lane] < most { mean[lane] } else { most };
-            codes[lane] = codes[lane].choose(filler, needed[lane]);
+            let free = if mean[lane] < dont_care_max { mean[lane] } else { dont_care_max };
+            codes[lane] = codes[lane].choose(free, retained[lane]);
             live[lane] = live[lane].with_all_if(codes[lane] != mean[lane]);
             off[lane] = codes[lane].wide() - mean[lane].wide();
         }
     });
 }
 
-/// Codes to residuals, biased: what [`restore`] takes.
+/// Codes to residuals, biased, as [`restore`] takes them.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn residuals<T: Code, const L: usize>(
     edge: usize,
@@ -259,7 +260,7 @@ pub struct Sums<const L: usize> {
     pub products: [[f64; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2],
 }
 
-/// Adds up what weights are fitted from: every fifth node is enough.
+/// Adds up the sums that weights are fitted from: every fifth node is enough.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn sums<T: Code, const L: usize>(
     edge: usize,

@@ -187,22 +187,24 @@ impl Domain {
 }
 
 /// The largest distance of a value's activation from its code's, of values whose activations lie
-/// between those `seen`; see the module's proof.
-fn bound(encoding: &Encoding, seen: [f64; 2], activation: impl Fn(f64) -> f64) -> f32 {
+/// between `activations`; see the module's proof.
+fn bound(encoding: &Encoding, activations: [f64; 2], activation: impl Fn(f64) -> f64) -> f32 {
     let codes = 0..=encoding.last_code();
-    round_up(codes.fold(0.0, |most, code| most.max(code_error(encoding, code, seen, &activation))))
+    round_up(
+        codes.fold(0.0, |max, code| max.max(code_error(encoding, code, activations, &activation))),
+    )
 }
 
 /// [`bound`], of the values that get this code.
 pub(super) fn code_error(
     encoding: &Encoding,
     code: u32,
-    seen: [f64; 2],
+    activations: [f64; 2],
     activation: &impl Fn(f64) -> f64,
 ) -> f64 {
     let value = encoding.value(code);
     let at_border = |low, high| activation(border(low, high).into());
-    let [mut low, mut high] = seen;
+    let [mut low, mut high] = activations;
     if code > 0 {
         low = low.max(at_border(encoding.value(code - 1), value));
     }

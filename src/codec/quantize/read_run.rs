@@ -61,7 +61,7 @@ impl<T: Code, const L: usize> Scratch<T, L> {
 }
 
 impl<'a> RunParts<'a> {
-    /// Finds the parts; the error says what was expected.
+    /// Finds the parts; the error names the expected bytes.
     pub fn read(
         shape: FrameShape,
         frames: usize,
@@ -97,9 +97,9 @@ impl<'a> RunParts<'a> {
                 return Err("no live bits of nodes that a block does not have");
             }
             let (words, bytes) = live.as_chunks();
-            let of_words = words.iter().map(|&word| u64::from_le_bytes(word).count_ones());
-            let of_bytes = bytes.iter().map(|byte| byte.count_ones());
-            let count = of_words.chain(of_bytes).sum::<u32>() as usize;
+            let word_bits = words.iter().map(|&word| u64::from_le_bytes(word).count_ones());
+            let byte_bits = bytes.iter().map(|byte| byte.count_ones());
+            let count = word_bits.chain(byte_bits).sum::<u32>() as usize;
             by_mode[usize::from(mode)] += count;
             counts.push(count);
         }
@@ -184,8 +184,8 @@ impl<'a> RunParts<'a> {
     /// live.
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
-        // The next bytes of each plane. After the last live node there may be fewer than eight, and
-        // none is needed.
+        // The next bytes of each plane. After the last live node there may be fewer than eight; the
+        // missing ones are not used.
         let mut last = [[0; 8]; 4];
         let mut next = [&[0; 8]; 4];
         for (byte, (next, last)) in next.iter_mut().zip(&mut last).enumerate().take(T::BYTES) {

@@ -1,7 +1,8 @@
 //! Frames of one group to the bytes of a run, before compression, and back.
 //!
 //! ```text
-//! u8 modes; their weights; u8 mode of each frame; live bits of each frame; residual bytes of live nodes
+//! u8 modes; their weights; u8 mode of each frame; live bits of each frame;
+//! residual bytes of live nodes
 //! ```
 //!
 //! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has
@@ -24,19 +25,19 @@ const FEW: usize = 4;
 
 /// The bytes of a run of `frames`, at least one, whose codes are of the shape's number type. Codes
 /// of don't-care nodes become at most `dont_care_max`.
-pub fn run_bytes(shape: FrameShape, frames: &[Frame], most: u32) -> RunBytes {
+pub fn run_bytes(shape: FrameShape, frames: &[Frame], dont_care_max: u32) -> RunBytes {
     let few = frames.len() <= 2 * FEW;
     match (shape.number, few) {
-        (NumberType::U8, false) => Encoder::<u8, MANY>::new(shape, frames, most).run(),
-        (NumberType::U8, true) => Encoder::<u8, FEW>::new(shape, frames, most).run(),
+        (NumberType::U8, false) => Encoder::<u8, MANY>::new(shape, frames, dont_care_max).run(),
+        (NumberType::U8, true) => Encoder::<u8, FEW>::new(shape, frames, dont_care_max).run(),
         (NumberType::U16 | NumberType::F16, false) => {
-            Encoder::<u16, MANY>::new(shape, frames, most).run()
+            Encoder::<u16, MANY>::new(shape, frames, dont_care_max).run()
         }
         (NumberType::U16 | NumberType::F16, true) => {
-            Encoder::<u16, FEW>::new(shape, frames, most).run()
+            Encoder::<u16, FEW>::new(shape, frames, dont_care_max).run()
         }
-        (NumberType::F32, false) => Encoder::<u32, MANY>::new(shape, frames, most).run(),
-        (NumberType::F32, true) => Encoder::<u32, FEW>::new(shape, frames, most).run(),
+        (NumberType::F32, false) => Encoder::<u32, MANY>::new(shape, frames, dont_care_max).run(),
+        (NumberType::F32, true) => Encoder::<u32, FEW>::new(shape, frames, dont_care_max).run(),
     }
 }
 

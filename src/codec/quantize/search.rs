@@ -25,7 +25,7 @@ const CENTERS: u32 = 5;
 /// Halvings of the step at the center that are tried, and how many ways there are on each.
 const HALVINGS: u32 = 10;
 const CURVES_PER_HALVING: u32 = 8;
-/// Codes whose errors are looked at first; where one is too large, the others do not matter.
+/// Codes whose errors are looked at first; where one is too large, the others are not looked at.
 const PROBED_FIRST: u32 = 256;
 
 /// The lowest and the highest of some values.
@@ -92,7 +92,7 @@ struct Search<'a> {
     low: f64,
     high: f64,
     /// Activations of the lowest and the highest value.
-    seen: [f64; 2],
+    activations: [f64; 2],
 }
 
 impl<'a> Search<'a> {
@@ -118,7 +118,7 @@ impl<'a> Search<'a> {
             domain,
             low: f64::from(low).clamp(domain.floor, ceiling),
             high: f64::from(high).clamp(domain.floor, ceiling),
-            seen: [low, high].map(activated),
+            activations: [low, high].map(activated),
         }
     }
 
@@ -130,7 +130,7 @@ impl<'a> Search<'a> {
     fn with_bits(&self, bits: u32) -> Option<Encoding> {
         // No code can stand for more than twice the error.
         let reach = f64::from(1u32 << bits) * 2.0 * f64::from(self.max_error);
-        if self.seen[1] - self.seen[0] > reach {
+        if self.activations[1] - self.activations[0] > reach {
             return None;
         }
         let mut ways: Vec<(f64, Encoding)> = self.ways(bits);
@@ -160,7 +160,7 @@ impl<'a> Search<'a> {
             let sides = [(center - low, below), (high - center, above)];
             // Codes must differ as f32 numbers, even where all values are the same.
             let least = (center.abs() + 1.0) / f64::from(1u32 << 20);
-            let equal = sides.iter().fold(least, |most, (reach, codes)| most.max(reach / codes));
+            let equal = sides.iter().fold(least, |max, (reach, codes)| max.max(reach / codes));
             for j in 0..=HALVINGS * CURVES_PER_HALVING {
                 let step = equal * libm::exp2(-f64::from(j) / f64::from(CURVES_PER_HALVING));
                 let curve = |(reach, codes): (f64, f64)| (reach - step * codes) / codes.powi(3);
@@ -186,11 +186,11 @@ impl<'a> Search<'a> {
     /// The encoding with its proved bound, if it is within the error.
     fn proved(&self, mut encoding: Encoding) -> Option<Encoding> {
         let activated = |value| self.activated(value);
-        let error = |code| code_error(&encoding, code, self.seen, &activated);
+        let error = |code| code_error(&encoding, code, self.activations, &activated);
         let count = encoding.last_code() + 1;
-        let most = f64::from(self.max_error);
+        let max_error = f64::from(self.max_error);
         let stride = count.div_ceil(PROBED_FIRST) as usize;
-        if (0..count).step_by(stride).any(|code| error(code) > most) {
+        if (0..count).step_by(stride).any(|code| error(code) > max_error) {
             return None;
         }
         if !encoding.values().is_sorted_by(|low, high| low < high) {
@@ -198,7 +198,7 @@ impl<'a> Search<'a> {
         }
         // Emptiness, and values below it, decode to emptiness.
         let emptied = if encoding.empty_code { activated(encoding.empty.into()) } else { 0.0 };
-        let bound = (0..count).fold(emptied, |most, code| most.max(error(code)));
+        let bound = (0..count).fold(emptied, |max, code| max.max(error(code)));
         encoding.max_error = round_up(bound);
         (encoding.max_error <= self.max_error).then_some(encoding)
     }
@@ -238,8 +238,8 @@ mod tests {
                     let mut values: Vec<f32> =
                         (0..=2000).map(|i| low + (high - low) * (i as f32 / 2000.0)).collect();
                     if !encoding.number.is_float() {
-                        let of_codes: Vec<f32> = encoding.values().collect();
-                        values.extend(of_codes.windows(2).flat_map(|pair| {
+                        let decoded: Vec<f32> = encoding.values().collect();
+                        values.extend(decoded.windows(2).flat_map(|pair| {
                             let border = 0.5 * pair[0] + 0.5 * pair[1];
                             [border.next_down(), border, border.next_up()]
                         }));

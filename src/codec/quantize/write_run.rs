@@ -9,7 +9,7 @@ use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
 /// Frames that a mode has at least, so that its weights and tables pay.
 const FRAMES_OF_A_MODE: usize = 24;
 /// Modes of a run at most.
-const MOST_MODES: usize = 8;
+const MAX_MODES: usize = 8;
 
 /// Frames that are encoded together, lane by lane.
 struct Batch<T: Code, const L: usize> {
@@ -17,7 +17,7 @@ struct Batch<T: Code, const L: usize> {
     live: Lanes<T, L>,
 }
 
-/// A run's frames, filled.
+/// A run's frames, with the codes of don't-care nodes set.
 pub struct Encoder<T: Code, const L: usize> {
     shape: FrameShape,
     frames: usize,
@@ -29,19 +29,21 @@ pub struct Encoder<T: Code, const L: usize> {
 impl<T: Code, const L: usize> Encoder<T, L> {
     /// Takes frames, and gives codes of don't-care nodes their mean, or `dont_care_max` if that is
     /// lower.
-    pub fn new(shape: FrameShape, frames: &[Frame], most: u32) -> Self {
+    pub fn new(shape: FrameShape, frames: &[Frame], dont_care_max: u32) -> Self {
         let nodes = shape.nodes();
         let origin = T::origin(shape.number);
         let mut rows: Vec<T> = Vec::with_capacity(L * nodes);
         let (mut batches, mut bits) = (Vec::new(), Vec::with_capacity(frames.len()));
         for frames in frames.chunks(L) {
             let empty = || vec![[T::default(); L]; nodes];
-            let (mut needed, mut live) = (empty(), empty());
+            let (mut retained, mut live) = (empty(), empty());
             rows.clear();
             for frame in frames {
-                rows.extend(frame.needed.iter().map(|&needed| T::default().with_all_if(needed)));
+                rows.extend(
+                    frame.retained.iter().map(|&retained| T::default().with_all_if(retained)),
+                );
             }
-            spread(&rows, nodes, &mut needed);
+            spread(&rows, nodes, &mut retained);
             let mut channels = Vec::with_capacity(shape.channels);
             for channel in 0..shape.channels {
                 rows.clear();
@@ -50,8 +52,15 @@ impl<T: Code, const L: usize> Encoder<T, L> {
                 }
                 let mut lanes = Channel::new(nodes);
                 spread(&rows, nodes, &mut lanes.codes);
-                let most = T::narrow(most);
-                predict::fill(shape.edge, origin, most, &needed, &mut lanes, &mut live);
+                let dont_care_max = T::narrow(dont_care_max);
+                predict::set_dont_care(
+                    shape.edge,
+                    origin,
+                    dont_care_max,
+                    &retained,
+                    &mut lanes,
+                    &mut live,
+                );
                 channels.push(lanes);
             }
             gather(&live, &mut rows, nodes, nodes);
@@ -80,8 +89,8 @@ impl<T: Code, const L: usize> Encoder<T, L> {
         let count = modes.iter().max().map_or(1, |&mode| mode + 1);
         let weights = self.weights(&sums, &modes, count);
         let mut bytes = vec![count];
-        for of_mode in &weights {
-            for (channel, weights) in of_mode.iter().enumerate() {
+        for mode_weights in &weights {
+            for (channel, weights) in mode_weights.iter().enumerate() {
                 bytes.extend(weights[..terms(channel)].iter().map(|weight| weight.cast_unsigned()));
             }
         }
@@ -135,7 +144,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
         let mut order: Vec<usize> = (0..self.frames).collect();
         let activities: Vec<f64> = order.iter().map(|&frame| activity(frame)).collect();
         order.sort_by(|&a, &b| activities[a].total_cmp(&activities[b]).then(a.cmp(&b)));
-        let count = (self.frames / FRAMES_OF_A_MODE).clamp(1, MOST_MODES);
+        let count = (self.frames / FRAMES_OF_A_MODE).clamp(1, MAX_MODES);
         let mut modes = vec![0; self.frames];
         for (rank, &frame) in order.iter().enumerate() {
             modes[frame] = (rank * count / self.frames) as u8;
@@ -155,12 +164,12 @@ impl<T: Code, const L: usize> Encoder<T, L> {
                 }
             }
         }
-        let of_mode = |products: Vec<[f64; least_squares::PRODUCTS]>| {
+        let solved = |products: Vec<[f64; least_squares::PRODUCTS]>| {
             let all = products.iter().enumerate();
             all.map(|(channel, products)| least_squares::weights(products, terms(channel)))
                 .collect()
         };
-        products.into_iter().map(of_mode).collect()
+        products.into_iter().map(solved).collect()
     }
 
     fn live_count(&self, frame: usize) -> usize {

@@ -10,14 +10,16 @@ pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
     let count = container.metadata().levels.len();
     match levels.iter().find(|&&level| level >= count) {
         None => Ok(()),
-        Some(beyond) => Err(Error::usage(format!(
-            "--levels asks for level {beyond}, but there are {count} levels from 0"
-        ))),
+        Some(beyond) => Err(Error::invalid_option(
+            "levels",
+            format!("level {beyond}"),
+            format!("levels from 0, of {count} levels"),
+        )),
     }
 }
 
-/// Fills one x plane, `ny * nz` values, of one channel of a group. `false`, and nothing done,
-/// where the level has no such group.
+/// Writes one x plane, `ny * nz` values, of one channel of a group. `false`, and nothing done, if
+/// the level has no such group.
 pub fn fill_plane(
     level: &BakedLevel,
     metadata: &LevelMetadata,

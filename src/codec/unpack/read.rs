@@ -66,7 +66,7 @@ impl Unpacked {
         for (number, level) in metadata.levels.iter().enumerate() {
             let name = |part: &str| format!("level{number}.{part}");
             let occupied = tensor(file, &name("occupied"))?;
-            let occupied = of_type(occupied, Element::U8)?;
+            let occupied = with_element(occupied, Element::U8)?;
             let bytes = shaped(occupied, &level.grid().counts())?.read_f32(&mut budget)?;
             let blocks = bytes.iter().map(|&id| Occupancy::from_id(id as u8));
             let blocks: Option<Vec<_>> = blocks.collect();
@@ -89,10 +89,11 @@ impl Unpacked {
                 *volume = Some(found);
             }
             let table = Table::new(level.grid(), blocks)?;
-            let counts =
-                |stored, filled| format!("{stored} occupied blocks, {filled} of them filled");
-            if [table.frames(), table.filled()] != [level.blocks_stored, level.blocks_filled] {
-                let found = counts(table.frames(), table.filled());
+            let counts = |stored, inherited| {
+                format!("{stored} occupied blocks, {inherited} of them inherited")
+            };
+            if [table.frames(), table.inherited()] != [level.blocks_stored, level.blocks_filled] {
+                let found = counts(table.frames(), table.inherited());
                 let expected = counts(level.blocks_stored, level.blocks_filled);
                 return Err(Error::malformed(place_of(occupied), found, expected));
             }
@@ -139,7 +140,7 @@ fn place_of(tensor: &Tensor) -> Place {
     Place::Tensor(tensor.name().to_owned())
 }
 
-fn of_type(tensor: &Tensor, element: Element) -> Result<&Tensor> {
+fn with_element(tensor: &Tensor, element: Element) -> Result<&Tensor> {
     if tensor.element() == element {
         return Ok(tensor);
     }
@@ -165,9 +166,9 @@ fn network(file: &TensorFile, metadata: &Metadata, budget: &mut Budget) -> Resul
         layers.push(Layer {
             inputs,
             outputs,
-            weights: shaped(of_type(weights, Element::F32)?, &[outputs, inputs])?
+            weights: shaped(with_element(weights, Element::F32)?, &[outputs, inputs])?
                 .read_f32(budget)?,
-            bias: shaped(of_type(bias, Element::F32)?, &[outputs])?.read_f32(budget)?,
+            bias: shaped(with_element(bias, Element::F32)?, &[outputs])?.read_f32(budget)?,
         });
     }
     let place = Place::Key("mlp".to_owned());
@@ -190,7 +191,7 @@ fn free_space(file: &TensorFile, limits: &Limits, budget: &mut Budget) -> Result
     };
     let nodes = Nodes::checked([x, y, z], limits, &place_of(values))?;
     let element = if inside.is_some() { Element::U8 } else { Element::F32 };
-    let read = of_type(values, element)?.read_f32(budget)?;
+    let read = with_element(values, element)?.read_f32(budget)?;
     let lookup = match inside {
         Some(_) if read.iter().any(|&byte| byte > 1.0) => {
             return Err(Error::malformed(place_of(values), "a byte above 1", "0 or 1"));

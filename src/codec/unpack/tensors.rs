@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `level{k}.density` | `[Nx,Ny,Nz]` f32 | stored density, node-centred, C order |
 //! | `level{k}.diffuse`, `level{k}.features` | `[C,Nx,Ny,Nz]` f32 | stored colour |
-//! | `level{k}.occupied` | `[Bx,By,Bz]` u8 | 0 empty, 1 stored, 2 filled |
+//! | `level{k}.occupied` | `[Bx,By,Bz]` u8 | 0 empty, 1 stored, 2 inherited |
 //! | `mlp.{i}.weight`, `mlp.{i}.bias` | `[out,in]`, `[out]` f32 | the view network |
 //! | `free_space.inside` or `free_space.values` | mask nodes, u8 or f32 | the free-space mask |
 //! | `free_space.map` | `[3,3]` f64 | its scale, shift and (threshold, 0, 0) |
@@ -75,7 +75,7 @@ pub fn write_tensors(
             return Err(Error::cancelled());
         }
         match metadata.levels.get(number).filter(|_| wanted(number)) {
-            Some(of_level) => append_level(level, of_level, metadata.features, output),
+            Some(level_metadata) => append_level(level, level_metadata, metadata.features, output),
             None => Ok(()),
         }
     })

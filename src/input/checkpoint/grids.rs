@@ -121,12 +121,12 @@ pub(super) fn drop_features(color: &mut Volume, asked: bool, assumptions: &mut V
     color.channels = 3;
     let message = if asked {
         format!(
-            "--mlp none: {features} feature channels and the view-dependent colour are left out"
+            "option mlp is none: {features} feature channels and the view-dependent colour are left out"
         )
     } else {
         format!(
             "the checkpoint has {features} feature channels but no network rgbnet to use them: \
-             they are left out, and the scene is diffuse; --mlp FILE names another file's network"
+             they are left out, and the scene is diffuse; option mlp names another file's network"
         )
     };
     assumptions.push(Assumption { key: "mlp", value: "none".into(), message });

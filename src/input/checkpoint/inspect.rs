@@ -25,7 +25,7 @@ pub struct Inspection {
     pub kind: FileKind,
     /// Bytes of the file.
     pub file_bytes: u64,
-    /// SHA-256 of what stands for its content, in hexadecimal.
+    /// SHA-256 that stands for its content, in hexadecimal.
     pub digest: String,
     /// Bytes of the weights' tensors.
     pub model_bytes: u64,

@@ -45,7 +45,7 @@ pub(super) fn find(
             value: STEPSIZE.to_string(),
             message: format!(
                 "the step length is not stored in checkpoints: assuming {STEPSIZE} voxels, \
-                 DirectVoxGO's; --stepsize sets what the scene was trained with (0.25 in Mip-VoG's \
+                 DirectVoxGO's; option stepsize sets the trained one (0.25 in Mip-VoG's \
                  configurations)"
             ),
         });
@@ -121,7 +121,7 @@ fn voxels(
                 value: count.to_string(),
                 message: format!(
                     "num_voxels is not stored: assuming {count}, the number of nodes; it sets the \
-                     voxel size that --stepsize counts in"
+                     voxel size that option stepsize counts in"
                 ),
             });
             count as f64

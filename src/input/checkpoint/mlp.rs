@@ -14,7 +14,7 @@ use crate::model::view_mlp::{Layer, ViewInput, ViewMlp};
 /// Octaves of the direction's embedding where the checkpoint does not say.
 const FREQUENCIES: usize = 4;
 /// The most octaves that make sense in float32.
-const MOST_FREQUENCIES: usize = 16;
+const MAX_FREQUENCIES: usize = 16;
 /// The most layers that are read.
 const LAYERS: u64 = 64;
 /// Features of the deferred model.
@@ -44,7 +44,7 @@ pub(super) fn find(
             features + 3,
             mlp.widths().first().copied().unwrap_or(0)
         );
-        let expected = "a network that runs once a ray on 4 accumulated features (--mlp none \
+        let expected = "a network that runs once a ray on 4 accumulated features (option mlp: none \
                         leaves the network out)";
         return Err(Error::unsupported(place, found, expected));
     }
@@ -53,7 +53,7 @@ pub(super) fn find(
             key: "mlp",
             value: "deferred".into(),
             message: "the network takes the embedding and 4 features: assuming that it runs once \
-                      a ray; --mlp none leaves it out"
+                      a ray; option mlp: none leaves it out"
                 .into(),
         });
     }
@@ -120,7 +120,7 @@ fn frequencies(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Re
     let place = Place::Tensor("viewfreq".into());
     if let Some(tensor) = names.tensor("viewfreq") {
         let count = match *tensor.shape() {
-            [count] if count <= MOST_FREQUENCIES as u64 => count,
+            [count] if count <= MAX_FREQUENCIES as u64 => count,
             _ => {
                 let found = format!("shape {:?}", tensor.shape());
                 return Err(Error::malformed(place, found, "at most 16 frequencies"));
@@ -141,7 +141,7 @@ fn frequencies(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Re
     }
     if let Some(value) = names.setting("viewbase_pe") {
         let count = value.integer("model_kwargs.viewbase_pe")?;
-        return usize::try_from(count).ok().filter(|&n| n <= MOST_FREQUENCIES).ok_or_else(|| {
+        return usize::try_from(count).ok().filter(|&n| n <= MAX_FREQUENCIES).ok_or_else(|| {
             let place = Place::Key("model_kwargs.viewbase_pe".into());
             Error::malformed(place, count.to_string(), "0 to 16 frequencies")
         });

@@ -14,7 +14,7 @@ use crate::input::tensor::{Tensor, TensorFile, Value};
 pub(super) const STATE: &str = "model_state_dict";
 /// The dictionary of settings.
 pub(super) const SETTINGS: &str = "model_kwargs";
-/// The dictionary that describes a checkpoint's own density, for those who use it as a mask.
+/// The dictionary that describes a checkpoint's own density, for scenes that use it as a mask.
 pub(super) const AS_MASK: &str = "MaskCache_kwargs";
 
 /// Weights and settings of a checkpoint by name.
@@ -25,7 +25,7 @@ pub(super) struct NamedValues<'a> {
 }
 
 impl<'a> NamedValues<'a> {
-    /// Sorts what `file` holds.
+    /// Sorts the contents of `file`.
     pub(super) fn new(file: &'a TensorFile) -> Self {
         let mut names = Self {
             state: BTreeMap::new(),

@@ -91,7 +91,7 @@ pub(super) fn assemble<'a>(
             key: "coarse",
             value: "unused".to_owned(),
             message: format!(
-                "--coarse {} is not used: this scene's mask needs none",
+                "option coarse, {}, is not used: this scene's mask requires none",
                 path.display()
             ),
         });

@@ -18,7 +18,7 @@ pub struct Source {
     pub kind: FileKind,
     /// Settings that it lacks and that were assumed, to be shown to the user.
     pub assumptions: Vec<Assumption>,
-    /// SHA-256 of what stands for its content; see
+    /// SHA-256 that stands for its content; see
     /// [`crate::input::tensor::TensorFile::digest`].
     pub digest: [u8; 32],
     /// The open file.
@@ -34,7 +34,7 @@ pub struct Companion {
     pub role: &'static str,
     /// Its path.
     pub path: PathBuf,
-    /// SHA-256 of what stands for its content.
+    /// SHA-256 that stands for its content.
     pub digest: [u8; 32],
 }
 

@@ -266,7 +266,7 @@ impl Tensor {
             }
             let axes = index.iter_mut().zip(&self.shape).zip(&self.strides);
             for ((i, &nodes), &stride) in axes.rev() {
-                // The stride of an axis of one node may be any number; what it adds here is taken
+                // The stride of an axis of one node may be any number; its addend here is taken
                 // back below.
                 *i += 1;
                 at = at.wrapping_add(stride);

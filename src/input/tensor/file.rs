@@ -12,7 +12,7 @@ pub struct TensorFile {
     pub kind: FileKind,
     /// Contents of the file.
     pub root: Value,
-    /// SHA-256 of what stands for its content: for archives the directory (names, sizes,
+    /// SHA-256 that stands for its content: for archives that of the directory (names, sizes,
     /// checksums) with the pickle or array headers, for safetensors the header.
     pub digest: [u8; 32],
     /// The open file.

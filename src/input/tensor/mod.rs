@@ -1,10 +1,10 @@
 //! Files of named tensors: PyTorch's zip files, safetensors, NumPy's npz.
 //!
-//! This module knows syntax only; what names mean is [`crate::input::checkpoint`]'s matter. A
-//! file's kind is told by its content. Opening reads directories, headers and the pickle, never a
-//! tensor: each [`Tensor`] says where its bytes lie, checked against the file, and is read by
-//! position when someone asks for it. Nothing in a file can run: the pickle is interpreted by
-//! `pickle`, which knows only what state dictionaries need.
+//! This module knows syntax only; [`crate::input::checkpoint`] knows the meaning of names. A file's
+//! kind is told by its content. Opening reads directories, headers and the pickle, never a tensor:
+//! each [`Tensor`] states the place of its bytes, checked against the file, and is read by position
+//! on request. Nothing in a file can run: the pickle is interpreted by `pickle`, which knows only
+//! the instructions that state dictionaries use.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

@@ -130,8 +130,8 @@ fn text(bytes: &[u8]) -> Option<String> {
     text.filter(|_| rest.is_empty()).map(|text| text.trim_end_matches('\0').to_owned())
 }
 
-/// The checksum of what follows `head` in an entry. CRC-32 is linear: the sum over both parts is
-/// the head's sum, shifted over the rest, xor the rest's sum.
+/// The checksum of the bytes behind `head` in an entry. CRC-32 is linear: the sum over both parts
+/// is the head's sum, shifted over the rest, xor the rest's sum.
 fn checksum_after(entry: &Entry, head: &[u8]) -> u32 {
     let mut shifted = crc32fast::Hasher::new();
     shifted.update(head);

@@ -13,10 +13,9 @@ use crate::base::limits::Limits;
 
 /// Opens a file of tensors, whatever its name.
 ///
-/// # Errors
-/// `Io` where it cannot be read or is a folder, `Unsupported` for files of another kind and for
-/// what only a newer reader would know, `Malformed`, `Truncated`, `Checksum` for damaged ones,
-/// `OverLimit` for those that ask for too much.
+/// # Errors `Io` where it cannot be read or is a folder, `Unsupported` for files of another kind
+/// and for features that only a newer reader would know, `Malformed`, `Truncated`, `Checksum` for
+/// damaged ones, `OverLimit` for those that ask for too much.
 pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
     let file = Arc::new(SourceFile::open(path)?);
     open_file(&file, limits)

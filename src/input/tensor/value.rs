@@ -1,4 +1,4 @@
-//! Plain values of a tensor file: what a pickle or a header comes down to.
+//! Plain values of a tensor file: the contents of a pickle or a header.
 
 use super::array::Tensor;
 use crate::base::error::{Error, Place, Result};

@@ -187,7 +187,7 @@ impl Archive {
         let mut zip = self.zip.clone();
         let mut reader = zip.by_index(number).map_err(|error| refused(error, place()))?;
         let mut bytes = Vec::new();
-        // One byte more than the whole lets the decoder see the end and check what came.
+        // One byte more than the whole lets the decoder see the end and check the bytes.
         let wanted = if count == entry.length { count.saturating_add(1) } else { count };
         let read = Read::by_ref(&mut reader).take(wanted).read_to_end(&mut bytes);
         read.map_err(|error| refused(ZipError::Io(error), place()))?;
@@ -286,7 +286,7 @@ fn without_directory(error: ZipError, length: u64) -> Error {
     }
 }
 
-/// The crate's error for what the zip reader says at `place`.
+/// The crate's error for an error of the zip reader at `place`.
 fn refused(error: ZipError, place: Place) -> Error {
     match error {
         ZipError::Io(error) => match error.kind() {

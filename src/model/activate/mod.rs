@@ -9,9 +9,10 @@
 //! paths add up. Both maps are monotone, so [`raw_at_opacity`] can turn a threshold on opacity into
 //! one comparison on raw values.
 //!
-//! These functions decide what is stored (thresholds, ranges), so they use the `libm` crate, whose
-//! results do not depend on the platform. Rendering activates millions of samples: [`lanes`] has
-//! the same functions for short arrays of f32, which the compiler turns into vector instructions.
+//! These functions decide the stored values (thresholds, ranges), so they use the `libm` crate,
+//! whose results do not depend on the platform. Rendering activates millions of samples: [`lanes`]
+//! has the same functions for short arrays of f32, which the compiler turns into vector
+//! instructions.
 
 pub mod lanes;
 mod scalar;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::activate;
-use crate::model::field::{Activation, UNSEEN_OPACITY};
+use crate::model::field::{Activation, INVISIBLE_OPACITY};
 
 /// The form in which a level stores density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,12 +33,12 @@ impl DensityDomain {
         }
     }
 
-    /// The density of [`UNSEEN_OPACITY`]: no picture shows this value or a lower one.
-    pub fn unseen(self, activation: &Activation) -> f32 {
+    /// The density of [`INVISIBLE_OPACITY`]: no picture shows this value or a lower one.
+    pub fn invisible(self, activation: &Activation) -> f32 {
         match self {
-            Self::Raw => activation.unseen_raw(),
-            Self::SqrtOpticalDepth => UNSEEN_OPACITY.sqrt() as f32,
-            Self::Opacity => UNSEEN_OPACITY as f32,
+            Self::Raw => activation.invisible_raw(),
+            Self::SqrtOpticalDepth => INVISIBLE_OPACITY.sqrt() as f32,
+            Self::Opacity => INVISIBLE_OPACITY as f32,
         }
     }
 }

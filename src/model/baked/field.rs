@@ -22,8 +22,8 @@ pub struct BakedField {
 }
 
 impl BakedField {
-    /// Refuses levels whose tables or codes are not what the metadata says. The metadata itself is
-    /// held to the rules of a container elsewhere.
+    /// Refuses levels whose tables or codes do not fit the metadata. The metadata itself is held to
+    /// the rules of a container elsewhere.
     ///
     /// # Errors
     /// `Malformed`, with the level as its place.

@@ -50,9 +50,10 @@ pub struct LevelMetadata {
     pub dimensions: [usize; 3],
     /// Nodes along a block's edge.
     pub block_size: usize,
-    /// Stored blocks, those whose colours are filled among them.
+    /// Stored blocks, those whose colours are inherited among them.
     pub blocks_stored: usize,
-    /// Blocks whose colours are filled from the next coarser level; left out where there are none.
+    /// Blocks whose colours are inherited from the next coarser level; left out where there are
+    /// none.
     #[serde(default, skip_serializing_if = "is_none")]
     pub blocks_filled: usize,
     /// Density; `None` where every level uses level 0's.
@@ -159,8 +160,8 @@ pub struct LevelOfDetail {
     #[serde(rename = "aside")]
     pub neighbour: FootprintNeighbour,
     /// An upper bound beside the last level, if there is one.
-    #[serde(deserialize_with = "nullable")]
-    pub most: Option<f32>,
+    #[serde(rename = "most", deserialize_with = "nullable")]
+    pub bound: Option<f32>,
 }
 
 /// The network of chunk `VMLP`.

@@ -12,7 +12,7 @@ pub enum Occupancy {
     /// From the block's frame.
     Stored = 1,
     /// Density from the block's frame, colours from the next coarser level.
-    Filled = 2,
+    Inherited = 2,
 }
 
 impl Occupancy {
@@ -26,7 +26,7 @@ impl Occupancy {
         match id {
             0 => Some(Self::Empty),
             1 => Some(Self::Stored),
-            2 => Some(Self::Filled),
+            2 => Some(Self::Inherited),
             _ => None,
         }
     }
@@ -41,7 +41,7 @@ pub struct Table {
     /// Frame of the first block of each row of blocks along z.
     row_frames: Vec<u32>,
     frames: usize,
-    filled: usize,
+    inherited: usize,
 }
 
 impl Table {
@@ -61,8 +61,8 @@ impl Table {
             row_frames.push(frames as u32);
             frames += row.iter().filter(|&&block| block != Occupancy::Empty).count();
         }
-        let filled = occupancy.iter().filter(|&&block| block == Occupancy::Filled).count();
-        Ok(Self { grid, occupancy, row_frames, frames, filled })
+        let inherited = occupancy.iter().filter(|&&block| block == Occupancy::Inherited).count();
+        Ok(Self { grid, occupancy, row_frames, frames, inherited })
     }
 
     /// The level's cut into blocks.
@@ -75,26 +75,26 @@ impl Table {
         &self.occupancy
     }
 
-    /// Blocks that have a frame: those that are stored, and those whose colours are filled.
+    /// Blocks that have a frame: those that are stored, and those whose colours are inherited.
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// Blocks whose colours are filled.
-    pub fn filled(&self) -> usize {
-        self.filled
+    /// Blocks whose colours are inherited.
+    pub fn inherited(&self) -> usize {
+        self.inherited
     }
 
     /// True if a block's colours are inherited, by its place along each axis.
-    pub fn is_filled(&self, [i, j, k]: [usize; 3]) -> bool {
+    pub fn is_inherited(&self, [i, j, k]: [usize; 3]) -> bool {
         let [_, rows, length] = self.grid.counts();
-        self.occupancy[(i * rows + j) * length + k] == Occupancy::Filled
+        self.occupancy[(i * rows + j) * length + k] == Occupancy::Inherited
     }
 
     /// The same blocks, all with colours of their own.
     pub fn without_inheritance(&self) -> Result<Self> {
         let stored = |&block: &Occupancy| match block {
-            Occupancy::Filled => Occupancy::Stored,
+            Occupancy::Inherited => Occupancy::Stored,
             block => block,
         };
         Self::new(self.grid, self.occupancy.iter().map(stored).collect())
@@ -129,8 +129,8 @@ mod tests {
         let grid = BlockGrid { nodes: Nodes([5, 4, 9]), edge: 4 };
         let occupancy = [1, 0, 2, 1, 0, 0].map(|id| Occupancy::from_id(id).expect("known"));
         let table = Table::new(grid, occupancy.to_vec()).expect("as many as blocks");
-        assert_eq!((table.frames(), table.filled()), (3, 1));
-        assert!(table.is_filled([0, 0, 2]) && !table.is_filled([1, 0, 0]));
+        assert_eq!((table.frames(), table.inherited()), (3, 1));
+        assert!(table.is_inherited([0, 0, 2]) && !table.is_inherited([1, 0, 0]));
         let stored: Vec<_> = table.stored().collect();
         assert_eq!(stored, [[0, 0, 0], [0, 0, 2], [1, 0, 0]]);
         for (frame, place) in stored.into_iter().enumerate() {

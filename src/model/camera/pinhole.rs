@@ -34,7 +34,7 @@ pub struct Lens {
     pub center: [f64; 2],
 }
 
-/// SHA-256 of what cameras see, whatever their frames are called.
+/// SHA-256 of the cameras, without the names of their frames.
 pub fn digest(cameras: &[Camera]) -> [u8; 32] {
     let mut sum = Sha256::new();
     for Camera { to_world, lens, .. } in cameras {
@@ -127,7 +127,7 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Refuses what cannot be rendered.
+    /// Refuses cameras that cannot be rendered.
     pub fn check(&self) -> Result<()> {
         let place = || Place::Key(format!("frame {}", self.name));
         let bad = |found: String, expected: &str| {

@@ -7,7 +7,7 @@ use glam::{DMat4, DVec4};
 use serde::Deserialize;
 
 use super::{Camera, Lens};
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
 
 /// Picture size where neither the file nor its pictures say one.
@@ -174,8 +174,8 @@ pub fn pick(cameras: Vec<Camera>, frames: &[String]) -> Result<Vec<Camera>> {
         let by_name = cameras.iter().find(|camera| camera.name == *wanted);
         let by_index = || wanted.parse().ok().and_then(|index: usize| cameras.get(index));
         by_name.or_else(by_index).cloned().ok_or_else(|| {
-            let message = format!("--frames names {wanted}, but there are {}", cameras.len());
-            Error::new(ErrorKind::Usage { message }, Place::File)
+            let expected = format!("a name or an index of {} frames", cameras.len());
+            Error::invalid_option("frames", wanted, expected)
         })
     };
     frames.iter().map(find).collect()

@@ -13,5 +13,5 @@ pub use free_space::{FreeSpace, Lookup};
 pub use planes::{EMPTY_DENSITY, Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub use radiance_field::RadianceField;
 pub(crate) use scene::nullable;
-pub use scene::{Activation, ActivationOrder, March, Scene, UNSEEN_OPACITY};
+pub use scene::{Activation, ActivationOrder, INVISIBLE_OPACITY, March, Scene};
 pub use volume::Volume;

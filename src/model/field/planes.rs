@@ -5,8 +5,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::field::{RadianceField, Volume};
 use crate::model::grid::{NodeMask, row};
 
-/// Raw density of a node that is not there. Far below any threshold, and what unseen nodes of
-/// trained scenes hold.
+/// Raw density of a node that is not there. Far below any threshold, and the value of invisible
+/// nodes of trained scenes hold.
 pub const EMPTY_DENSITY: f32 = -100.0;
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
@@ -22,7 +22,7 @@ pub enum Nonfinite {
     Empty,
 }
 
-/// Reads a field's planes from any thread. It keeps no record: each call tells what it read.
+/// Reads a field's planes from any thread. It keeps no record: each call reports its reads.
 #[derive(Debug)]
 pub struct Planes<'a> {
     field: &'a RadianceField,
@@ -216,8 +216,8 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     runs
 }
 
-/// Lowers what lies outside the mask to emptiness. Lower values stay: levels as trained average
-/// them as they are.
+/// Lowers nodes outside the mask to emptiness. Lower values stay: levels as trained average them as
+/// they are.
 fn empty(outside: &NodeMask, x: usize, plane: &mut [f32]) {
     let nz = outside.nodes().0[2];
     for (y, values) in plane.chunks_exact_mut(nz).enumerate() {

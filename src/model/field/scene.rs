@@ -7,7 +7,7 @@ use crate::model::activate;
 use crate::model::grid::{Bounds, Nodes};
 
 /// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
-pub const UNSEEN_OPACITY: f64 = 1e-10;
+pub const INVISIBLE_OPACITY: f64 = 1e-10;
 
 /// Opacity of raw density, and the march of rays.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +39,8 @@ pub struct Activation {
 impl Activation {
     /// The raw density of an opacity of 1e-10. Renderers need not look at cells whose corners are
     /// all at or below it, and bakes give don't-care nodes at most this value.
-    pub fn unseen_raw(&self) -> f32 {
-        activate::raw_at_opacity(UNSEEN_OPACITY, self.shift.into(), self.interval.into()) as f32
+    pub fn invisible_raw(&self) -> f32 {
+        activate::raw_at_opacity(INVISIBLE_OPACITY, self.shift.into(), self.interval.into()) as f32
     }
 }
 
@@ -79,7 +79,7 @@ impl March {
     /// Samples that a ray may have, at most: `floor(|(Nx+1, Ny+1, Nz+1)| / stepsize)` for level 0's
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.
-    pub const MOST_SAMPLES: u32 = 1 << 20;
+    pub const MAX_SAMPLES: u32 = 1 << 20;
 
     /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {
@@ -88,7 +88,7 @@ impl March {
     }
 
     /// Refuses steps that no ray can take: lengths that are not positive, and those of more than
-    /// [`Self::MOST_SAMPLES`].
+    /// [`Self::MAX_SAMPLES`].
     ///
     /// # Errors
     /// `Malformed`, with the key as its place.
@@ -100,11 +100,11 @@ impl March {
             }
         }
         let samples = self.last_sample(nodes);
-        if samples <= f64::from(Self::MOST_SAMPLES) {
+        if samples <= f64::from(Self::MAX_SAMPLES) {
             return Ok(());
         }
         let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
-        let expected = format!("steps of which a ray takes at most {}", Self::MOST_SAMPLES);
+        let expected = format!("steps of which a ray takes at most {}", Self::MAX_SAMPLES);
         Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
     }
 }

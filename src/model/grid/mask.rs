@@ -52,7 +52,7 @@ impl NodeMask {
         row::set(&mut self.bits[start..start + self.words], z);
     }
 
-    /// The set whose rows of plane `x` are what `fill(x, rows)` makes of empty ones.
+    /// The set whose rows of plane `x` are made by `fill(x, rows)`, from empty ones.
     pub fn of_planes(
         nodes: Nodes,
         fill: impl Fn(usize, &mut [u64]) -> Result<()> + Sync + Send,
@@ -208,13 +208,13 @@ mod tests {
             let nodes = Nodes(*sizes);
             let visible = mask(nodes, seed as u64);
             let cells = visible.cells_with_a_corner().expect("no error");
-            let needed = cells.corners().expect("no error");
+            let retained = cells.corners().expect("no error");
             for at in around(nodes, [0; 3], 0, 1000) {
                 let is_cell = (0..3).all(|axis| at[axis] + 1 < sizes[axis]);
                 let cell = is_cell && around(nodes, at, 0, 1).iter().any(|&n| visible.contains(n));
                 assert_eq!(cells.contains(at), cell, "{sizes:?} {at:?}");
                 let near = around(nodes, at, 1, 1).iter().any(|&n| visible.contains(n));
-                assert_eq!(needed.contains(at), near, "{sizes:?} {at:?}");
+                assert_eq!(retained.contains(at), near, "{sizes:?} {at:?}");
             }
         }
     }

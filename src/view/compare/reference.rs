@@ -20,7 +20,7 @@ pub enum Reference {
         folder: PathBuf,
         /// Colour behind transparent pixels.
         background: [f32; 3],
-        /// Bounds on what a picture may ask for.
+        /// Bounds on the size of a picture.
         limits: Limits,
     },
 }
@@ -64,7 +64,7 @@ fn photograph(
     let factor = file.width / width.max(1);
     if factor == 0 || file.width != factor * width || file.height != factor * height {
         let found = format!("a picture of {} x {} pixels", file.width, file.height);
-        let expected = format!("a multiple of {width} x {height}; --size sets the size");
+        let expected = format!("a multiple of {width} x {height}; option size sets the size");
         return Err(Error::malformed(Place::File, found, expected).in_file(&path));
     }
     let pixels = file.bytes.as_chunks::<4>().0;

@@ -34,8 +34,8 @@ impl<'a> References<'a> {
         Self { reference, cameras, scales, supersample, kept, paid, budget: None }
     }
 
-    /// Keeps pictures for the next field, as long as the memory of `limits` lasts; what goes beyond
-    /// is made again each time.
+    /// Keeps pictures for the next field, as long as the memory of `limits` lasts; pictures beyond
+    /// it are made again each time.
     #[must_use]
     pub fn keep(self, limits: &Limits) -> Self {
         Self { budget: Some(Budget::new(limits)), ..self }
@@ -64,7 +64,7 @@ impl<'a> References<'a> {
         Ok(pictures)
     }
 
-    /// Hands back what [`Self::take`] gave.
+    /// Hands back the pictures of [`Self::take`].
     pub(super) fn put_back(&mut self, number: usize, pictures: Vec<Picture>) {
         if self.paid[number] {
             self.kept[number] = Some(pictures);

@@ -7,7 +7,7 @@
 //! chord of a ray through every cell is at least a step long: a cell holds a ball whose diameter is
 //! the spacing of nodes, and the ball's picture holds a disc. So every cell in front of the camera
 //! gets a sample, whatever the lens, the distance and the size of the pictures. The number of rays
-//! is bounded ([`MOST_RAYS_A_CELL`]); lenses wider than a right angle can miss cells far away.
+//! is bounded ([`MAX_RAYS_A_CELL`]); lenses wider than a right angle can miss cells far away.
 //!
 //! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
 //! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray
@@ -35,10 +35,10 @@ use crate::view::sample::Sample;
 
 /// Rays along each side of a camera's lattice, at most, for each of the closest cells along the
 /// box's longest edge.
-const MOST_RAYS_A_CELL: f64 = 8.0;
+const MAX_RAYS_A_CELL: f64 = 8.0;
 /// The sum of one node over all cameras, at most: a quarter of what 64 bits hold, so that rounding
 /// up has room.
-const MOST_SUM: f64 = (1u64 << 62) as f64;
+const MAX_SUM: f64 = (1u64 << 62) as f64;
 /// Cameras that are followed at once, each with a mask of its own.
 const BATCH: usize = 8;
 
@@ -52,8 +52,8 @@ pub struct CameraCoverage {
     pub importance: Vec<f32>,
 }
 
-/// Follows rays of all `cameras` through level 0. Cells with a sample of at least `least_weight`,
-/// 0 to 1, count as seen. The result does not depend on the number of threads.
+/// Follows rays of all `cameras` through level 0. Cells with a sample of at least `least_weight`, 0
+/// to 1, count as covered. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// `Malformed` for cameras or rules that cannot be rendered, `Cancelled`.
@@ -74,7 +74,7 @@ pub fn camera_coverage(
         let masks = parallel::map(batch.len(), |i| {
             let mut mask = CellMask::empty(view.nodes);
             if let Some(lattice) = Lattice::new(view, &batch[i]) {
-                let unit = MOST_SUM / cameras.len() as f64 / lattice.points_of_picture();
+                let unit = MAX_SUM / cameras.len() as f64 / lattice.points_of_picture();
                 let buffer = ImportanceBuffer { nodes: view.nodes, unit, sums: &sums };
                 with_values!(field, values => {
                     follow(view, values, &lattice, least_weight, &buffer, &mut mask, progress)
@@ -154,8 +154,8 @@ impl Lattice {
         let across =
             |factor: f64, axis: usize| side(factor, axis) * (shares[axis][1] - shares[axis][0]);
         let longest = view.bounds.extent().into_iter().fold(0.0, f64::max);
-        let most = (MOST_RAYS_A_CELL * longest / spacing).ceil();
-        let factor = most / across(1.0, 0).max(across(1.0, 1)).max(most);
+        let max_pixels = (MAX_RAYS_A_CELL * longest / spacing).ceil();
+        let factor = max_pixels / across(1.0, 0).max(across(1.0, 1)).max(max_pixels);
         let sides = [side(factor, 0), side(factor, 1)];
         let [columns, rows] = [0, 1].map(|axis| {
             let [low, high] = shares[axis].map(|share| share * sides[axis]);

@@ -25,7 +25,7 @@ impl Footprint {
     /// `levels` are the finest and the coarsest that may be read.
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
-        let last = rule.most.map_or(coarsest, |most| most.min(coarsest)).max(finest);
+        let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
         Self { sides, factor: rule.factor, bias: rule.bias, finest, last }
     }
 
@@ -50,7 +50,7 @@ impl Footprint {
             return [self.bias; 2];
         }
         // Each side's square is convex: largest at an end, least at its vertex.
-        let most = self.lambda(first).max(self.lambda(last));
+        let highest = self.lambda(first).max(self.lambda(last));
         let least = self.sides.map(|[start, step]| {
             let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
             let vertex = -dot(start, step) / dot(step, step).max(f64::MIN_POSITIVE);
@@ -58,7 +58,7 @@ impl Footprint {
             let offset = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
             dot(offset, offset)
         });
-        [self.level(f64::max(least[0], least[1])).min(most), most]
+        [self.level(f64::max(least[0], least[1])).min(highest), highest]
     }
 
     /// The level of a footprint whose square is this.

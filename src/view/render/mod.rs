@@ -1,8 +1,8 @@
-//! The reference renderer: what a field, trained or baked, looks like.
+//! The reference renderer of trained and baked fields.
 //!
-//! One code path above [`crate::view::sample::Sample`]. [`view`] turns what a trained scene or a
-//! container's metadata says into one set of rules; [`route`] walks a ray: level of detail from the
-//! pixel's footprint, jumps over what cannot be seen, transmittance as accumulated optical depth;
+//! One code path above [`crate::view::sample::Sample`]. [`view`] turns a trained scene or a
+//! container's metadata into one set of rules; [`route`] walks a ray: level of detail from the
+//! pixel's footprint, jumps over empty space, transmittance as accumulated optical depth;
 //! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles
 //! of a picture in parallel and adds the view-dependent colour, many rays at a time. The picture
 //! does not depend on the number of threads.

@@ -10,7 +10,7 @@ use crate::model::baked::{Blend, DensityDomain};
 use crate::model::field::{Activation, ActivationOrder};
 use crate::view::sample::{Cell, Sample};
 
-/// Samples of a packet: a cache line of f32, and about what a ray sees before it ends.
+/// Samples of a packet: a cache line of f32, and about as many as a ray takes before it ends.
 const PACKET: usize = 16;
 
 /// Samples of one ray at one level, each blended with the next coarser one.
@@ -58,7 +58,7 @@ struct Located {
     coarser: Option<DensityDomain>,
 }
 
-/// The density of no matter.
+/// The density of empty space.
 fn nothing(domain: DensityDomain) -> f32 {
     match domain {
         DensityDomain::Raw => f32::NEG_INFINITY,
@@ -171,13 +171,15 @@ impl Packet {
             if low.is_none() && high.is_none() {
                 continue;
             }
-            let [of_fine, of_coarse] = &mut located.density;
-            of_fine[i] = low.unwrap_or_else(|| field.empty_density(own));
+            let [fine_density, coarse_density] = &mut located.density;
+            fine_density[i] = low.unwrap_or_else(|| field.empty_density(own));
             if blends {
                 let high = high.unwrap_or_else(|| field.empty_density(next));
                 match view.blend {
-                    Blend::BeforeActivation => of_fine[i] += (high - of_fine[i]) * self.blend[i],
-                    Blend::AfterActivation => of_coarse[i] = high,
+                    Blend::BeforeActivation => {
+                        fine_density[i] += (high - fine_density[i]) * self.blend[i]
+                    }
+                    Blend::AfterActivation => coarse_density[i] = high,
                 }
             }
         }

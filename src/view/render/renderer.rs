@@ -70,9 +70,8 @@ macro_rules! in_lanes {
 impl Renderer {
     /// A trained field, with coarser levels if `levels` says so. All of its values are read.
     ///
-    /// # Errors
-    /// `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64 channels
-    /// of colour and features, and whatever reading the values gives.
+    /// # Errors `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64
+    /// channels of colour and features, and errors of reading the values.
     pub fn trained(
         field: &RadianceField,
         levels: Option<TrainedLevels>,

@@ -1,4 +1,4 @@
-//! The samples of a ray that may be seen.
+//! The samples of a ray that may be visible.
 
 use super::footprint::Footprint;
 use super::path::Path;
@@ -44,14 +44,14 @@ impl Route {
     /// stands for, until a visit says no.
     #[inline(always)]
     pub fn walk(&self, view: &View, skip: &SkipGrid, mut visit: impl FnMut(f64, f32, f32) -> bool) {
-        let Self { path, footprint, range: [least, most] } = self;
+        let Self { path, footprint, range: [lowest, highest] } = self;
         // Samples between two levels read both.
-        let levels = [*least as usize, most.ceil() as usize];
-        let constant = least == most;
+        let levels = [*lowest as usize, highest.ceil() as usize];
+        let constant = lowest == highest;
         // Intervals from one sample to the next, where they do not depend on the sample.
         let interval = match view.step_rule {
             StepRule::Constant => Some(1.0),
-            StepRule::LevelOfDetail => constant.then(|| libm::exp2f(*least)),
+            StepRule::LevelOfDetail => constant.then(|| libm::exp2f(*lowest)),
         };
         let mut k = path.first;
         while k <= path.last {
@@ -66,7 +66,7 @@ impl Route {
                 continue;
             }
             loop {
-                let lambda = if constant { *least } else { footprint.lambda(k) };
+                let lambda = if constant { *lowest } else { footprint.lambda(k) };
                 let interval = interval.unwrap_or_else(|| libm::exp2f(lambda));
                 let counts = match state {
                     Macro::Empty(_) => false,

@@ -16,7 +16,7 @@ use super::interpolated_density;
 /// Level-0 cells along a macro cell's edge where the box has few.
 const LEAST_EDGE: usize = 2;
 /// Macro cells along an axis, at most: more would not fit into a processor's caches.
-const MOST_CELLS: usize = 128;
+const MAX_CELLS: usize = 128;
 
 /// Rules of a macro cell for samples in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +57,7 @@ impl OccupiedMacroCells {
         activation: &Activation,
     ) -> Self {
         let grid = BlockGrid { nodes, edge: macro_edge(finest) };
-        let limit = interpolated_density(activation, domain, domain.unseen(activation));
+        let limit = interpolated_density(activation, domain, domain.invisible(activation));
         Self { grid, limit, blocks: vec![false; grid.total()] }
     }
 
@@ -163,8 +163,8 @@ impl SkipGrid {
 
 /// Level-0 cells along a macro cell's edge, for level 0 of `nodes`.
 fn macro_edge(nodes: Nodes) -> usize {
-    let most = nodes.0.into_iter().max().unwrap_or(2) - 1;
-    most.div_ceil(MOST_CELLS).max(LEAST_EDGE)
+    let cells = nodes.0.into_iter().max().unwrap_or(2) - 1;
+    cells.div_ceil(MAX_CELLS).max(LEAST_EDGE)
 }
 
 fn macro_counts(nodes: Nodes) -> [usize; 3] {

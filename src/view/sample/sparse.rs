@@ -29,8 +29,8 @@ pub struct Sparse<const C: usize> {
 #[derive(Debug)]
 struct Level<const C: usize> {
     sizes: [usize; 3],
-    /// For each node along each axis, what it adds to the number of its block, and to its own
-    /// number in its frame: divisions that rays would repeat.
+    /// For each node along each axis, its addend to the number of its block, and to its own number
+    /// in its frame: divisions that rays would repeat.
     parts: [Vec<[u32; 2]>; 3],
     /// Frame of each block, or [`NO_FRAME`].
     frames: Vec<u32>,

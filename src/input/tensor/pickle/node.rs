@@ -72,7 +72,7 @@ impl Node<'_> {
     }
 }
 
-/// All objects of a pickle, and what they may still take.
+/// All objects of a pickle, and the rest of their allowance.
 #[derive(Debug)]
 pub(super) struct Arena<'a> {
     nodes: Vec<Node<'a>>,
@@ -103,7 +103,7 @@ impl<'a> Arena<'a> {
         self.nodes.get_mut(id.0 as usize)
     }
 
-    /// Gives up the objects and what they have left.
+    /// Gives up the objects and the rest of their allowance.
     pub(super) fn into_parts(self) -> (Vec<Node<'a>>, Allowance) {
         (self.nodes, self.allowance)
     }

@@ -89,7 +89,7 @@ impl Asset {
         self.file.path()
     }
 
-    /// Limits on what it may ask for.
+    /// Limits on the sizes that it may ask for.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }

@@ -7,9 +7,9 @@
 //!       JSON, padded with spaces     BIN, padded with zeros, optional     others, kept as they are
 //! ```
 //!
-//! [`glb`] has the chunks, [`json`] values in place and edits of the text, [`uri`] what URIs name,
-//! [`properties`] the extension's objects, [`fields`] the fields of a document and the containers
-//! that they name, [`rules`] what they must obey.
+//! [`glb`] has the chunks, [`json`] values in place and edits of the text, [`uri`] the files that
+//! URIs name, [`properties`] the extension's objects, [`fields`] the fields of a document and the
+//! containers that they name, [`rules`] the rules for them.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

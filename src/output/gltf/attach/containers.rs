@@ -75,7 +75,7 @@ impl Removal<'_> {
         }
     }
 
-    /// Moves what stays in the chunk BIN to where it belongs without what goes.
+    /// Moves the remaining bytes of the chunk BIN to their places without the removed ones.
     fn lay_out(&mut self, tail: &[(View, usize)], others: &[View]) -> Result<Vec<Piece>> {
         let buffers = self.asset.list(&self.root, "buffers")?;
         let mut pieces = chunk_pieces(self.asset)?;

@@ -5,16 +5,17 @@
 //! ```text
 //! extensions.MIPVOG_radiance_field.radianceFields   + the field's properties
 //! extensionsUsed                                    + the extension
-//! nodes[i].extensions.MIPVOG_radiance_field         + {"radianceField": n}, on a node that is there,
-//!                                                     or on a new one in the default scene
-//! bufferViews, buffers[0].byteLength, chunk BIN     + the container, after all else (embedded only)
+//! nodes[i].extensions.MIPVOG_radiance_field         + {"radianceField": n}, on a node that is
+//!                                                     there, or on a new one in the default scene
+//! bufferViews, buffers[0].byteLength, chunk BIN     + the container, after all else
+//!                                                     (embedded only)
 //! ```
 //!
 //! All other values keep their text ([`tree`]). [`detach`] takes these parts out again. It needs to
 //! know the nodes and the scene that were made for a field, and the length of the buffer before its
 //! padding: they stand in the field's `extras` ([`notes`]). Lists and objects that are left empty
-//! go too, for glTF gives an empty list no meaning. Detaching renumbers nothing but what attaching
-//! made: other extensions may refer to any other number.
+//! go too, for glTF gives an empty list no meaning. Detaching renumbers only the parts that
+//! attaching made: other extensions may refer to any other number.
 //!
 //! [`write_fallback`] makes a new asset of a mesh, for a field that has none.
 

@@ -1,4 +1,4 @@
-//! Notes in a field's `extras`: what a document does not tell about its own past.
+//! Notes in a field's `extras`: the parts of a document that attaching made.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

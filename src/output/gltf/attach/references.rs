@@ -30,7 +30,7 @@ impl References {
         for (name, value) in &root {
             match (name.as_str(), value) {
                 ("nodes", Value::Array(nodes)) => nodes.iter().for_each(|node| found.visit(node)),
-                // A scene's own list can be edited; what its extensions refer to cannot.
+                // A scene's own list can be edited; references of its extensions cannot.
                 ("scenes", Value::Array(scenes)) => {
                     let members = scenes.iter().filter_map(Value::as_object).flatten();
                     members

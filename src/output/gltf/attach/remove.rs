@@ -23,9 +23,8 @@ pub struct Detached {
 /// Writes `asset` without a field, or without all of them, to `output`, complete but not yet
 /// finished.
 ///
-/// # Errors
-/// Documents that break their rules; an asset without that field; a container in the middle of what
-/// other parts of the document refer to by number, which cannot be taken out without renumbering
+/// # Errors Documents that break their rules; an asset without that field; a container between
+/// parts that the document refers to by number, which cannot be taken out without renumbering
 /// those.
 pub fn detach(asset: &Asset, field: Option<usize>, output: &mut Output) -> Result<Detached> {
     Removal::new(asset, field)

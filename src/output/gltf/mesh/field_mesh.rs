@@ -9,7 +9,7 @@ use crate::base::parallel;
 use crate::codec::container::Container;
 
 /// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
-const MOST_NODES: usize = 128;
+const MAX_NODES: usize = 128;
 
 /// A level is fine enough whose surface has this many times the triangles that are asked for.
 const SURFACE_SURPLUS: usize = 2;
@@ -37,7 +37,7 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
         let planes = 16 * parallel::threads() as u64 * ny * nz;
         Budget::new(container.limits()).spend(planes, "bytes of planes", &Place::File)?;
         let codes = container.read_level(level)?;
-        let grid = OpacityGrid::of_level(metadata, level, &codes, free_space.as_ref(), MOST_NODES)?;
+        let grid = OpacityGrid::of_level(metadata, level, &codes, free_space.as_ref(), MAX_NODES)?;
         (best, cell) = (surface::surface(&grid), grid.cell);
         if best.triangles.len() >= SURFACE_SURPLUS * triangles || grid.averaged {
             break;

@@ -1,11 +1,12 @@
 //! A triangle mesh of a baked field, for viewers that cannot march it.
 //!
 //! 1. **OpacityGrid** ([`opacity_grid`]): the nodes of one level, each with its opacity over a cell
-//!    of the level and its diffuse colour. Emptiness that no path from outside reaches counts as
-//!    filled.
-//! 2. **Surface** ([`surface`]): where half the light passes a cell, by surface nets: one vertex
-//!    for each cell that the surface goes through, at the mean of its crossings, and a quad around
-//!    each edge that it crosses. Its vertices lie in the box, and it has no border.
+//!    of the level and its diffuse colour. Empty nodes that no path from outside reaches count as
+//!    opaque.
+//! 2. **Surface** ([`surface`]): the surface at which half the light passes a cell, by surface
+//!    nets: one vertex for each cell that the surface goes through, at the mean of its crossings,
+//!    and a quad around each edge that it crosses. Its vertices lie in the box, and it has no
+//!    border.
 //! 3. **Simplify** ([`simplify`]): edges collapse, the one first whose loss is least, by the
 //!    quadric error of Garland and Heckbert (1997), down to the triangles that were asked for.
 //!

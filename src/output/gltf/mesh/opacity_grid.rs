@@ -35,12 +35,12 @@ impl OpacityGrid {
         level: usize,
         codes: &BakedLevel,
         free_space: Option<&FreeSpace>,
-        most: usize,
+        max_nodes: usize,
     ) -> Result<Self> {
         let level_metadata = &metadata.levels[level];
         let nodes = level_metadata.dimensions;
         let spacing = level_metadata.grid().nodes.spacing(&metadata.bounds);
-        let stride = nodes.map(|count| count.div_ceil(most));
+        let stride = nodes.map(|count| count.div_ceil(max_nodes));
         let inner: [usize; 3] = std::array::from_fn(|axis| nodes[axis].div_ceil(stride[axis]));
         let sizes = inner.map(|count| count + 2);
         let world = |axis: usize, node: usize| {
@@ -149,7 +149,7 @@ impl NodeRules<'_> {
     /// below visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
-        if stored <= self.domain.unseen(activation) {
+        if stored <= self.domain.invisible(activation) {
             return 0.0;
         }
         let value = f64::from(stored);

@@ -3,8 +3,8 @@
 //! A vertex carries a quadric, `Q(x) = x' A x + 2 b' x + c`: the sum, over the planes of its
 //! triangles, of area times squared distance, and a small share of the squared distance to the
 //! vertex itself, which keeps flat regions where they are and `A` invertible. The merged vertex
-//! lies where the sum of both quadrics is least. To that loss comes what the merged colour loses, a
-//! difference of 1 counting like a displacement by a cell.
+//! lies where the sum of both quadrics is least. To that loss comes the loss of the merged colour,
+//! a difference of 1 counting like a displacement by a cell.
 //!
 //! Collapses that would turn a triangle over or pinch the surface wait until no others are left.
 //!
@@ -22,11 +22,11 @@ const OWN_SHARE: f64 = 1e-3;
 /// Cosine of the angle by which a triangle may turn in one collapse.
 const LEAST_TURN: f64 = 0.2;
 
-/// At most `most` triangles of what `soup` holds; `cell` is the unit in which colours count.
-pub fn simplify(soup: TriangleSoup, most: usize, cell: f64) -> TriangleSoup {
+/// At most `max_triangles` triangles made from `soup`; `cell` is the unit in which colours count.
+pub fn simplify(soup: TriangleSoup, max_triangles: usize, cell: f64) -> TriangleSoup {
     let mut surface = Surface::new(soup, cell);
     for careful in [true, false] {
-        surface.collapse(most, careful);
+        surface.collapse(max_triangles, careful);
     }
     surface.finish()
 }
@@ -177,16 +177,16 @@ impl Surface {
     }
 
     /// Collapses edges until at most `most` triangles are left, or no edge can.
-    fn collapse(&mut self, most: usize, careful: bool) {
+    fn collapse(&mut self, max_triangles: usize, careful: bool) {
         let mut heap = BinaryHeap::new();
-        if self.count > most {
+        if self.count > max_triangles {
             for vertex in 0..self.around.len() as u32 {
                 let others = self.neighbours(vertex).into_iter().filter(|other| *other > vertex);
                 heap.extend(others.map(|other| Reverse(self.edge_collapse(vertex, other))));
             }
         }
         while let Some(Reverse(edge)) = heap.pop() {
-            if self.count <= most {
+            if self.count <= max_triangles {
                 break;
             }
             let current = edge.pair.map(|vertex| self.changes[vertex as usize]);

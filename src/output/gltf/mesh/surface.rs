@@ -95,7 +95,7 @@ fn color(grid: &OpacityGrid, corners: &[(usize, [f64; 3]); 8]) -> [f64; 3] {
         }
         total += weight;
     }
-    // Filled cavities have no colour, but never touch the outside.
+    // Cavities that became opaque have no colour, but never touch the outside.
     if total > 0.0 { sum.map(|sum| sum / total) } else { sum }
 }
 

@@ -54,7 +54,7 @@ impl Mesh {
         mesh
     }
 
-    /// The box of a field in which nothing is to be seen, so that viewers know where it lies.
+    /// The box of a field without visible nodes, so that viewers know its place.
     pub(super) fn of_box(bounds: &Bounds) -> Self {
         let corner = |i: u32| {
             let side = |axis: usize| {

@@ -16,12 +16,12 @@ use super::code_word::Code;
 /// Marks blocks without a frame.
 const NO_FRAME: u32 = u32::MAX;
 
-/// Fills blocks of one group of one level.
-pub struct Filler<'a> {
+/// Colours of the inherited blocks of one group of one level.
+pub struct InheritedColors<'a> {
     grid: BlockGrid,
     channels: usize,
     number: NumberType,
-    /// Halfway between the values of neighbouring codes of the level that is filled.
+    /// Halfway between the values of neighbouring codes of the level that inherits.
     borders: Vec<f64>,
     coarser: BlockGrid,
     /// Of each of the coarser level's blocks.
@@ -36,16 +36,17 @@ pub struct Filler<'a> {
 /// one.
 type Between = (usize, f64);
 
-impl<'a> Filler<'a> {
-    /// Of blocks of `level` from `coarser`, whose metadata is `of_coarser`; none where a level does
-    /// not have the group's `channels` in integer codes.
+impl<'a> InheritedColors<'a> {
+    /// Of blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none where a
+    /// level does not have the group's `channels` in integer codes.
     pub fn new(
         level: &LevelMetadata,
-        (of_coarser, coarser): (&LevelMetadata, &'a BakedLevel),
+        (coarser_metadata, coarser): (&LevelMetadata, &'a BakedLevel),
         group: Group,
         channels: usize,
     ) -> Option<Self> {
-        let [own, other] = [level, of_coarser].map(|of| of.encoding(group).filter(is_integer));
+        let [own, other] =
+            [level, coarser_metadata].map(|of| of.encoding(group).filter(is_integer));
         let (own, other) = (own?, other?);
         let values: Vec<f64> = own.values().map(f64::from).collect();
         let mut frames = vec![NO_FRAME; coarser.table.grid().total()];
@@ -61,7 +62,7 @@ impl<'a> Filler<'a> {
             channels,
             number: own.number,
             borders: values.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0).collect(),
-            coarser: of_coarser.grid(),
+            coarser: coarser_metadata.grid(),
             frames,
             codes: coarser.atlases[group as usize].as_ref()?,
             values: other.values().map(f64::from).collect(),
@@ -135,30 +136,30 @@ impl<'a> Filler<'a> {
     }
 
     /// Codes of every block of `table` that has a frame, from the stored blocks' codes.
-    pub fn fill(&self, table: &Table, stored: &Codes) -> Codes {
+    pub fn restore(&self, table: &Table, stored: &Codes) -> Codes {
         let count = table.frames() * self.channels * self.grid.block_nodes();
         let mut codes = Codes::zeroed(self.number, count);
-        with_codes!(&mut codes, codes => self.fill_codes(table, stored, codes));
+        with_codes!(&mut codes, codes => self.restore_codes(table, stored, codes));
         codes
     }
 
-    fn fill_codes<T: Code>(&self, table: &Table, stored: &Codes, codes: &mut [T]) {
+    fn restore_codes<T: Code>(&self, table: &Table, stored: &Codes, codes: &mut [T]) {
         let size = self.channels * self.grid.block_nodes();
         let mut next = T::of(stored).chunks_exact(size);
-        let mut filled = Vec::new();
+        let mut inherited = Vec::new();
         for (place, to) in table.stored().zip(codes.chunks_exact_mut(size)) {
-            match table.is_filled(place) {
-                true => filled.push((place, to)),
+            match table.is_inherited(place) {
+                true => inherited.push((place, to)),
                 false => to.copy_from_slice(next.next().unwrap_or(&[])),
             }
         }
-        let done = parallel::map_mut(&mut filled, |_, (place, to)| {
+        let done = parallel::map_mut(&mut inherited, |_, (place, to)| {
             for (to, code) in to.iter_mut().zip(self.block(*place)) {
                 *to = T::narrow(code);
             }
             Ok(())
         });
-        debug_assert!(done.is_ok(), "filling cannot fail");
+        debug_assert!(done.is_ok(), "interpolation cannot fail");
     }
 }
 
