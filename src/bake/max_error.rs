@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use crate::base::error::{Error, Result};
@@ -89,6 +90,20 @@ impl FromStr for MaxErrors {
             [density, diffuse, features] => Ok(Self::new(density, diffuse, features)),
             _ => Err("expected a number, or three with colons between"),
         }
+    }
+}
+
+impl Serialize for MaxErrors {
+    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
+        self.to_json().serialize(to)
+    }
+}
+
+impl<'de> Deserialize<'de> for MaxErrors {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        let expected = "expected a number, or three with colons between";
+        Self::from_json(&Value::deserialize(from)?)
+            .ok_or_else(|| serde::de::Error::custom(expected))
     }
 }
 

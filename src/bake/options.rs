@@ -1,5 +1,6 @@
 //! Options of a bake, as users state them.
 
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::MaxErrors;
@@ -20,7 +21,19 @@ pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 const MAX_FIT_STEPS: usize = 100_000;
 
 /// Options of a bake.
-#[derive(Debug, Clone, PartialEq)]
+///
+/// As text they have the names of their fields; a field that is left out has its default. Cameras
+/// and limits have no text.
+///
+/// ```
+/// use mipvog_bake::{BakeOptions, Filter};
+///
+/// let options: BakeOptions = serde_json::from_str(r#"{"filter": "paper", "bits": "12"}"#)?;
+/// assert_eq!(options, BakeOptions::default().with_filter(Filter::Paper).with_bits("12".parse()?));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct BakeOptions {
     /// Filter of coarser levels. Default: [`Filter::RateTent`], which looks right from afar
@@ -50,6 +63,7 @@ pub struct BakeOptions {
     pub fit_seconds: Option<f64>,
     /// Cameras whose pictures levels are fitted to. Default: none; then cameras on spheres around
     /// the box
+    #[serde(skip)]
     pub fit_cameras: Vec<Camera>,
     /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which nodes are kept, above 0
     /// to 1. Default: none, all visible nodes are kept
@@ -64,6 +78,7 @@ pub struct BakeOptions {
     /// important ones. Default: none, all are stored
     pub fill_error: Option<f32>,
     /// The cameras that `min_weight` and `coarseness` are about
+    #[serde(skip)]
     pub seen_from: Vec<Camera>,
     /// Bytes of memory that the bake may take, at most; the result does not depend on it. Default:
     /// no bound
@@ -72,6 +87,7 @@ pub struct BakeOptions {
     pub nonfinite: Nonfinite,
     /// Limits on sizes and memory; the result does not depend on them. Default: those for files
     /// that are not trusted
+    #[serde(skip)]
     pub limits: Limits,
 }
 

@@ -7,6 +7,8 @@ use std::fmt::Debug;
 use std::ops::Deref;
 use std::sync::Arc;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use super::sizes::{default_level_count, level_sizes};
 use super::{AlphaDomain, Kernel, LevelRule};
 use crate::model::baked::{Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule};
@@ -166,6 +168,20 @@ impl Deref for SharedFilter {
 impl PartialEq for SharedFilter {
     fn eq(&self, other: &Self) -> bool {
         self.name() == other.name()
+    }
+}
+
+impl Serialize for SharedFilter {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(self.name())
+    }
+}
+
+/// By the name of a [`Filter`]; others have no text.
+impl<'de> Deserialize<'de> for SharedFilter {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(from)?;
+        name.parse::<Filter>().map(Self::from).map_err(serde::de::Error::custom)
     }
 }
 

@@ -1,9 +1,12 @@
 //! Published rules that say which level a sample reads.
 
+use serde::{Deserialize, Serialize};
+
 use crate::model::baked::LevelOfDetail;
 
 /// A published rule, in place of the one that a filter was measured to look best with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LevelRule {
     /// A third of the footprint's logarithm.
     Paper,

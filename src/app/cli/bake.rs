@@ -14,7 +14,7 @@ use super::gate::{GateArguments, GateReport};
 use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
-use super::outcome::{Outcome, readable, say, warn};
+use super::outcome::{Outcome, peak_memory_bytes, readable, say, warn};
 use super::output::create as create_output;
 use super::progress::Bar;
 use super::stored::StoredArguments;
@@ -27,7 +27,7 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
-use crate::input::checkpoint::{self, MlpChoice};
+use crate::input::checkpoint::{self, MlpChoice, Source};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
@@ -191,10 +191,7 @@ impl Arguments {
         bar: &Bar,
         common: &Common,
     ) -> Result<Baked> {
-        let source = checkpoint::open_tensors(file, &self.scene.source_options(), limits)?;
-        for assumption in &source.assumptions {
-            warn(&assumption.message, common);
-        }
+        let source = self.open_trained(file, limits, common)?;
         let origin = Origin::of_source(&source);
         let cameras = match self.gate.measures()? {
             true => Some(self.gate.cameras(&source.field, limits)?),
@@ -243,10 +240,7 @@ impl Arguments {
         limits: &Limits,
         common: &Common,
     ) -> Result<Outcome> {
-        let source = checkpoint::open_tensors(file, &self.scene.source_options(), limits)?;
-        for assumption in &source.assumptions {
-            warn(&assumption.message, common);
-        }
+        let source = self.open_trained(file, limits, common)?;
         let options = self.with_cameras(options, &source.field, limits)?;
         let bar = Bar::new(common);
         let forecast = forecast(&source.field, &options, &bar)?;
@@ -274,6 +268,13 @@ impl Arguments {
             memory.map_or("unknown".to_owned(), readable),
         );
         Outcome::new("bake", &json, text)
+    }
+
+    /// Opens a trained input, and warns of settings that it lacks.
+    fn open_trained(&self, file: &TensorFile, limits: &Limits, common: &Common) -> Result<Source> {
+        let source = checkpoint::open_tensors(file, &self.scene.source_options(), limits)?;
+        source.assumptions.iter().for_each(|assumption| warn(&assumption.message, common));
+        Ok(source)
     }
 
     /// The options with the cameras that they depend on.
@@ -398,12 +399,4 @@ impl Arguments {
         }
         text
     }
-}
-
-/// Peak resident memory of this process as the operating system counts it, where it says.
-fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kilobytes * 1024)
 }

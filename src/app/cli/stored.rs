@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::values::{parse_bits, parse_bytes};
+use super::values::parse_bytes;
 use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors};
 use crate::codec::quantize::Bits;
 use crate::model::field::Nonfinite;
@@ -18,7 +18,7 @@ pub struct StoredArguments {
     #[arg(long, value_name = "N")]
     pub levels: Option<usize>,
     /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
-    #[arg(long, value_name = "BITS", value_parser = parse_bits)]
+    #[arg(long, value_name = "BITS")]
     pub bits: Option<Bits>,
     /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one
     /// interval, 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three

@@ -11,7 +11,6 @@ use super::field::SceneArguments;
 use super::outcome::{Outcome, readable, warn};
 use super::progress::Bar;
 use super::render::CameraArguments;
-use super::values::parse_bits;
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::error::{Error, Result};
@@ -39,7 +38,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     filter: Vec<Filter>,
     /// Bits to try: 4 to 16, f16 or f32
-    #[arg(long, value_name = "BITS,...", value_delimiter = ',', value_parser = parse_bits)]
+    #[arg(long, value_name = "BITS,...", value_delimiter = ',')]
     bits: Vec<Bits>,
     /// Errors to try beside the bits, as `bake --max-error`
     #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]

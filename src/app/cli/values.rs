@@ -5,24 +5,11 @@ use clap::builder::PossibleValue;
 
 use crate::bake::{LevelRule, Preset};
 use crate::base::limits::Limits;
-use crate::codec::quantize::Bits;
 use crate::input::checkpoint::MlpChoice;
 
 /// Colour behind the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background(pub [f32; 3]);
-
-/// 4 to 16, or a type.
-pub fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
-    match text {
-        "f16" => Ok(Bits::F16),
-        "f32" => Ok(Bits::F32),
-        _ => match text.parse() {
-            Ok(bits @ 4..=16) => Ok(Bits::Integer(bits)),
-            _ => Err("expected 4 to 16, f16 or f32".to_owned()),
-        },
-    }
-}
 
 /// A whole number of bytes, or of K, M or G of them: powers of 1024.
 pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {

@@ -14,6 +14,8 @@
 //! the activation ends there: intervals between borders are cut off at both, and codes whose values
 //! would all lie beyond count for nothing.
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use super::nearest::border;
 use crate::model::activate;
 use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
@@ -57,6 +59,32 @@ impl std::fmt::Display for Bits {
             Self::F16 => write!(f, "f16"),
             Self::F32 => write!(f, "f32"),
         }
+    }
+}
+
+/// From 4 to 16, f16 or f32.
+impl std::str::FromStr for Bits {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match (text, text.parse()) {
+            ("f16", _) => Ok(Self::F16),
+            ("f32", _) => Ok(Self::F32),
+            (_, Ok(bits @ 4..=16)) => Ok(Self::Integer(bits)),
+            _ => Err("expected 4 to 16, f16 or f32"),
+        }
+    }
+}
+
+impl Serialize for Bits {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Bits {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        String::deserialize(from)?.parse().map_err(serde::de::Error::custom)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Values of a trained field as everything downstream sees them: read by position where they are
 //! required, emptied outside the free-space mask, replaced where they are not finite.
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::field::{RadianceField, Volume};
 use crate::model::grid::{NodeMask, row};
@@ -13,7 +15,8 @@ pub const EMPTY_DENSITY: f32 = -100.0;
 const BRIDGED_BYTES: usize = 1024;
 
 /// Treatment of values that are not finite.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Nonfinite {
     /// The bake is refused, with their count and the first one's place.
     #[default]
