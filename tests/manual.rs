@@ -1,4 +1,5 @@
-//! `docs/manual.md`: its commands run, and its options are those of `--help`.
+//! `docs/manual.md`: its commands run, and its options are those of `--help`. The lines of Rust in
+//! `README.md` are those of the crate's page, which is compiled.
 
 #![cfg(all(feature = "cli", unix))]
 
@@ -133,5 +134,17 @@ fn the_manual_has_every_option_and_no_other() {
             told.extend(&shared.unwrap_or_else(|| panic!("no section {head}")).1.0);
         }
         assert_eq!(told, options, "{verb}");
+    }
+}
+
+#[test]
+fn the_lines_of_rust_in_the_readme_are_those_of_the_crate_docs() {
+    let readme = include_str!("../README.md");
+    let block = readme.split("```rust\n").nth(1).expect("a block of Rust");
+    let lines = block.split("```").next().expect("it ends").lines();
+    let crate_docs = include_str!("../src/lib.rs");
+    let mut stated = crate_docs.lines().filter_map(|line| line.strip_prefix("//! "));
+    for line in lines.filter(|line| !line.is_empty()) {
+        assert!(stated.any(|other| other == line), "the crate's page should go on with {line}");
     }
 }
