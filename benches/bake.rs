@@ -110,7 +110,7 @@ fn median(scene: &Path, output: &Path, options: &str) -> Value {
     reports.swap_remove(ROUNDS / 2)
 }
 
-/// Drops what the system keeps of a file in memory. `false` where it cannot be asked to.
+/// Drops the system's cached pages of a file. `false` if it cannot be asked to.
 fn forget(file: &Path) -> bool {
     let mut command = Command::new("dd");
     command.arg(format!("if={}", file.display())).args(["iflag=nocache", "count=0", "status=none"]);

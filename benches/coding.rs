@@ -25,7 +25,7 @@ use mipvog_bake::unstable::model::baked::{Codes, Group};
 
 /// Rounds of each measurement.
 const ROUNDS: usize = 7;
-/// Effort of what runs are made with: the default.
+/// Compression level of runs: the default.
 const LEVEL: i32 = 1;
 
 fn main() {

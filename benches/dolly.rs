@@ -66,7 +66,7 @@ fn distance(i: usize) -> f64 {
     FARTHEST.powf(i as f64 / (FRAMES - 1) as f64)
 }
 
-/// The cameras, frame by frame. Pictures are cut to what the box fills of them.
+/// The cameras, frame by frame. Pictures are cut to the box's rectangle.
 fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let middle = 0.5 * (corner(bounds.min) + corner(bounds.max));

@@ -300,7 +300,7 @@ fn fields_that_other_tools_attached_go_too() {
     };
     let left = detached(here, &without("extras"), None).expect("detached");
     let (document, (_, chunks)) = (document(&left), parts(&left));
-    // Nothing says where the buffer ended or who made the node, so both stay.
+    // The document states neither the buffer's old end nor the origin of the node, so both stay.
     assert_eq!(document["buffers"], json!([{ "byteLength": 64 }]));
     assert_eq!(document["nodes"].as_array().map(Vec::len), Some(2));
     assert_eq!(document.get("extensions"), None);

@@ -1,5 +1,5 @@
 //! Runs that are killed, disks that are full, files that go away: no half file under a final name,
-//! nothing left behind after the next run, exit codes and messages that say what happened.
+//! nothing left behind after the next run, exit codes and messages that name the fault.
 
 #![cfg(all(feature = "cli", unix))]
 
@@ -345,7 +345,7 @@ fn signals_end_a_run_with_their_code_and_leave_nothing() {
         command.args(["--filter", "none", "--zstd-level", "22", "--levels", "1", "--verbose"]);
         let mut child =
             command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
-        // It watches for signals by the time it warns of what the checkpoint does not say.
+        // It watches for signals by the time of its warning about missing settings.
         let mut byte = [0];
         child.stderr.as_mut().expect("a pipe").read_exact(&mut byte).expect("a warning");
         let mut kill = Command::new("kill");

@@ -184,7 +184,7 @@ fn inheriting_containers_bake_again_to_the_same_bytes_for_any_number_of_threads(
         let path = folder.path().join("again.mipvog");
         std::fs::write(&path, again).expect("writable");
         assert!(check(&path, &Limits::default()).expect("a report").valid);
-        // One level alone is what it is among all.
+        // One level alone is the same as among all.
         let whole = container.read().expect("levels");
         for (number, level) in whole.levels.iter().enumerate() {
             assert_eq!(container.read_level(number).expect("a level"), *level);

@@ -1,4 +1,4 @@
-//! Fitted levels: better than what they start from, and the same for any number of threads.
+//! Fitted levels: better than before the fit, and the same for any number of threads.
 
 mod common;
 

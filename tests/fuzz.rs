@@ -159,7 +159,7 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, seeds: &[Vec<u8>], tokens: &
     }
 }
 
-/// Runs a target, keeping what it fails on.
+/// Runs a target and keeps its failing inputs.
 fn run((name, target): Target, bytes: &[u8]) {
     MEMORY.reset_peak_usage();
     let before = MEMORY.current_usage();

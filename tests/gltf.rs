@@ -328,7 +328,7 @@ fn an_independent_reader_finds_the_mesh() {
         mipvog_bake::unstable::output::gltf::mesh::mesh(&container.expect("a container"), 10_000)
             .expect("a mesh");
     let bytes = std::fs::read(here.join("a.glb")).expect("written");
-    // Validates what this crate knows of glTF, too.
+    // Validates the crate's own rules of glTF, too.
     let asset = gltf::Gltf::from_slice(&bytes).expect("a valid asset");
     let node = asset.default_scene().and_then(|scene| scene.nodes().next()).expect("a node");
     let primitive = node.mesh().and_then(|mesh| mesh.primitives().next()).expect("a primitive");

@@ -1,4 +1,4 @@
-//! Written assets are what Khronos' validator, glTF-Transform and three.js take for sound glTF.
+//! Khronos' validator, glTF-Transform and three.js take written assets for sound glTF.
 //!
 //! Needs node 20 and `npm ci --prefix tests/gltf`.
 

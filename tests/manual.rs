@@ -14,7 +14,7 @@ use common::{fixture, folder, program};
 const MANUAL: &str = include_str!("../docs/manual.md");
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
 
-/// Fenced blocks: what stands behind the fence, and the lines within.
+/// Fenced blocks: the words behind the fence, and the lines within.
 fn blocks() -> Vec<(&'static str, &'static str)> {
     let mut parts = MANUAL.split("\n```");
     parts.next();
@@ -25,7 +25,7 @@ fn blocks() -> Vec<(&'static str, &'static str)> {
     blocks
 }
 
-/// A folder with what the page says is there.
+/// A folder with the files that the page names.
 fn workplace() -> tempfile::TempDir {
     let folder = folder();
     let copy = |from: &str, to: &str| {

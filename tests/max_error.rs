@@ -177,7 +177,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
     }
 }
 
-/// An unpacked container, and what its file holds.
+/// An unpacked container, and its file's contents.
 fn unpacked(bytes: &[u8]) -> (Unpacked, common::Unpacked) {
     let file = unpack(&open_bytes(bytes).expect("valid")).expect("unpacks");
     (Unpacked::open(file.file(), &Limits::default()).expect("an input"), file)
@@ -236,7 +236,7 @@ fn edited_values_that_the_codes_cannot_hold_are_refused() {
     let mut values = volume_values(volume);
     let most = values.iter().copied().fold(0.0, f32::max);
     assert!(most > 0.0 && most < 2.5, "{most}");
-    // The level's optical depth, doubled: beyond the codes, which end at what was there.
+    // The level's optical depth, doubled: beyond the codes, which end at the old values.
     values.iter_mut().for_each(|value| *value *= std::f32::consts::SQRT_2);
     volume.storage = Storage::Memory(values.iter().flat_map(|value| value.to_le_bytes()).collect());
     volume.first = 0;

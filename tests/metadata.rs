@@ -17,7 +17,7 @@ const INFINITE: f32 = f32::INFINITY;
 const ABOVE_ONE: f32 = 1.0 + f32::EPSILON;
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A key, what sets its value, values that are taken, and values that are not.
+/// A key, the function that sets its value, valid values, and invalid values.
 type Case<T> = (&'static str, fn(&mut Metadata, T), &'static [T], &'static [T]);
 
 /// Metadata of a container with a network, features and several levels, each with density.

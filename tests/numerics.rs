@@ -1,4 +1,4 @@
-//! Every row of `formats/numerics.md` keeps its bound, and the page is what the benchmark writes.
+//! Every row of `formats/numerics.md` keeps its bound, and the page is the benchmark's output.
 
 mod common;
 

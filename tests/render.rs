@@ -86,7 +86,7 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     }
 }
 
-/// A really trained scene; what a float64 renderer made of it without the threshold on colour,
+/// A really trained scene, and a float64 renderer's pictures of it without the threshold on colour,
 /// which is a step.
 #[test]
 fn every_pixel_of_a_trained_scene_equals_the_oracle() {

@@ -25,8 +25,8 @@ use mipvog_bake::unstable::view::render::{
 /// Rays end at an optical depth of 11.6, with a transmittance of 9.2e-6; the rest is for float32,
 /// in which raw values around 100 are 4e-6 off.
 const BOUND: f64 = 1.2e-5;
-/// The same where levels average alpha while a field is opened: amounts are f32, and near 1
-/// what they leave of light is known to 3e-8 only (formats/numerics.md, weighted averages). A trial
+/// The same where levels average alpha while a field is opened: amounts are f32, and near 1 the
+/// light that they leave is known to 3e-8 only (formats/numerics.md, weighted averages). A trial
 /// found 4e-5.
 const ALPHA_BOUND: f64 = 1e-4;
 

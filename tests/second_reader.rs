@@ -1,5 +1,5 @@
-//! A second reader, written in Python from `formats/mipvog.md` alone, reads what the crate reads,
-//! bit for bit.
+//! A second reader, written in Python from `formats/mipvog.md` alone, reads the same values as the
+//! crate, bit for bit.
 //!
 //! It runs with the interpreter that `MIPVOG_PYTHON` names, else `target/python/bin/python3`, else
 //! `python3`, and needs `pip install -r tests/second_reader/requirements.txt`.

@@ -11,7 +11,7 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/trained").join(name)
 }
 
-/// Limits low enough that what a file asks for beyond its own size shows.
+/// Limits low enough to show requests beyond a file's own size.
 fn limits() -> Limits {
     let mut limits = Limits::default();
     limits.memory = 1 << 20;

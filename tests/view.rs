@@ -1,4 +1,4 @@
-//! `view`: what the server answers, and what it refuses.
+//! `view`: the server's answers and refusals.
 #![cfg(feature = "cli")]
 
 mod common;

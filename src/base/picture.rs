@@ -44,7 +44,11 @@ fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
     let side = |size: usize| u32::try_from(size).ok().filter(|&side| side > 0 && side <= 1 << 16);
     match (side(width), side(height)) {
         (Some(width), Some(height)) => Ok([width, height]),
-        _ => Err(Error::usage(format!("no picture can be {width} x {height} pixels"))),
+        _ => Err(Error::invalid_option(
+            "size",
+            format!("{width}x{height}"),
+            "sides of 1 to 65536 pixels",
+        )),
     }
 }
 

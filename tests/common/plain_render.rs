@@ -25,7 +25,7 @@ pub struct PlainLevel {
     pub pruned: Option<Pruned>,
 }
 
-/// Blocks without a frame, and what they read as.
+/// Blocks without a frame, and their values.
 pub struct Pruned {
     /// For each node, whether its block is stored.
     pub stored: Vec<bool>,
@@ -127,7 +127,7 @@ impl PlainField {
             let alpha = -(-depth * intervals).exp_m1();
             let threshold = f64::from(march.alpha_threshold);
             if is_close(alpha, threshold) {
-                // Its own light, and what it takes from all behind it.
+                // Its own light, and the share of light that it takes from all behind it.
                 doubt += 2.0 * alpha * left;
             }
             if alpha <= threshold {
@@ -329,7 +329,7 @@ fn is_close(value: f64, threshold: f64) -> bool {
     threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
 }
 
-/// View-dependent colour of what a ray accumulated.
+/// View-dependent colour of a ray's accumulated values.
 pub fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {
     let angles = || {
         let octaves = 0..network.frequencies as i32;

@@ -40,7 +40,7 @@ pub fn trained_levels(
     let mut all = vec![finest];
     let Some((filter, count)) = filter else { return all };
     let weights = &filter.weights();
-    // Coarser levels see what the mask leaves.
+    // Coarser levels are made from the nodes inside the mask.
     if count > 1 && filter.has_density() {
         density = masked_density(field);
     }
@@ -149,7 +149,7 @@ fn dense(
     values
 }
 
-/// The largest differences between a picture and its twin's, beyond what thresholds leave open.
+/// The largest differences between a picture and its twin's, beyond the doubt at thresholds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Differences {
     pub color: f64,
@@ -179,7 +179,7 @@ impl Differences {
                 // A NaN is no small difference.
                 let most =
                     errors.fold(0.0, |most, e| if e > most || e.is_nan() { e } else { most });
-                // The network and distances enlarge what a sample on a threshold changes.
+                // The network and distances enlarge the change by a sample on a threshold.
                 let open = 10.0 * want.doubt;
                 if most <= open { 0.0 } else { most - open }
             };

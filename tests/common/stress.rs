@@ -1,5 +1,5 @@
-//! Every stage's worst error against its slow twin in float64, over inputs chosen to hurt: what
-//! `formats/numerics.md` tabulates, and the bounds that `tests/numerics.rs` holds.
+//! Every stage's worst error against its slow twin in float64, over hard inputs.
+//! `formats/numerics.md` lists the errors, and `tests/numerics.rs` holds their bounds.
 
 use std::fmt::Write;
 use std::sync::OnceLock;

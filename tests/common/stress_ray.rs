@@ -91,7 +91,7 @@ fn place(bounds: &Bounds, share: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Every ray that hurts: its name, and what the renderer and its twin see.
+/// Every hard ray: its name, and the results of the renderer and its twin.
 fn rays(mut take: impl FnMut(&str, &Frame, usize, &Pixel)) {
     let mut look = |name: &str, scene: &RadianceField, cameras: &[Camera]| {
         let fast = Renderer::trained(scene, None, &Limits::default()).expect("a field");
@@ -191,7 +191,7 @@ fn see(
 
 /// Relative where rays do not end early.
 const LEAST_TRANSMITTANCE: f64 = 2e-5;
-/// Relative where what rays may skip, opacities of 1e-10, does not show.
+/// Relative errors count only above the opacities of 1e-10 that rays may skip.
 const LEAST_SUM: f64 = 1e-4;
 
 fn at_least(least: f64, want: f64) -> f64 {

@@ -13,7 +13,7 @@ pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
         Some(beyond) => Err(Error::invalid_option(
             "levels",
             format!("level {beyond}"),
-            format!("levels from 0, of {count} levels"),
+            format!("levels 0 to {}", count.saturating_sub(1)),
         )),
     }
 }
