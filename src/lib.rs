@@ -3,8 +3,8 @@
 //! A trained radiance field is a dense grid of logits: gigabytes, mostly empty, and aliased from
 //! afar. A bake filters it into coarser levels, drops every block that no pixel can see, quantizes
 //! values within proved errors, and writes one `.mipvog` container. Any prefix of a container that
-//! ends at a level renders. Source of the model: Mip-VoG, "Mip-mapped voxel grids", on grids of
-//! DirectVoxGO.
+//! ends at a level renders. The model is that of Mip-VoG
+//! (Hu et al., ICCV 2023, arXiv 2304.10075), on grids as DirectVoxGO trains them.
 //!
 //! # Bake, read, sample, render
 //!

@@ -117,7 +117,8 @@ fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
     let (nodes, extent) = (view.nodes.0, view.bounds.extent());
     let spacing = (0..3).map(|a| extent[a] / (nodes[a] - 1) as f64).fold(f64::INFINITY, f64::min);
     let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
-    let distance = (0.5 * (spacing.powi(2) - step.powi(2)).max(0.5 * spacing.powi(2))).sqrt();
+    let radius = (spacing.powi(2) - 0.25 * step.powi(2)).max(0.5 * spacing.powi(2)).sqrt();
+    let distance = (2f64.sqrt() * radius).min(spacing);
     let mut sums = vec![0.0; nodes.iter().product()];
     for camera in cameras {
         let depth = |i: usize| {

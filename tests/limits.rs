@@ -11,11 +11,12 @@ use mipvog_bake::unstable::base::bytes::SourceFile;
 use mipvog_bake::unstable::base::error::{ErrorKind, Result};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::model::baked::Group;
 
 fn read_scene(path: &Path, limits: &Limits) -> Result<()> {
-    checkpoint::open(path, &SourceOptions::default(), limits).map(|_| ())
+    input::open_with(path, &SourceOptions::default(), limits).map(|_| ())
 }
 
 fn read_container(path: &Path, limits: &Limits) -> Result<()> {

@@ -11,7 +11,8 @@ use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::{Progress, Silent};
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::model::field::{March, RadianceField};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
@@ -64,7 +65,7 @@ fn steps_that_are_too_short_are_refused_everywhere() {
         assert!(is_about_steps(&error), "{error}");
         let options = SourceOptions { stepsize: Some(stepsize), ..SourceOptions::default() };
         let path = common::fixture("trained/dvgo/flat.safetensors");
-        let error = checkpoint::open(&path, &options, &Limits::default()).expect_err("too short");
+        let error = input::open_with(&path, &options, &Limits::default()).expect_err("too short");
         assert!(is_about_steps(&error), "{error}");
     }
 }

@@ -8,7 +8,8 @@ use common::checkpoint::Checkpoint;
 
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input::checkpoint::{self, Family, MlpChoice, Source, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::{Family, MlpChoice, Source, SourceOptions};
 use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
 use mipvog_bake::unstable::model::grid::{Element, Nodes};
 use mipvog_bake::unstable::model::view_mlp::ViewInput;
@@ -18,12 +19,12 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 fn open(name: &str) -> Source {
-    checkpoint::open(&fixture(name), &SourceOptions::default(), &Limits::default())
+    input::open_with(&fixture(name), &SourceOptions::default(), &Limits::default())
         .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn refuse(name: &str) -> mipvog_bake::unstable::base::error::Error {
-    checkpoint::open(&fixture(name), &SourceOptions::default(), &Limits::default()).expect_err(name)
+    input::open_with(&fixture(name), &SourceOptions::default(), &Limits::default()).expect_err(name)
 }
 
 fn keys(source: &Source) -> Vec<&str> {
@@ -114,7 +115,7 @@ fn options_win() {
         mlp: MlpChoice::None,
         ..SourceOptions::default()
     };
-    let source = checkpoint::open(&fixture("dvgo/protocol2.tar"), &options, &Limits::default());
+    let source = input::open_with(&fixture("dvgo/protocol2.tar"), &options, &Limits::default());
     let source = source.expect("a scene");
     let march = &source.field.scene.march;
     assert_eq!((march.stepsize, march.near, march.far), (0.25, 2.0, Some(6.0)));
@@ -129,7 +130,7 @@ fn options_win() {
         SourceOptions { background: Some([0.0, 2.0, 0.0]), ..SourceOptions::default() },
         SourceOptions { color_threshold: Some(1.0), ..SourceOptions::default() },
     ] {
-        let error = checkpoint::open(&fixture("dvgo/protocol2.tar"), &broken, &Limits::default());
+        let error = input::open_with(&fixture("dvgo/protocol2.tar"), &broken, &Limits::default());
         let error = error.expect_err("out of range");
         assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
     }
@@ -174,7 +175,7 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     assert!((threshold(&orphan) - 6.9078).abs() < 1e-3);
     let options =
         SourceOptions { coarse: Some(fixture("old/coarse_last.tar")), ..SourceOptions::default() };
-    let told = checkpoint::open(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
+    let told = input::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
     let told = told.expect("a scene");
     assert_eq!((keys(&told), threshold(&told)), (vec!["stepsize"], threshold(&beside)));
     let mask = told.field.free_space.expect("mask");
@@ -183,7 +184,7 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     });
     assert!(low.iter().all(|u| u.abs() < 1e-9), "the mask has its own box: {low:?}");
     let options = SourceOptions { coarse: Some(fixture("nowhere")), ..SourceOptions::default() };
-    let error = checkpoint::open(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
+    let error = input::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
     assert!(matches!(error.expect_err("missing").kind(), ErrorKind::Io(_)));
 }
 
@@ -205,13 +206,13 @@ fn other_models_are_refused_with_the_reason() {
         assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
     }
     let options = SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() };
-    let asked = checkpoint::open(&fixture("refused/per_sample.tar"), &options, &Limits::default());
+    let asked = input::open_with(&fixture("refused/per_sample.tar"), &options, &Limits::default());
     assert_eq!(asked.expect("diffuse only").field.color_channels(), 3);
     let borrowed = SourceOptions {
         mlp: MlpChoice::File(fixture("tiny/fine_last.tar")),
         ..SourceOptions::default()
     };
-    let borrowed = checkpoint::open(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
+    let borrowed = input::open_with(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
     assert!(borrowed.expect("a network").field.view_mlp.is_some());
     let diffuse = open("refused/diffuse.tar");
     assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
@@ -221,7 +222,7 @@ fn other_models_are_refused_with_the_reason() {
 #[test]
 fn a_checkpoint_lists_everything() {
     let options = SourceOptions::default();
-    let found = checkpoint::inspect(&fixture("tiny/fine_last.tar"), &options, &Limits::default());
+    let found = input::inspect(&fixture("tiny/fine_last.tar"), &options, &Limits::default());
     let found = found.expect("a checkpoint");
     assert_eq!(found.optimizer_bytes, 2 * 131_072);
     assert!(found.model_bytes > 1_048_576 && found.model_bytes < found.file_bytes);
@@ -235,8 +236,7 @@ fn a_checkpoint_lists_everything() {
     assert_eq!(value("optimizer_state_dict.param_groups.0.lr").kind, "float");
     assert_eq!(found.model.as_ref().and_then(|model| model.mlp.clone()), Some(vec![34, 16, 16, 3]));
     let refused = fixture("refused/contracted.tar");
-    let refused =
-        checkpoint::inspect(&refused, &options, &Limits::default()).expect("still listed");
+    let refused = input::inspect(&refused, &options, &Limits::default()).expect("still listed");
     assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));
     assert!(refused.values.len() > 30);
 }
@@ -267,7 +267,7 @@ fn a_path_out_of_a_checkpoint_is_not_opened() {
     let path = folder.path().join("fine.safetensors");
     std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
     let open =
-        || checkpoint::open(&path, &SourceOptions::default(), &Limits::default()).expect("a scene");
+        || input::open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a scene");
     let source = open();
     assert!(source.companions.is_empty(), "{:?}", source.companions);
     assert!(keys(&source).contains(&"coarse"), "{:?}", source.assumptions);
@@ -285,7 +285,7 @@ fn a_mask_without_a_threshold_can_be_stored() {
     let path = folder.path().join("fine.safetensors");
     let open = |checkpoint: Checkpoint| {
         std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
-        checkpoint::open(&path, &SourceOptions::default(), &Limits::default())
+        input::open_with(&path, &SourceOptions::default(), &Limits::default())
     };
     let source = open(masked(&[("mask_cache_thres", "0")])).expect("a scene");
     match source.field.free_space.expect("a mask").lookup {

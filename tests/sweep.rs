@@ -14,14 +14,15 @@ use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::{Progress, Silent, Step};
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::checkpoint::{self, Source, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::{Source, SourceOptions};
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::view::compare::{Reference, References};
 use mipvog_bake::unstable::view::render::Renderer;
 
 fn tiny() -> Source {
     let path = fixture("trained/tiny/fine_last.tar");
-    checkpoint::open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint")
+    input::open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint")
 }
 
 fn cameras(source: &Source, count: usize) -> Vec<Camera> {

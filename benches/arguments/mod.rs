@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::model::field::RadianceField;
 
 /// A scene and further options.
@@ -52,7 +53,7 @@ impl Arguments {
 
     /// The scene, opened.
     pub fn field(&self) -> RadianceField {
-        checkpoint::open(&self.scene, &self.options, &Limits::default()).expect("a scene").field
+        input::open_with(&self.scene, &self.options, &Limits::default()).expect("a scene").field
     }
 }
 

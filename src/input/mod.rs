@@ -6,4 +6,4 @@ mod open;
 pub mod tensor;
 
 pub use checkpoint::Source;
-pub use open::open;
+pub use open::{inspect, open, open_tensors, open_with};

@@ -8,7 +8,8 @@ use mipvog_bake::unstable::base::bytes::{Output, SourceFile};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::container::json::to_canonical;
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::model::baked::Metadata;
 use mipvog_bake::unstable::model::field::{FreeSpace, Lookup};
 use mipvog_bake::unstable::model::grid::Nodes;
@@ -51,7 +52,7 @@ fn sound_container() -> Vec<u8> {
     let folder = folder();
     let path = folder.path().join("sound.safetensors");
     std::fs::write(&path, Checkpoint::sound().to_bytes()).expect("writable");
-    let field = checkpoint::open(&path, &said(), &Limits::default()).expect("a checkpoint").field;
+    let field = input::open_with(&path, &said(), &Limits::default()).expect("a checkpoint").field;
     // Half of the opaque nodes are outside, so that the mask shows and stays.
     let inside = (0..8).map(|node| node >= 4).collect();
     let lookup = Lookup::Nearest(inside);
@@ -215,8 +216,7 @@ fn sound_nodes() -> usize {
 /// A checkpoint with a checksum that a value does not fit.
 fn flipped_value() -> Vec<u8> {
     let path = fixture("trained/dvgo/protocol2.tar");
-    let listed =
-        checkpoint::inspect(&path, &said(), &Limits::default()).expect("a checkpoint").values;
+    let listed = input::inspect(&path, &said(), &Limits::default()).expect("a checkpoint").values;
     let density = listed.iter().find(|value| value.key.ends_with("density.grid"));
     let offset = density.and_then(|value| value.offset).expect("stored as it is") as usize;
     let mut bytes = std::fs::read(&path).expect("a checkpoint");

@@ -25,7 +25,8 @@ use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::write_tensors;
-use mipvog_bake::unstable::input::checkpoint::{SourceOptions, open};
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::open_with;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
 use mipvog_bake::unstable::model::baked::Group;
 use mipvog_bake::unstable::model::field::{
@@ -41,7 +42,7 @@ pub fn fixture(name: &str) -> PathBuf {
 /// A trained scene, as a bake without options takes it.
 pub fn trained(name: &str) -> RadianceField {
     let path = fixture("trained").join(name);
-    open(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint").field
+    open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint").field
 }
 
 /// Numbers that a seed names: xorshift, no period that a test could reach.

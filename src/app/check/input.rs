@@ -8,7 +8,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
-use crate::input::checkpoint::{self, SourceOptions};
+use crate::input;
+use crate::input::checkpoint::SourceOptions;
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
@@ -55,7 +56,7 @@ fn trained(
     limits: &Limits,
     report: &mut Report,
 ) -> Result<RadianceField> {
-    let source = checkpoint::open_tensors(tensors, options, limits)?;
+    let source = input::open_tensors(tensors, options, limits)?;
     for assumption in source.assumptions {
         let place = Place::Key(assumption.key.to_owned());
         // The sentence for users names the missing setting and its option.

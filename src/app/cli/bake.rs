@@ -27,7 +27,8 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
-use crate::input::checkpoint::{self, MlpChoice, Source};
+use crate::input;
+use crate::input::checkpoint::{MlpChoice, Source};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 
@@ -272,7 +273,7 @@ impl Arguments {
 
     /// Opens a trained input, and warns of settings that it lacks.
     fn open_trained(&self, file: &TensorFile, limits: &Limits, common: &Common) -> Result<Source> {
-        let source = checkpoint::open_tensors(file, &self.scene.source_options(), limits)?;
+        let source = input::open_tensors(file, &self.scene.source_options(), limits)?;
         source.assumptions.iter().for_each(|assumption| warn(&assumption.message, common));
         Ok(source)
     }

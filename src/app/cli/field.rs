@@ -14,7 +14,8 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
-use crate::input::checkpoint::{self, MlpChoice, SourceOptions};
+use crate::input;
+use crate::input::checkpoint::{MlpChoice, SourceOptions};
 use crate::output::gltf::asset::{Asset, is_asset};
 use crate::view::render::{Renderer, TrainedLevels};
 
@@ -102,7 +103,7 @@ impl SceneArguments {
             self.override_container(&mut field);
             return Ok(field);
         }
-        let source = checkpoint::open(path, &options, &limits)?;
+        let source = input::open_with(path, &options, &limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }

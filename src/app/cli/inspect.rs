@@ -14,7 +14,8 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
-use crate::input::checkpoint::{self, Inspection, SourceOptions};
+use crate::input;
+use crate::input::checkpoint::{Inspection, SourceOptions};
 use crate::model::baked::{Group, Metadata};
 use crate::model::grid::Bounds;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
@@ -85,7 +86,7 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     if is_asset(&file) {
         return asset(path, &Asset::open(file, limits)?);
     }
-    let inspection = checkpoint::inspect(path, &SourceOptions::default(), limits)?;
+    let inspection = input::inspect(path, &SourceOptions::default(), limits)?;
     Outcome::new("inspect", &inspection, checkpoint_text(path, &inspection))
 }
 

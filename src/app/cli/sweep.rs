@@ -16,7 +16,7 @@ use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::error::{Error, Result};
 use crate::codec::quantize::Bits;
 use crate::codec::unpack::metadata_text;
-use crate::input::checkpoint;
+use crate::input;
 use crate::input::tensor;
 
 /// Bake over settings; measure time, size and error; show which are worth having
@@ -95,7 +95,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
                        trained input it came from";
         return Err(Error::usage(message).in_file(&arguments.input));
     }
-    let source = checkpoint::open_tensors(&file, &source_options, &limits)?;
+    let source = input::open_tensors(&file, &source_options, &limits)?;
     for assumption in &source.assumptions {
         warn(&assumption.message, common);
     }

@@ -21,6 +21,6 @@ mod options;
 mod source;
 
 pub use inspect::{Inspection, ListedValue, Model, inspect, inspect_tensors};
-pub use open::{open, open_tensors};
+pub use open::open_tensors;
 pub use options::{MlpChoice, SourceOptions};
 pub use source::{Assumption, Companion, Family, Source};

@@ -1,6 +1,5 @@
 //! Opens a checkpoint: finds grids, settings, the network and the mask.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::mask::Mask;
@@ -17,14 +16,9 @@ use crate::model::field::{RadianceField, Scene};
 /// Opens a checkpoint of any kind.
 ///
 /// # Errors
-/// As [`tensor::open`]; `Unsupported` for models that are not dense grids in a box or whose
-/// network runs for each sample, `Malformed` where parts are missing or do not fit, `Usage` for
-/// options out of range.
-pub fn open(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    open_tensors(&tensor::open(path, limits)?, options, limits)
-}
-
-/// The same for a file that is open already.
+/// `Unsupported` for models that are not dense grids in a box or whose network runs for each
+/// sample, `Malformed` where parts are missing or do not fit, `InvalidOption` for options out of
+/// range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let path = file.file.path();
     let in_file = |error: Error| error.in_file(path);

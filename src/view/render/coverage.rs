@@ -3,11 +3,12 @@
 //! A sample's weight is its opacity times the transmittance before it, as in compositing.
 //!
 //! **Rays.** A ray is followed through every point of a lattice over the box's rectangle in the
-//! picture. At the depth of the box's farthest corner, the lattice's points are so close that a
-//! chord of a ray through every cell is at least a step long: a cell holds a ball whose diameter is
-//! the spacing of nodes, and the ball's picture holds a disc. So every cell in front of the camera
-//! gets a sample, whatever the lens, the distance and the size of the pictures. The number of rays
-//! is bounded ([`MAX_RAYS_A_CELL`]); lenses wider than a right angle can miss cells far away.
+//! picture. At the depth of the box's farthest corner, the lattice's points are a node apart or
+//! closer. The eight cells around a node hold a ball whose radius is the spacing of nodes, and the
+//! ball's picture holds a disc: some ray has a chord of at least a step through it. So every node in
+//! front of the camera has a sample in a cell beside it, whatever the lens, the distance and the
+//! size of the pictures. The number of rays is bounded ([`MAX_RAYS_A_CELL`]); lenses wider than a
+//! right angle can miss nodes far away.
 //!
 //! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
 //! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray
@@ -123,10 +124,10 @@ impl Lattice {
         }
         let spacing = view.nodes.spacing(&view.bounds).into_iter().fold(f64::INFINITY, f64::min);
         let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
-        // Discs of this radius hold a chord of a step; a point of a square lattice is nowhere
-        // farther than its spacing times the root of a half. No more than twice the nodes' density.
-        let square = (spacing * spacing - step * step).max(0.5 * spacing * spacing);
-        let distance = (0.5 * square).sqrt();
+        // A disc of this radius holds a chord of a step; no point of the plane is farther from a
+        // square lattice than its spacing times the root of a half.
+        let square = (spacing * spacing - 0.25 * step * step).max(0.5 * spacing * spacing);
+        let distance = (2.0 * square).sqrt().min(spacing);
         let wanted = [camera.to_world.x_axis, camera.to_world.y_axis]
             .map(|axis| farthest * axis.truncate().length() / distance);
         let side = |factor: f64, axis: usize| {
