@@ -16,6 +16,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input;
 use crate::input::checkpoint::{MlpChoice, SourceOptions};
+use crate::model::baked::BakedField;
 use crate::output::gltf::asset::{Asset, is_asset};
 use crate::view::render::{Renderer, TrainedLevels};
 
@@ -94,14 +95,7 @@ impl SceneArguments {
         let options = self.source_options();
         options.check()?;
         if let Some(container) = which.container(path, &limits)? {
-            if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
-                let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
-                               states these itself";
-                return Err(Error::usage(message));
-            }
-            let mut field = Renderer::baked(&container.read()?, &limits)?;
-            self.override_container(&mut field);
-            return Ok(field);
+            return self.open_baked(&container.read()?, filter, &limits);
         }
         let source = input::open_with(path, &options, &limits)?;
         for assumption in &source.assumptions {
@@ -122,21 +116,32 @@ impl SceneArguments {
     ) -> Result<Renderer> {
         let limits = common.limits();
         let file = Arc::new(SourceFile::open(path)?);
-        if !is_container(&file) || filter.is_some() {
-            return self.open(path, which, filter, common);
+        if is_container(&file) {
+            let prefix = Container::read_prefix(file, &limits)?;
+            let (count, levels) = (prefix.missing().len(), prefix.metadata().levels.len());
+            if count > 0 {
+                let missing = format!("the finest {count} of {levels} levels are missing");
+                warn(&format!("the file ends early: {missing}"), common);
+                return self.open_baked(&prefix.read()?, filter, &limits);
+            }
         }
-        let prefix = Container::read_prefix(file, &limits)?;
-        let missing = prefix.missing();
-        if missing.is_empty() {
-            return self.open(path, which, filter, common);
-        }
-        let (count, levels) = (missing.len(), prefix.metadata().levels.len());
-        warn(
-            &format!("the file ends early: the finest {count} of {levels} levels are missing"),
-            common,
-        );
+        self.open(path, which, filter, common)
+    }
+
+    /// A baked field, rendered by the rules that the user overrides.
+    fn open_baked(
+        &self,
+        field: &BakedField,
+        filter: Option<Filter>,
+        limits: &Limits,
+    ) -> Result<Renderer> {
         self.source_options().check()?;
-        let mut renderer = Renderer::baked(&prefix.read()?, &limits)?;
+        if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
+            let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
+                           states these itself";
+            return Err(Error::usage(message));
+        }
+        let mut renderer = Renderer::baked(field, limits)?;
         self.override_container(&mut renderer);
         Ok(renderer)
     }
