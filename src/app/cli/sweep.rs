@@ -13,6 +13,7 @@ use super::progress::Bar;
 use super::render::CameraArguments;
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
+use crate::base::bytes::remove_stale;
 use crate::base::error::{Error, Result};
 use crate::codec::quantize::Bits;
 use crate::codec::unpack::metadata_text;
@@ -111,6 +112,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         limits,
     };
     let bar = Bar::new(common);
+    remove_stale(&arguments.output);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
     drop(bar);
     let failed = report.settings.iter().any(|setting| setting.failure.is_some());

@@ -10,7 +10,7 @@ use super::field::FieldArguments;
 use super::outcome::{Outcome, readable};
 use super::output::create as create_output;
 use super::progress::Bar;
-use crate::base::bytes::ByteSink;
+use crate::base::bytes::{ByteSink, remove_stale};
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
 
@@ -59,6 +59,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             Slices::Exr => SliceFormat::Exr,
             Slices::Png => SliceFormat::Png,
         };
+        remove_stale(output);
         write_slices(&container, levels, format, output, arguments.force)?;
         let report = json!({ "input": input, "output": output.to_string_lossy(), "levels": count });
         let text = format!("{}: slices of {count} levels\n", output.display());
