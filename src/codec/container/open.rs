@@ -67,7 +67,7 @@ impl Container {
     /// use mipvog_bake::{Container, ErrorKind, Limits};
     ///
     /// let error = Container::from_bytes(vec![0; 10], &Limits::default()).expect_err("no container");
-    /// assert!(matches!(error.kind(), ErrorKind::Truncated { .. }), "{error}");
+    /// assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
     /// ```
     pub fn from_bytes(bytes: Vec<u8>, limits: &Limits) -> Result<Self> {
         Self::open(Arc::new(SourceFile::decoded(bytes, Path::new("memory"))), limits)
