@@ -188,9 +188,10 @@ fn bad_inputs_have_their_exit_codes() {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         refused(here, &arguments, code, &[says, "error:", "help:"]);
     }
-    refused(here, &["bake", &scene(), "-o", "taken.mipvog"], 5, &["taken.mipvog", "--force"]);
+    refused(here, &["bake", &scene(), "-o", "taken.mipvog"], 7, &["taken.mipvog", "--force"]);
     assert_eq!(std::fs::read(here.join("taken.mipvog")).expect("kept"), b"mine");
-    refused(here, &["bake", &scene(), "-o", "nowhere/x.mipvog"], 5, &["nowhere"]);
+    // Folders that were made for an output go with it.
+    refused(here, &["bake", "notes.txt", "-o", "new/folder/x.mipvog"], 3, &["notes.txt"]);
     refused(here, &["bake", &scene(), "-o", "sub"], 5, &["sub"]);
     refused(here, &["bake", &scene(), "-o", "x.mipvog", "--bits", "3"], 2, &["--bits"]);
     refused(
@@ -292,7 +293,7 @@ fn fields_are_rendered_and_compared() {
     for file in ["s1.png", "s2.png", "s1.exr", "s2.exr", "sheet.png"] {
         assert!(here.join("out").join(format!("{name}.{file}")).is_file(), "{file}");
     }
-    refused(here, &[&["render", "a.mipvog", "-o", "out"], &view[..]].concat(), 5, &["--force"]);
+    refused(here, &[&["render", "a.mipvog", "-o", "out"], &view[..]].concat(), 7, &["--force"]);
     let scene = scene();
     let compared =
         [&["compare", &scene, "a.mipvog", "--scales", "1,2"], &view[..], &scene_options].concat();
@@ -449,7 +450,7 @@ fn settings_are_swept_and_resumed() {
     refused(here, &unpacked, 2, &["a.safetensors", "trained"]);
     std::fs::create_dir(here.join("new")).expect("writable");
     std::fs::write(here.join("new/sweep.csv"), "mine").expect("writable");
-    bad(&[], 5, "sweep.csv");
+    bad(&[], 7, "sweep.csv");
     assert_eq!(entries(&here.join("new")), ["sweep.csv"]);
 
     // An input that cannot be rendered has nothing to compare with: no setting's fault, and nothing

@@ -8,6 +8,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+pub use super::place::Place;
+
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -74,6 +76,13 @@ pub enum ErrorKind {
         /// The value that the format asks for.
         expected: String,
     },
+    /// A healthy file, or one that nothing is known of, which is not of the expected kind.
+    WrongKind {
+        /// The kind found.
+        found: String,
+        /// The kinds that would do.
+        expected: String,
+    },
     /// Well-formed, but a version, feature or model that this build does not know.
     Unsupported {
         /// The value found.
@@ -104,47 +113,8 @@ pub enum ErrorKind {
     },
     /// The output exists already.
     Exists,
-}
-
-/// Place of an error.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Place {
-    /// The file as a whole.
-    File,
-    /// Bytes from the start of the file.
-    Offset(u64),
-    /// A tensor, by its name in the file.
-    Tensor(String),
-    /// An entry of a zip archive.
-    Entry(String),
-    /// A value of a configuration, by its key.
-    Key(String),
-    /// A chunk of a container: its type, and its level if it has one.
-    Chunk {
-        /// Four letters.
-        kind: [u8; 4],
-        /// Level, 0 is the finest.
-        level: Option<u32>,
-    },
-    /// A block of a level.
-    Block {
-        /// Level, 0 is the finest.
-        level: u32,
-        /// Number of the block in the level, z fastest.
-        block: u64,
-    },
-    /// A value of a JSON document, by its pointer (RFC 6901); the whole document's is empty.
-    Pointer(String),
-    /// A place in a container that a value of a JSON document embeds or names.
-    Within {
-        /// Pointer to the value.
-        pointer: String,
-        /// Place in the container; byte offsets count from the container's own start.
-        place: Box<Place>,
-        /// Offset of the container's first byte in the file that holds it.
-        offset: u64,
-    },
+    /// The output is a file that is being read, under this or another name.
+    IsInput,
 }
 
 impl Error {
@@ -156,6 +126,12 @@ impl Error {
     /// Bytes that break their format's rules.
     pub fn malformed(place: Place, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::new(ErrorKind::Malformed { found: found.into(), expected: expected.into() }, place)
+    }
+
+    /// A file that is not of the expected kind, and not damaged either.
+    pub fn wrong_kind(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        let (found, expected) = (found.into(), expected.into());
+        Self::new(ErrorKind::WrongKind { found, expected }, Place::File)
     }
 
     /// A version, feature or model that this build does not know.
@@ -251,6 +227,10 @@ impl Error {
             ErrorKind::Io(error) => match error.kind() {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 std::io::ErrorKind::PermissionDenied => "check the permissions".into(),
+                std::io::ErrorKind::IsADirectory => "name a file instead of a folder".into(),
+                std::io::ErrorKind::NotADirectory => "name a folder that is one".into(),
+                std::io::ErrorKind::AddrInUse => "choose another port; 0 takes a free one".into(),
+                std::io::ErrorKind::InvalidInput => "name a regular file".into(),
                 std::io::ErrorKind::StorageFull => "free some space and run again".into(),
                 std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge => {
                     "raise the quota or the limit on file sizes, and run again".into()
@@ -268,8 +248,9 @@ impl Error {
                 format!("allow {least} bytes or more, or fewer threads").into()
             }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
-                "the file is damaged or of another kind: make it again or convert it".into()
+                "the file is damaged, or its writer broke the format: make it again".into()
             }
+            ErrorKind::WrongKind { .. } => "name a file of an expected kind".into(),
             ErrorKind::Unsupported { .. } => {
                 "use a newer version of this tool, or convert the file".into()
             }
@@ -278,6 +259,7 @@ impl Error {
                 "see the documentation of the option".into()
             }
             ErrorKind::Exists => "remove it, or allow it to be replaced".into(),
+            ErrorKind::IsInput => "choose another name for the output".into(),
         }
     }
 }
@@ -314,7 +296,9 @@ impl fmt::Display for ErrorKind {
             Self::Checksum { what, found, expected } => {
                 write!(f, "found checksum {found:08x} over {what}, expected {expected:08x}")
             }
-            Self::Malformed { found, expected } => write!(f, "found {found}, expected {expected}"),
+            Self::Malformed { found, expected } | Self::WrongKind { found, expected } => {
+                write!(f, "found {found}, expected {expected}")
+            }
             Self::Unsupported { found, expected } => {
                 write!(f, "found {found}, which is not supported; expected {expected}")
             }
@@ -327,33 +311,9 @@ impl fmt::Display for ErrorKind {
             Self::InvalidOption { option, found, expected } => {
                 write!(f, "option {option}: found {found}, expected {expected}")
             }
-            Self::Exists => write!(f, "found a file in the output's place, expected none"),
-        }
-    }
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File => write!(f, "file"),
-            Self::Offset(at) => write!(f, "byte {at}"),
-            Self::Tensor(name) => write!(f, "tensor {name}"),
-            Self::Entry(name) => write!(f, "zip entry {name}"),
-            Self::Key(name) => write!(f, "key {name}"),
-            Self::Chunk { kind, level } => {
-                write!(f, "chunk {}", kind.escape_ascii())?;
-                level.map_or(Ok(()), |level| write!(f, " of level {level}"))
-            }
-            Self::Block { level, block } => write!(f, "level {level}, block {block}"),
-            Self::Pointer(pointer) if pointer.is_empty() => write!(f, "JSON"),
-            Self::Pointer(pointer) => write!(f, "JSON {pointer}"),
-            Self::Within { pointer, place, offset } => {
-                write!(f, "JSON {pointer}, container at byte {offset}")?;
-                match **place {
-                    Self::File => Ok(()),
-                    Self::Offset(at) => write!(f, ", byte {}", offset.saturating_add(at)),
-                    ref place => write!(f, ", {place}"),
-                }
+            Self::Exists => write!(f, "the output exists already"),
+            Self::IsInput => {
+                write!(f, "the output is also an input: found a file that is being read")
             }
         }
     }

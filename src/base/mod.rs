@@ -6,4 +6,5 @@ pub mod finding;
 pub mod limits;
 pub mod parallel;
 pub mod picture;
+mod place;
 pub mod progress;

@@ -3,7 +3,9 @@
 
 pub mod checkpoint;
 mod open;
+mod settings;
 pub mod tensor;
 
 pub use checkpoint::Source;
 pub use open::{inspect, open, open_tensors, open_with};
+pub use settings::SceneSettings;

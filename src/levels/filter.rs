@@ -221,6 +221,18 @@ impl Filter {
         first.into_iter().chain(kernels).collect()
     }
 
+    /// Its levels, in a sentence.
+    pub fn purpose(self) -> &'static str {
+        match self {
+            Self::RateTent => "Colour and opacity averaged under a tent; looks right from afar",
+            Self::Coverage => "Opacity averaged under a box",
+            Self::Fit => "rate-tent, then fitted to pictures from afar; takes seconds to minutes",
+            Self::Code => "Colour averaged over 3 nodes, as the published code trains",
+            Self::Paper => "Density and colour averaged over 5 nodes, as the paper says",
+            Self::Kernel(_) => "As paper, with another kernel",
+        }
+    }
+
     /// Its name on the command line.
     pub fn label(self) -> &'static str {
         match self {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::report::Report;
 use super::{asset, input};
 use crate::base::bytes::SourceFile;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::base::finding::{Code, Finding, checked};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, starts_container};
@@ -74,7 +74,7 @@ pub fn check_file(
     } else {
         let found = tensor::describe(&file)?;
         let expected = "a container, a glTF asset, or a file of tensors";
-        add(Finding { code: Code::File, error: Error::malformed(Place::File, found, expected) })?;
+        add(Finding { code: Code::File, error: Error::wrong_kind(found, expected) })?;
     }
     Ok(report)
 }

@@ -49,6 +49,19 @@ pub fn log(path: &Path, report: &Report) -> Value {
     })
 }
 
+/// One log of the runs of several.
+pub fn merge(logs: Vec<Value>) -> Option<Value> {
+    let mut logs = logs.into_iter();
+    let mut merged = logs.next()?;
+    for mut log in logs {
+        if let (Some(all), Some(runs)) = (merged["runs"].as_array_mut(), log["runs"].as_array_mut())
+        {
+            all.append(runs);
+        }
+    }
+    Some(merged)
+}
+
 fn rule(code: Code) -> Value {
     json!({
         "id": code.name(),

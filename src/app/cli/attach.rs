@@ -9,7 +9,7 @@ use serde_json::json;
 use super::common::Common;
 use super::gltf;
 use super::outcome::{Outcome, readable, warn};
-use super::output::create as create_output;
+use super::output::{create as create_output, refuse_stdout};
 use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::codec::container::Container;
@@ -18,6 +18,9 @@ use crate::output::gltf::attach::{AttachOptions, NodeChoice, attach, companions}
 
 /// Put a container into a glTF asset as a radiance field; all else stays as it is
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  mipvog-bake attach scene.glb scene.mipvog --node statue -o both.glb")]
 pub struct Arguments {
     /// The asset, .glb or .gltf
     asset: PathBuf,
@@ -45,6 +48,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let file = Arc::new(SourceFile::open(&arguments.container)?);
     let container = Container::open(file, &limits)?;
     let path = &arguments.output;
+    refuse_stdout(path, "the names of other files depend on the asset's own")?;
     check_kind(&asset, path)?;
     let mut output = create_output(path, arguments.force)?;
     let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };

@@ -8,15 +8,16 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::common::Common;
-use super::field::SceneArguments;
+use super::container_report::levels_text;
 use super::fit::{FitArguments, check_judges};
 use super::gate::{GateArguments, GateReport};
 use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
-use super::inspect::levels_text;
 use super::outcome::{Outcome, peak_memory_bytes, readable, say, warn};
 use super::output::create as create_output;
 use super::progress::Bar;
+use super::scene::SceneArguments;
+use super::stdin;
 use super::stored::StoredArguments;
 use super::values::Background;
 use crate::bake::fit::FittedLevel;
@@ -78,7 +79,7 @@ struct Baked {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
-    let file = tensor::open(&arguments.input, &limits)?;
+    let file = tensor::open(&stdin::resolve(&arguments.input)?, &limits)?;
     let unpacked = match metadata_text(&file) {
         Some(_) => Some(Unpacked::open(&file, &limits)?),
         None => None,
@@ -177,9 +178,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         json["gltf"] = json!(gltf);
     }
     let mut text = arguments.text(&report, seconds, file.file.bytes_read(), common);
-    text += &gate.map_or_else(String::new, |gate| gate.text());
+    text += &gate.as_ref().map_or_else(String::new, GateReport::text);
     text += &gltf.map_or_else(String::new, |gltf| gltf.text());
-    Ok(Outcome { failed: !passed, ..Outcome::new("bake", &json, text)? })
+    let failure = gate.as_ref().and_then(|gate| gate.failure(&arguments.output));
+    Ok(Outcome { failure, ..Outcome::new("bake", &json, text)? })
 }
 
 impl Arguments {
@@ -273,7 +275,9 @@ impl Arguments {
 
     /// Opens a trained input, and warns of settings that it lacks.
     fn open_trained(&self, file: &TensorFile, limits: &Limits, common: &Common) -> Result<Source> {
-        let source = input::open_tensors(file, &self.scene.source_options(), limits)?;
+        let cameras = self.gate.camera_file();
+        let settings = self.scene.settings(&self.input, cameras.as_deref(), limits)?;
+        let source = input::open_tensors(file, &settings.options, limits)?;
         source.assumptions.iter().for_each(|assumption| warn(&assumption.message, common));
         Ok(source)
     }

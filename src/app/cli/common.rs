@@ -7,6 +7,7 @@ use crate::base::limits::Limits;
 
 /// Options that all verbs share.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "General")]
 pub(super) struct Common {
     /// Format of reports
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]

@@ -7,11 +7,12 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::Common;
-use super::field::{FieldArguments, SceneArguments};
+use super::field::FieldArguments;
 use super::outcome::Outcome;
 use super::output::create as create_output;
 use super::progress::Bar;
 use super::render::CameraArguments;
+use super::scene::SceneArguments;
 use super::values::Background;
 use crate::bake::Filter;
 use crate::base::bytes::ByteSink;

@@ -8,8 +8,9 @@ use serde_json::json;
 
 use super::attach::{check_kind, warn_of_companions};
 use super::common::Common;
-use super::outcome::{Outcome, readable};
-use super::output::create as create_output;
+use super::outcome::{Outcome, counted, readable};
+use super::output::{create as create_output, refuse_stdout};
+use super::stdin;
 use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
@@ -17,8 +18,11 @@ use crate::output::gltf::attach::detach;
 
 /// Take the radiance fields out of a glTF asset; all else stays as it is
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  mipvog-bake detach scene.glb -o mesh.glb")]
 pub struct Arguments {
-    /// The asset, .glb or .gltf
+    /// The asset, .glb or .gltf; - is the standard input
     asset: PathBuf,
     /// The asset to write, of the same kind
     #[arg(short, long, value_name = "OUT")]
@@ -33,9 +37,10 @@ pub struct Arguments {
 
 /// Detaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let file = Arc::new(SourceFile::open(&arguments.asset)?);
+    let file = Arc::new(SourceFile::open(&stdin::resolve(&arguments.asset)?)?);
     let asset = Asset::open(file, &common.limits())?;
     let path = &arguments.output;
+    refuse_stdout(path, "the finished asset is read again")?;
     check_kind(&asset, path)?;
     let mut output = create_output(path, arguments.force)?;
     let detached = detach(&asset, arguments.field, &mut output)?;
@@ -50,8 +55,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         "fields": detached.fields,
         "left": detached.left,
     });
-    let (taken, left) = (detached.fields.len(), detached.left);
+    let (taken, left) = (counted(detached.fields.len(), "field"), detached.left);
     let bytes = readable(bytes);
-    let text = format!("{}: {taken} fields taken out, {left} left, {bytes}\n", path.display());
+    let text = format!("{}: {taken} taken out, {left} left, {bytes}\n", path.display());
     Outcome::new("detach", &report, text)
 }

@@ -21,6 +21,11 @@ pub fn completions(arguments: &CompletionArguments, mut program: clap::Command) 
     write_stdout(&bytes)
 }
 
+/// Prints the version, as `--version` does.
+pub fn version(program: &clap::Command) -> Result<()> {
+    write_stdout(program.render_version().as_bytes())
+}
+
 /// Prints the manual page, of the program and then of each verb.
 pub fn man(program: &clap::Command) -> Result<()> {
     let mut bytes = Vec::new();

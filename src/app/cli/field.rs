@@ -8,43 +8,20 @@ use clap::Args;
 
 use super::common::Common;
 use super::outcome::warn;
-use super::values::{Background, parse_background, parse_mlp};
+use super::scene::SceneArguments;
+use super::stdin;
+use super::values::Background;
 use crate::bake::Filter;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input;
-use crate::input::checkpoint::{MlpChoice, SourceOptions};
+use crate::input::checkpoint::MlpChoice;
+use crate::input::tensor::describe;
 use crate::model::baked::BakedField;
 use crate::output::gltf::asset::{Asset, is_asset};
 use crate::view::render::{Renderer, TrainedLevels};
-
-/// The user's settings for a scene, beside those of its file.
-#[derive(Debug, Clone, Args)]
-pub struct SceneArguments {
-    /// Step length in voxels [default: the container's; 0.5 for checkpoints, with a warning]
-    #[arg(long, value_name = "VOXELS")]
-    pub stepsize: Option<f32>,
-    /// Weight up to which a sample adds no colour [default: the file's, else 0.0001]
-    #[arg(long, value_name = "WEIGHT")]
-    pub color_threshold: Option<f32>,
-    /// Start of rays [default: the container's, else 0]
-    #[arg(long, value_name = "T")]
-    pub near: Option<f32>,
-    /// Farthest entry of rays into the box [default: the container's, else without bound]
-    #[arg(long, value_name = "T")]
-    pub far: Option<f32>,
-    /// Colour behind the field: one number or three, 0 to 1 [default: the container's, else 1]
-    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
-    pub background: Option<Background>,
-    /// The view network of a checkpoint: auto, none, or the file that holds it
-    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
-    pub mlp: MlpChoice,
-    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
-    #[arg(long, value_name = "FILE")]
-    pub coarse: Option<std::path::PathBuf>,
-}
 
 /// The choice of one of several fields.
 #[derive(Debug, Clone, Copy, Args)]
@@ -54,10 +31,17 @@ pub struct FieldArguments {
     number: usize,
 }
 
+/// A file that a verb does not take.
+pub fn wrong_kind(path: &Path, expected: &str) -> Error {
+    let file = SourceFile::open(path);
+    let found = file.and_then(|file| describe(&file)).unwrap_or("another file");
+    Error::wrong_kind(found, expected).in_file(path)
+}
+
 impl FieldArguments {
     /// Opens a container, or that of a field of a glTF asset; `None` if the file is neither.
     pub fn container(self, path: &Path, limits: &Limits) -> Result<Option<Container>> {
-        let file = Arc::new(SourceFile::open(path)?);
+        let file = Arc::new(SourceFile::open(&stdin::resolve(path)?)?);
         if is_container(&file) {
             return Container::open(file, limits).map(Some);
         }
@@ -69,19 +53,6 @@ impl FieldArguments {
 }
 
 impl SceneArguments {
-    /// As the library takes them.
-    pub fn source_options(&self) -> SourceOptions {
-        SourceOptions {
-            stepsize: self.stepsize,
-            coarse: self.coarse.clone(),
-            mlp: self.mlp.clone(),
-            near: self.near,
-            far: self.far,
-            background: self.background.map(|Background(color)| color),
-            color_threshold: self.color_threshold,
-        }
-    }
-
     /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes
     /// coarser levels of a trained input; without it there is level 0 alone.
     pub fn open(
@@ -97,7 +68,7 @@ impl SceneArguments {
         if let Some(container) = which.container(path, &limits)? {
             return self.open_baked(&container.read()?, filter, &limits);
         }
-        let source = input::open_with(path, &options, &limits)?;
+        let source = input::open_with(&stdin::resolve(path)?, &options, &limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
         }
@@ -115,7 +86,7 @@ impl SceneArguments {
         common: &Common,
     ) -> Result<Renderer> {
         let limits = common.limits();
-        let file = Arc::new(SourceFile::open(path)?);
+        let file = Arc::new(SourceFile::open(&stdin::resolve(path)?)?);
         if is_container(&file) {
             let prefix = Container::read_prefix(file, &limits)?;
             let (count, levels) = (prefix.missing().len(), prefix.metadata().levels.len());

@@ -98,11 +98,14 @@ impl GateArguments {
 impl GateReport {
     /// For people.
     pub fn text(&self) -> String {
-        let mut text = errors_text(&self.errors);
-        if let (Some(least), false) = (self.required_psnr, self.passed) {
-            let psnr = self.errors.first().map_or(0.0, |full| full.psnr);
-            text += &format!("  {psnr:.2} dB at full size, {least} required: nothing written\n");
-        }
-        text
+        errors_text(&self.errors)
+    }
+
+    /// The reason why the container at `output` was not written, if the gate was missed.
+    pub fn failure(&self, output: &Path) -> Option<String> {
+        let least = self.required_psnr.filter(|_| !self.passed)?;
+        let psnr = self.errors.first().map_or(0.0, |full| full.psnr);
+        let output = output.display();
+        Some(format!("{output}: not written: {psnr:.2} dB at full size, {least} dB required"))
     }
 }

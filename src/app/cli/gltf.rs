@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use super::output::create as create_output;
+use super::output::{create as create_output, refuse_stdout};
 use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -53,6 +53,7 @@ impl GltfArguments {
     pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
         let Some(path) = &self.gltf else { return Ok(None) };
         is_glb(path)?;
+        refuse_stdout(container, "--gltf names the container's file")?;
         if path == container {
             return Err(Error::usage("--gltf and --output name the same file"));
         }

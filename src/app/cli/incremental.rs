@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::output::create as create_output;
+use super::output::{create as create_output, refuse_stdout};
 use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
@@ -41,6 +41,9 @@ impl IncrementalArguments {
     /// Starts writing the dependency file, if there is to be one. It is always replaced: build
     /// systems do not ask either.
     pub fn create_depfile(&self) -> Result<Option<Output>> {
+        if let Some(path) = &self.depfile {
+            refuse_stdout(path, "a dependency file is read by its name")?;
+        }
         self.depfile.as_deref().map(|path| create_output(path, true)).transpose()
     }
 

@@ -8,40 +8,30 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::container_report::{ContainerReport, container_text};
+use super::files::for_each_file;
+
 use super::outcome::{Outcome, readable};
-use crate::bake::{GroupReport, LevelReport, level_reports};
+use super::stdin;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input;
 use crate::input::checkpoint::{Inspection, SourceOptions};
-use crate::model::baked::{Group, Metadata};
-use crate::model::grid::Bounds;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
 
-/// Show the contents of a container, a glTF asset or a checkpoint, without decoding it
+/// Show the contents of containers, glTF assets and checkpoints, without decoding them
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake inspect scene.mipvog
+  mipvog-bake inspect fine_last.tar --format json
+  mipvog-bake inspect *.mipvog")]
 pub struct Arguments {
-    /// A container, a glTF asset, or anything that can be baked
-    file: PathBuf,
-}
-
-#[derive(Debug, Serialize)]
-struct ContainerReport {
-    version: [u16; 2],
-    file_bytes: u64,
-    dimensions: [usize; 3],
-    bounds: Bounds,
-    /// Fine to coarse.
-    levels: Vec<LevelReport>,
-    /// Layer widths.
-    mlp: Option<Vec<usize>>,
-    /// Levels that a file which was cut does not hold; 0 is the finest.
-    levels_missing: Vec<usize>,
-    chunks: Vec<ChunkReport>,
-    metadata: Metadata,
-    provenance: Option<Value>,
+    /// Containers, glTF assets, or anything that can be baked; - is the standard input
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
 }
 
 #[derive(Debug, Serialize)]
@@ -64,55 +54,25 @@ struct FieldReport {
     container: ContainerReport,
 }
 
-#[derive(Debug, Serialize)]
-struct ChunkReport {
-    kind: String,
-    level: Option<u32>,
-    offset: u64,
-    bytes: u64,
-    critical: bool,
+/// Inspects the files. Several ones are listed in one report, and those that fail are named.
+pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
+    for_each_file("inspect", &arguments.files, |path| inspect(path, limits))
 }
 
-/// Inspects a file.
-pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
-    let path = &arguments.file;
+fn inspect(shown: &Path, limits: &Limits) -> Result<Outcome> {
+    let path = &stdin::resolve(shown)?;
     let file = Arc::new(SourceFile::open(path)?);
     if is_container(&file) {
         let prefix = Container::read_prefix(file, limits)?;
         let mut report = ContainerReport::of(prefix.container())?;
         report.levels_missing = prefix.missing().collect();
-        return Outcome::new("inspect", &report, container_text(path, &report));
+        return Outcome::new("inspect", &report, container_text(shown, &report));
     }
     if is_asset(&file) {
-        return asset(path, &Asset::open(file, limits)?);
+        return asset(shown, &Asset::open(file, limits)?);
     }
     let inspection = input::inspect(path, &SourceOptions::default(), limits)?;
-    Outcome::new("inspect", &inspection, checkpoint_text(path, &inspection))
-}
-
-impl ContainerReport {
-    fn of(container: &Container) -> Result<Self> {
-        let metadata = container.metadata();
-        let chunk = |entry: &crate::codec::container::layout::Entry| ChunkReport {
-            kind: entry.kind.escape_ascii().to_string(),
-            level: entry.level,
-            offset: entry.offset,
-            bytes: entry.length,
-            critical: entry.is_critical(),
-        };
-        Ok(Self {
-            version: container.header().version,
-            file_bytes: container.header().file_length,
-            dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
-            bounds: metadata.bounds,
-            levels: level_reports(metadata, container.entries()),
-            mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
-            levels_missing: Vec::new(),
-            chunks: container.entries().iter().map(chunk).collect(),
-            metadata: metadata.clone(),
-            provenance: container.provenance()?,
-        })
-    }
+    Outcome::new("inspect", &inspection, checkpoint_text(shown, &inspection))
 }
 
 fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
@@ -144,69 +104,6 @@ fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
         text += &container_text(Path::new(&name), &field.container);
     }
     Outcome::new("inspect", &report, text)
-}
-
-fn container_text(path: &Path, report: &ContainerReport) -> String {
-    let mut text = String::new();
-    let [major, minor] = report.version;
-    let [min, max] = [report.bounds.min, report.bounds.max];
-    writeln!(
-        text,
-        "{}: container {major}.{minor}, {}",
-        path.display(),
-        readable(report.file_bytes)
-    )
-    .ok();
-    writeln!(text, "  box {min:?} to {max:?}, levels by {}", report.metadata.filter).ok();
-    match &report.mlp {
-        Some(widths) => writeln!(text, "  view network {widths:?}").ok(),
-        None => writeln!(text, "  no view network").ok(),
-    };
-    text + &levels_text(&report.levels)
-}
-
-/// A table of levels.
-pub(super) fn levels_text(levels: &[LevelReport]) -> String {
-    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix");
-    for group in Group::ALL {
-        write!(text, "   {:14}", group.name()).ok();
-    }
-    text = text.trim_end().to_owned() + "\n";
-    for level in levels {
-        let [x, y, z] = level.dimensions;
-        let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
-        let mut row = format!(
-            "  {:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
-            level.level,
-            format!("{x} x {y} x {z}"),
-            level.blocks_stored,
-            share,
-            readable(level.stored_bytes),
-            readable(level.prefix_bytes),
-        );
-        for group in Group::ALL {
-            let stored = level.groups.iter().find(|stored| stored.group == group.name());
-            write!(row, "   {:14}", stored.map_or_else(|| "-".to_owned(), depth)).ok();
-        }
-        text += row.trim_end();
-        text.push('\n');
-    }
-    text
-}
-
-/// A group's bits and proved error, as three digits that are none too few.
-fn depth(stored: &GroupReport) -> String {
-    let error = f64::from(stored.max_error);
-    if error == 0.0 {
-        return format!("{} exact", stored.bits);
-    }
-    let mut shown = format!("{error:.2e}");
-    if shown.parse().is_ok_and(|shown: f64| shown < error) {
-        let unit = 10f64.powi(error.log10().floor() as i32 - 2);
-        shown = format!("{:.2e}", error + 0.5 * unit);
-    }
-    let unit = if stored.bits.starts_with('f') { "" } else { " bit" };
-    format!("{}{unit} {shown}", stored.bits)
 }
 
 fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {

@@ -15,8 +15,8 @@ pub(super) struct Outcome {
     pub(super) json: serde_json::Value,
     /// For programs that gather findings of many tools.
     pub(super) sarif: Option<serde_json::Value>,
-    /// True if the file or the gate failed, though the verb did its work.
-    pub(super) failed: bool,
+    /// The reason of exit code 1: the verb did its work, but a file or a gate failed.
+    pub(super) failure: Option<String>,
 }
 
 impl Outcome {
@@ -29,11 +29,12 @@ impl Outcome {
         if let serde_json::Value::Object(report) = report {
             json.extend(report);
         }
-        Ok(Self { text, json: json.into(), sarif: None, failed: false })
+        Ok(Self { text, json: json.into(), sarif: None, failure: None })
     }
 }
 
-pub(super) fn print(outcome: &Outcome, common: &Common) -> Result<()> {
+/// Prints a report to stdout, or to stderr where stdout holds an output file.
+pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Result<()> {
     let text = match common.format {
         Format::Text if common.quiet => return Ok(()),
         Format::Text => outcome.text.clone(),
@@ -47,6 +48,10 @@ pub(super) fn print(outcome: &Outcome, common: &Common) -> Result<()> {
             text + "\n"
         }
     };
+    if to_stderr {
+        say(text.trim_end());
+        return Ok(());
+    }
     write_stdout(text.as_bytes())
 }
 
@@ -71,6 +76,11 @@ pub(super) fn warn(message: &str, common: &Common) {
 /// the message.
 pub(super) fn say(line: &str) {
     writeln!(std::io::stderr(), "{line}").ok();
+}
+
+/// A count and its noun.
+pub(super) fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
 
 /// Bytes in the unit that people read.

@@ -1,22 +1,37 @@
 //! Parses the arguments and runs the verb.
 
-use std::borrow::Cow;
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::common::{Common, Format, When};
-use super::outcome::{print, say};
+use super::failure::{exit_code, message, remedy};
+use super::outcome::{Outcome, print, say};
+use super::output::STANDARD_STREAM;
+use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, inspect, interrupt, render, sweep, unpack, validate,
-    view,
+    attach, bake, compare, detach, document, inspect, interrupt, render, stdin, sweep, unpack,
+    validate, view,
 };
-use crate::base::error::{Error, ErrorKind};
+use crate::base::bytes::Guard;
+use crate::base::error::{Error, Result};
 use crate::base::parallel;
 
-/// Bakes trained Mip-VoG radiance fields into sparse, quantized, coarse-to-fine assets.
+/// Arguments that name files to write. Every other argument that names a file is an input.
+const OUTPUTS: [&str; 3] = ["output", "gltf", "depfile"];
+
+/// Bakes trained radiance fields into sparse, quantized, coarse-to-fine assets.
 #[derive(Debug, Parser)]
 #[command(name = "mipvog-bake", version, about, max_term_width = 100)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
+  mipvog-bake view scene.mipvog
+  mipvog-bake compare fine_last.tar scene.mipvog --cameras transforms.json
+
+`mipvog-bake VERB --help` explains a verb and its options.")]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -27,25 +42,32 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Bake(Box<bake::Arguments>),
+    #[command(visible_alias = "info")]
     Inspect(inspect::Arguments),
+    #[command(visible_alias = "check")]
     Validate(validate::Arguments),
     Unpack(unpack::Arguments),
     Render(render::Arguments),
+    #[command(visible_alias = "diff")]
     Compare(compare::Arguments),
     Sweep(Box<sweep::Arguments>),
     Attach(attach::Arguments),
     Detach(detach::Arguments),
+    #[command(visible_alias = "serve")]
     View(view::Arguments),
     Completions(document::CompletionArguments),
+    /// Print the manual page, of the program and of each verb
     Man,
+    /// Print the version
+    Version,
 }
 
 /// Parses arguments, runs the verb, prints its report and returns the exit code: 0 done, 1
 /// findings, a gate missed or a setting that failed, 2 wrong usage, 3 malformed input, 4 unknown
-/// version or feature, 5 input or output failed, 6 over a limit.
+/// version or feature, 5 input or output failed, 6 over a limit, 7 the output exists.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let (cli, matches) = match parse() {
+        Ok(parsed) => parsed,
         Err(error) => {
             // Help and version are no errors; a closed pipe under them is none either.
             let code = if error.use_stderr() { 2 } else { 0 };
@@ -55,10 +77,48 @@ pub fn main() -> ExitCode {
     };
     let common = &cli.common;
     interrupt::outlive_file_limits();
-    let outcome = parallel::with_threads(common.threads.into(), || match &cli.verb {
-        verb if common.format == Format::Sarif && !matches!(verb, Verb::Validate(_)) => {
-            Err(Error::usage("--format sarif: only validate has findings"))
-        }
+    let names = FileNames::of(&matches);
+    let outcome = parallel::with_threads(common.threads.into(), || run(&cli.verb, common));
+    let printed = outcome.and_then(|outcome| outcome).and_then(|outcome| {
+        let Some(outcome) = outcome else { return Ok(ExitCode::SUCCESS) };
+        // The standard output holds the file then.
+        print(&outcome, common, names.to_stdout)?;
+        let Some(reason) = &outcome.failure else { return Ok(ExitCode::SUCCESS) };
+        say(&format!("{} {reason}", error_label(is_colored(common.color))));
+        Ok(ExitCode::FAILURE)
+    });
+    let code = printed.unwrap_or_else(|error| {
+        let label = error_label(is_colored(common.color));
+        say(&format!("{label} {}\n  help: {}", message(&error), remedy(&error)));
+        ExitCode::from(exit_code(error.kind()))
+    });
+    stdin::remove_copy();
+    code
+}
+
+fn parse() -> std::result::Result<(Cli, ArgMatches), clap::Error> {
+    // Errors of parsing are coloured before `--color` is parsed.
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let asked = |word: &str| {
+        let joined = format!("--color={word}");
+        let apart = |pair: &[OsString]| pair[0] == "--color" && pair[1] == *word;
+        arguments.iter().any(|argument| *argument == *joined) || arguments.windows(2).any(apart)
+    };
+    let when = match () {
+        () if asked("always") => When::Always,
+        () if asked("never") => When::Never,
+        () => When::Auto,
+    };
+    let choice = if is_colored(when) { ColorChoice::Always } else { ColorChoice::Never };
+    let matches = Cli::command().color(choice).try_get_matches_from(arguments)?;
+    Ok((Cli::from_arg_matches(&matches)?, matches))
+}
+
+fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
+    if common.format == Format::Sarif && !matches!(verb, Verb::Validate(_)) {
+        return Err(Error::usage("--format sarif: only validate has findings"));
+    }
+    match verb {
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
         Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
@@ -73,59 +133,32 @@ pub fn main() -> ExitCode {
             document::completions(arguments, Cli::command()).map(|()| None)
         }
         Verb::Man => document::man(&Cli::command()).map(|()| None),
-    });
-    let outcome = outcome.and_then(|outcome| outcome);
-    let printed = outcome.and_then(|outcome| {
-        let Some(outcome) = outcome else { return Ok(ExitCode::SUCCESS) };
-        print(&outcome, common)?;
-        Ok(ExitCode::from(u8::from(outcome.failed)))
-    });
-    printed.unwrap_or_else(|error| {
-        let bold = common.color == When::Always
-            || (common.color == When::Auto && std::io::IsTerminal::is_terminal(&std::io::stderr()));
-        let (red, plain) = if bold { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
-        say(&format!("{red}error:{plain} {}\n  help: {}", message(&error), remedy(&error)));
-        ExitCode::from(exit_code(error.kind()))
-    })
-}
-
-/// The error as users of the command line read it: the library's options have flags here.
-fn message(error: &Error) -> String {
-    let ErrorKind::InvalidOption { option, .. } = error.kind() else { return error.to_string() };
-    error.to_string().replacen(
-        &format!("option {option}: "),
-        &format!("--{}: ", option.replace('_', "-")),
-        1,
-    )
-}
-
-/// The remedy, by the names of options on the command line.
-fn remedy(error: &Error) -> Cow<'static, str> {
-    match error.kind() {
-        ErrorKind::OverLimit { .. } => format!("{}: see --limit", error.remedy()).into(),
-        ErrorKind::TooLittleMemory { least, .. } => {
-            format!("pass --memory {least} or more, or fewer --threads").into()
-        }
-        ErrorKind::NonFinite { .. } => {
-            "retrain, or pass --nonfinite empty to treat these values as empty".into()
-        }
-        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
-        ErrorKind::Exists => "pass --force to overwrite it".into(),
-        _ => error.remedy(),
+        Verb::Version => document::version(&Cli::command()).map(|()| None),
     }
 }
 
-fn exit_code(kind: &ErrorKind) -> u8 {
-    match kind {
-        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => 2,
-        ErrorKind::Truncated { .. }
-        | ErrorKind::Overflow { .. }
-        | ErrorKind::Checksum { .. }
-        | ErrorKind::Malformed { .. }
-        | ErrorKind::NonFinite { .. } => 3,
-        ErrorKind::Unsupported { .. } => 4,
-        ErrorKind::Io(_) | ErrorKind::Exists => 5,
-        ErrorKind::OverLimit { .. } | ErrorKind::TooLittleMemory { .. } => 6,
-        ErrorKind::Cancelled => interrupt::cancelled(),
+/// The files that the arguments name.
+struct FileNames {
+    /// True if an output is the standard output.
+    to_stdout: bool,
+    /// Inputs, which no output may replace: also those that a verb reads and closes again.
+    _inputs: Vec<Guard>,
+}
+
+impl FileNames {
+    fn of(matches: &ArgMatches) -> Self {
+        let mut names = Self { to_stdout: false, _inputs: Vec::new() };
+        let Some((_, matches)) = matches.subcommand() else { return names };
+        for id in matches.ids().map(clap::Id::as_str) {
+            // A group of arguments has no values of its own.
+            let Ok(Some(values)) = matches.try_get_raw(id) else { continue };
+            for value in values.map(Path::new) {
+                match OUTPUTS.contains(&id) {
+                    true => names.to_stdout |= value == Path::new(STANDARD_STREAM),
+                    false => names._inputs.extend(Guard::of(value)),
+                }
+            }
+        }
+        names
     }
 }

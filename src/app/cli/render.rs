@@ -8,10 +8,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::Common;
-use super::field::{FieldArguments, SceneArguments};
+use super::field::FieldArguments;
 use super::outcome::Outcome;
-use super::output::create as create_output;
+use super::output::{create as create_output, refuse_stdout};
 use super::progress::Bar;
+use super::scene::SceneArguments;
 use crate::bake::Filter;
 use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -150,6 +151,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     )?;
     let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
     let folder = &arguments.output;
+    refuse_stdout(folder, "render writes a folder")?;
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let mut planned = Vec::new();
     for camera in &cameras {

@@ -7,10 +7,10 @@ use clap::Args;
 
 use super::common::Common;
 use super::compare::checked_scales;
-use super::field::SceneArguments;
 use super::outcome::{Outcome, readable, warn};
 use super::progress::Bar;
 use super::render::CameraArguments;
+use super::scene::SceneArguments;
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::bytes::remove_stale;
@@ -115,9 +115,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     remove_stale(&arguments.output);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
     drop(bar);
-    let failed = report.settings.iter().any(|setting| setting.failure.is_some());
-    let outcome = Outcome::new("sweep", &report, arguments.text(&report))?;
-    Ok(Outcome { failed, ..outcome })
+    let failed = report.settings.iter().filter(|setting| setting.failure.is_some()).count();
+    let count = report.settings.len();
+    let failure = (failed > 0).then(|| format!("{failed} of {count} settings could not be baked"));
+    Ok(Outcome { failure, ..Outcome::new("sweep", &report, arguments.text(&report))? })
 }
 
 impl Arguments {

@@ -7,19 +7,26 @@ use serde_json::json;
 
 use super::common::Common;
 use super::field::FieldArguments;
-use super::outcome::{Outcome, readable};
-use super::output::create as create_output;
+use super::field::wrong_kind;
+use super::outcome::{Outcome, counted, readable};
+use super::output::{STANDARD_STREAM, create as create_output};
 use super::progress::Bar;
 use crate::base::bytes::{ByteSink, remove_stale};
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake unpack scene.mipvog -o scene.safetensors
+  mipvog-bake unpack scene.mipvog -o scene.npz --levels 1
+  mipvog-bake unpack scene.mipvog -o slices/ --slices png")]
 pub struct Arguments {
-    /// The container, or a glTF asset with one
+    /// The container, or a glTF asset with one; - is the standard input
     file: PathBuf,
-    /// The .safetensors file to write, or a folder (existing, or ending in a slash) for slices
+    /// The file to write, .safetensors or .npz, or a folder (existing, or ending in a slash) for
+    /// slices; - is the standard output and gets safetensors
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Levels to unpack, 0 being the finest [default: all]
@@ -47,9 +54,8 @@ enum Slices {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let container = arguments.which.container(&arguments.file, &common.limits())?;
     let container = container.ok_or_else(|| {
-        let found = "a file of another kind";
-        let error = Error::malformed(Place::File, found, "a container, or a glTF asset with one");
-        error.in_file(&arguments.file)
+        let expected = "a .mipvog container, or a glTF asset with one";
+        wrong_kind(&arguments.file, expected)
     })?;
     let (output, levels) = (&arguments.output, &arguments.levels);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
@@ -62,9 +68,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         remove_stale(output);
         write_slices(&container, levels, format, output, arguments.force)?;
         let report = json!({ "input": input, "output": output.to_string_lossy(), "levels": count });
-        let text = format!("{}: slices of {count} levels\n", output.display());
+        let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
     }
+    check_name(output)?;
     let mut tensors = create_output(output, arguments.force)?;
     write_tensors(&container, levels, &mut tensors, &Bar::new(common))?;
     let bytes = tensors.length();
@@ -72,8 +79,22 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let report = json!({
         "input": input, "output": output.to_string_lossy(), "output_bytes": bytes, "levels": count,
     });
-    let text = format!("{}: {count} levels, {}\n", output.display(), readable(bytes));
+    let (levels, bytes) = (counted(count, "level"), readable(bytes));
+    let text = format!("{}: {levels}, {bytes}\n", output.display());
     Outcome::new("unpack", &report, text)
+}
+
+/// Refuses a name that does not say the kind of file.
+fn check_name(path: &Path) -> Result<()> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    if path == Path::new(STANDARD_STREAM) || extension == Some("safetensors") {
+        return Ok(());
+    }
+    let shown = path.display();
+    Err(Error::usage(format!(
+        "-o {shown}: the name must end in .safetensors, in .npz, or in a slash for a folder of \
+         slices"
+    )))
 }
 
 fn is_folder(path: &Path) -> bool {

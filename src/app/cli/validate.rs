@@ -1,35 +1,81 @@
 //! `validate`.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::Value;
 
-use super::field::SceneArguments;
+use super::files::for_each_file;
 use super::outcome::Outcome;
-use crate::app::check::{self, CheckOptions, sarif};
+use super::scene::SceneArguments;
+use super::stdin;
+use crate::app::check::{self, CheckOptions, Report, sarif};
+use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
+use crate::base::finding::Severity;
 use crate::base::limits::Limits;
+use crate::input::tensor::is_tensors;
 
-/// Report everything that is wrong with a file
+/// Report everything that is wrong with files
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake validate scene.mipvog
+  mipvog-bake validate *.mipvog --quiet
+  mipvog-bake validate scene.glb --format sarif > findings.sarif
+
+The exit code is 1 if a finding is an error, with --quiet too.")]
 pub struct Arguments {
-    /// A container, a glTF asset with radiance fields, or anything that can be baked
-    file: PathBuf,
-    /// Findings to list, at most; how many more there are is told
+    /// Containers, glTF assets with radiance fields, or anything that can be baked; - is the
+    /// standard input
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Findings to list of a file, at most; the number of further ones is told
     #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
     max_findings: usize,
     #[command(flatten)]
     scene: SceneArguments,
 }
 
-/// Validates a file.
+/// Validates the files.
 pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
-    let options = CheckOptions {
-        max_findings: arguments.max_findings,
-        source: arguments.scene.source_options(),
+    let several = arguments.files.len() > 1;
+    let mut logs = Vec::new();
+    let mut outcome = {
+        let logs = std::cell::RefCell::new(&mut logs);
+        for_each_file("validate", &arguments.files, |path| {
+            let (outcome, log) = arguments.validate(path, limits)?;
+            logs.borrow_mut().push(log);
+            Ok(outcome)
+        })?
     };
-    let report = check::check_with(&arguments.file, &options, limits)?;
+    outcome.sarif = sarif::merge(logs);
+    if several && let Value::Object(report) = &mut outcome.json {
+        report.insert("valid".to_owned(), outcome.failure.is_none().into());
+    }
+    Ok(outcome)
+}
+
+impl Arguments {
+    fn validate(&self, shown: &Path, limits: &Limits) -> Result<(Outcome, Value)> {
+        let options =
+            CheckOptions { max_findings: self.max_findings, source: self.scene.source_options() };
+        let report = check::check_with(&stdin::resolve(shown)?, &options, limits)?;
+        let errors = report.findings.iter().filter(|f| f.severity == Severity::Error).count();
+        let failure = (!report.valid).then(|| {
+            let first = report.findings.iter().find(|found| found.severity == Severity::Error);
+            let first = first.map_or_else(String::new, |first| {
+                format!(", the first at {}: {}", first.place, first.message)
+            });
+            format!("{}: not valid: {errors} errors{first}", shown.display())
+        });
+        let outcome = Outcome::new("validate", &report, text(shown, &report))?;
+        Ok((Outcome { failure, ..outcome }, sarif::log(shown, &report)))
+    }
+}
+
+fn text(path: &Path, report: &Report) -> String {
     let mut text = String::new();
     for finding in &report.findings {
         let severity = format!("{:?}", finding.severity).to_lowercase();
@@ -49,8 +95,6 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
         }
     }
     let verdict = if report.valid { "valid" } else { "not valid" };
-    writeln!(text, "{}: {verdict}", arguments.file.display()).ok();
-    let failed = !report.valid;
-    let sarif = Some(sarif::log(&arguments.file, &report));
-    Ok(Outcome { failed, sarif, ..Outcome::new("validate", &report, text)? })
+    writeln!(text, "{}: {verdict}", path.display()).ok();
+    text
 }

@@ -1,11 +1,18 @@
 //! Values of options, as they are typed.
 
+use std::sync::OnceLock;
+
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-use crate::bake::{LevelRule, Preset};
+use crate::bake::{Filter, LevelRule, Preset};
 use crate::base::limits::Limits;
+use crate::codec::quantize::Bits;
 use crate::input::checkpoint::MlpChoice;
+
+/// Every number of bits, by name.
+const BITS: [&str; 15] =
+    ["4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16", "f16", "f32"];
 
 /// Colour behind the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,14 +27,34 @@ pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
     bytes.ok_or_else(|| "expected a whole number, with K, M or G after it if need be".to_owned())
 }
 
-/// One number or three.
+/// One number or three, a colour as web pages write it, `white` or `black`.
 pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
+    match text.strip_prefix('#') {
+        Some(digits) => return hexadecimal(digits).map(Background),
+        None if text == "white" => return Ok(Background([1.0; 3])),
+        None if text == "black" => return Ok(Background([0.0; 3])),
+        None => {}
+    }
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match *numbers.unwrap_or_default() {
         [grey] => Ok(Background([grey; 3])),
         [red, green, blue] => Ok(Background([red, green, blue])),
-        _ => Err("expected one number or three with commas between, 0 to 1".to_owned()),
+        _ => Err("expected one number or three with commas between, 0 to 1, or a colour such as \
+                  #369, white or black"
+            .to_owned()),
     }
+}
+
+/// Three or six hexadecimal digits.
+fn hexadecimal(digits: &str) -> std::result::Result<[f32; 3], String> {
+    let digit = |character: char| character.to_digit(16);
+    let digits: Option<Vec<u32>> = digits.chars().map(digit).collect();
+    let bytes = match *digits.unwrap_or_default() {
+        [r, g, b] => [17 * r, 17 * g, 17 * b],
+        [r, s, g, h, b, c] => [16 * r + s, 16 * g + h, 16 * b + c],
+        _ => return Err("expected three or six hexadecimal digits after #".to_owned()),
+    };
+    Ok(bytes.map(|byte| byte as f32 / 255.0))
 }
 
 /// The name of a limit and a count.
@@ -51,6 +78,29 @@ pub fn parse_mlp(text: &str) -> std::result::Result<MlpChoice, String> {
     })
 }
 
+impl ValueEnum for Filter {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: OnceLock<Vec<Filter>> = OnceLock::new();
+        ALL.get_or_init(Self::all)
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.label()).help(self.purpose()))
+    }
+}
+
+impl ValueEnum for Bits {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: OnceLock<Vec<Bits>> = OnceLock::new();
+        ALL.get_or_init(|| BITS.iter().filter_map(|name| name.parse().ok()).collect())
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let name = BITS.into_iter().find(|name| name.parse() == Ok(*self));
+        name.map(PossibleValue::new)
+    }
+}
+
 impl ValueEnum for Preset {
     fn value_variants<'a>() -> &'a [Self] {
         &Self::ALL
@@ -71,5 +121,23 @@ impl ValueEnum for LevelRule {
         let bound = bound.map_or(String::new(), |bound| format!(", at most {bound}"));
         let help = format!("{factor:.3} times the footprint's logarithm to base 2{bound}");
         Some(PossibleValue::new(self.name()).help(help))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_are_numbers_or_web_colors() {
+        let parse = |text| parse_background(text).map(|Background(color)| color);
+        assert_eq!(parse("0.5"), Ok([0.5; 3]));
+        assert_eq!(parse("0, 0.25,1"), Ok([0.0, 0.25, 1.0]));
+        assert_eq!(parse("#369"), Ok([0.2, 0.4, 0.6]));
+        assert_eq!(parse("#336699"), Ok([0.2, 0.4, 0.6]));
+        assert_eq!(parse("white"), Ok([1.0; 3]));
+        for wrong in ["", "#36", "#xyz", "1,2", "1,2,3,4", "grey"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
     }
 }

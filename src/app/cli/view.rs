@@ -6,8 +6,9 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::Common;
-use super::outcome::{Outcome, print, say, warn};
+use super::common::{Common, Format};
+use super::outcome::{Outcome, print, say, warn, write_stdout};
+use super::stdin;
 use crate::app::serve::{Kind, Server, Site};
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
@@ -17,8 +18,14 @@ use crate::output::gltf::attach::companions;
 /// Show a container or an asset in the browser: serves the viewer and the file on the loopback
 /// address
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake view scene.mipvog
+  mipvog-bake view scene.glb --port 8080 --no-open
+
+Ctrl-C ends it.")]
 pub struct Arguments {
-    /// A container, or a binary glTF asset that holds one
+    /// A container, or a binary glTF asset that holds one; - is the standard input
     file: PathBuf,
     /// The port to listen on; 0 takes a free one
     #[arg(long, value_name = "PORT", default_value_t = 0)]
@@ -39,7 +46,7 @@ struct Report {
 
 /// Prints the address, opens it and serves until the program is ended.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let file = SourceFile::open(&arguments.file)?;
+    let file = SourceFile::open(&stdin::resolve(&arguments.file)?)?;
     let input_bytes = file.length();
     let site = Site::new(file)?;
     let kind = site.kind();
@@ -55,8 +62,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if matches!(kind, Kind::Asset) {
         warn_of_companions(&arguments.file, common);
     }
-    // Told before the work, which has no end.
-    print(&Outcome::new("view", &report, format!("{url}\n"))?, common)?;
+    // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
+    let outcome = Outcome::new("view", &report, format!("{url}\n"))?;
+    match common.format {
+        Format::Text => write_stdout(outcome.text.as_bytes())?,
+        _ => print(&outcome, common, false)?,
+    }
     if !arguments.no_open
         && let Err(error) = open::that_detached(&url)
     {

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use crate::base::bytes::SourceFile;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::codec::container::is_container;
+use crate::input::tensor::describe;
 
 /// The viewer's own files, as `viewer/build.mjs` made them.
 const VIEWER: [(&str, &str, &[u8]); 4] = [
@@ -55,8 +56,8 @@ impl Kind {
         if file.read_into(0, &mut start).is_ok() && &start == b"glTF" {
             return Ok(Self::Asset);
         }
-        let expected = "a .mipvog container or a binary glTF asset";
-        Err(Error::malformed(Place::Offset(0), "another signature", expected).in_file(file.path()))
+        let expected = "a .mipvog container or a .glb asset, to show it";
+        Err(Error::wrong_kind(describe(file)?, expected).in_file(file.path()))
     }
 
     /// The name under which it is served.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::guard::Guard;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
 
@@ -23,9 +24,16 @@ pub struct SourceFile {
 #[derive(Debug)]
 enum Bytes {
     /// From byte `start` of a file.
-    File { file: Arc<File>, start: u64 },
+    File { file: Arc<OpenFile>, start: u64 },
     /// That had to be decoded.
     Memory(Arc<[u8]>),
+}
+
+#[derive(Debug)]
+struct OpenFile {
+    file: File,
+    /// An output of the same name would lose the input.
+    _guard: Option<Guard>,
 }
 
 impl SourceFile {
@@ -38,14 +46,16 @@ impl SourceFile {
             return Err(io(std::io::ErrorKind::IsADirectory.into()));
         }
         if !found.is_file() {
-            return Err(io(std::io::Error::other(
+            return Err(io(std::io::Error::new(
+                std::io::ErrorKind::InvalidInput,
                 "not a regular file: it cannot be read by position",
             )));
         }
         let file = File::open(path).map_err(io)?;
         let metadata = file.metadata().map_err(io)?;
         let length = metadata.len();
-        Ok(Self::new(Bytes::File { file: Arc::new(file), start: 0 }, path, length))
+        let file = Arc::new(OpenFile { file, _guard: Guard::of(path) });
+        Ok(Self::new(Bytes::File { file, start: 0 }, path, length))
     }
 
     /// Bytes that were decoded from the file `path`.
@@ -115,7 +125,7 @@ impl SourceFile {
         };
         let mut done = 0;
         while let Some(rest) = out.get_mut(done..).filter(|rest| !rest.is_empty()) {
-            match read_at(file, rest, start + offset + done as u64) {
+            match read_at(&file.file, rest, start + offset + done as u64) {
                 // The file shrank since it was opened.
                 Ok(0) => return Err(truncated(done as u64)),
                 Ok(count) => done += count,

@@ -3,6 +3,7 @@
 
 mod digest;
 mod file;
+mod guard;
 mod output;
 mod reader;
 mod sink;
@@ -12,6 +13,7 @@ mod storage;
 
 pub use digest::{hex, sha256};
 pub use file::SourceFile;
+pub use guard::Guard;
 pub use output::Output;
 pub use reader::ByteReader;
 pub use sink::{ByteSink, WriterSink};

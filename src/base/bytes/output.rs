@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use super::guard::is_guarded;
 use super::{ByteSink, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -13,12 +14,53 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 pub struct Output {
     temporary: tempfile::NamedTempFile,
     path: PathBuf,
-    overwrite: bool,
+    destination: Destination,
     length: u64,
+    /// Dropped after the temporary file in them.
+    _folders: NewFolders,
+}
+
+/// The place of the finished bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Destination {
+    /// A name that must be free.
+    FreeName,
+    /// A name whose file is replaced.
+    AnyName,
+    /// The standard output.
+    Stdout,
+}
+
+/// Folders that were made for an output. Those that stay empty go with it.
+#[derive(Debug, Default)]
+struct NewFolders(Vec<PathBuf>);
+
+impl NewFolders {
+    /// Makes a folder and those above it that are missing.
+    fn make(folder: &Path) -> std::io::Result<Self> {
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let made = folder.ancestors().take_while(missing).map(Path::to_owned).collect();
+        std::fs::create_dir_all(folder)?;
+        Ok(Self(made))
+    }
+}
+
+impl Drop for NewFolders {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            // A folder that holds something is not removed.
+            std::fs::remove_dir(folder).ok();
+        }
+    }
 }
 
 impl Output {
-    /// Starts writing `path`. An existing file there is refused unless `overwrite`.
+    /// Starts writing `path`; missing folders are made. An existing file there is refused unless
+    /// `overwrite`, and one that this process is reading is refused in any case.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::Exists`], [`ErrorKind::IsInput`], and those of the operating system.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
         let io = |error| Error::io(error, path);
         // A link is replaced, not followed; devices, pipes and folders are not to be replaced.
@@ -26,9 +68,15 @@ impl Output {
             && !found.is_file()
             && !found.is_symlink()
         {
-            let kind = if found.is_dir() { "a folder" } else { "a device or pipe" };
-            let message = format!("{kind} is in the output's place");
-            return Err(io(std::io::Error::other(message)));
+            let (kind, name) = match found.is_dir() {
+                true => (std::io::ErrorKind::IsADirectory, "a folder"),
+                false => (std::io::ErrorKind::InvalidInput, "a device or pipe"),
+            };
+            let message = format!("{name} is in the output's place");
+            return Err(io(std::io::Error::new(kind, message)));
+        }
+        if is_guarded(path) {
+            return Err(Error::new(ErrorKind::IsInput, Place::File).in_file(path));
         }
         if !overwrite && path.symlink_metadata().is_ok() {
             return Err(Error::new(ErrorKind::Exists, Place::File).in_file(path));
@@ -37,6 +85,31 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
+        let folders = NewFolders::make(folder).map_err(io)?;
+        let destination = if overwrite { Destination::AnyName } else { Destination::FreeName };
+        Self::in_folder(folder, path, destination, folders)
+    }
+
+    /// Starts writing to the standard output. It gets the bytes when they are whole, so that bytes
+    /// before the end can be written over until then.
+    ///
+    /// # Errors
+    ///
+    /// The system's folder for temporary files cannot be written.
+    pub fn stdout() -> Result<Self> {
+        let folder = std::env::temp_dir();
+        let stdout = Path::new("standard output");
+        Self::in_folder(&folder, stdout, Destination::Stdout, NewFolders::default())
+    }
+
+    fn in_folder(
+        folder: &Path,
+        path: &Path,
+        destination: Destination,
+        folders: NewFolders,
+    ) -> Result<Self> {
+        // Without the temporary file's own name, which would tell users nothing.
+        let io = |error: std::io::Error| Error::io(error.kind().into(), path);
         let mut builder = tempfile::Builder::new();
         builder.prefix(stale::PREFIX).suffix(stale::SUFFIX);
         // The mode that a plain `File::create` would ask for; the umask still applies.
@@ -47,7 +120,8 @@ impl Output {
         while !stale::claim(&temporary) {
             temporary = builder.tempfile_in(folder).map_err(io)?;
         }
-        Ok(Self { temporary, path: path.to_owned(), overwrite, length: 0 })
+        let path = path.to_owned();
+        Ok(Self { temporary, path, destination, length: 0, _folders: folders })
     }
 
     /// Overwrites bytes near the start that could not be known before.
@@ -66,11 +140,27 @@ impl Output {
     }
 
     /// Gives the file its name. Without `overwrite`, a file that appeared meanwhile stays.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::create`]. A reader of the standard output that has read enough is none.
     pub fn finish(self) -> Result<()> {
-        let Self { temporary, path, overwrite, .. } = self;
-        temporary.as_file().sync_data().map_err(|error| Error::io(error, &path))?;
-        let kept =
-            if overwrite { temporary.persist(&path) } else { temporary.persist_noclobber(&path) };
+        let Self { temporary, path, destination, _folders, .. } = self;
+        let io = |error| Error::io(error, &path);
+        if destination == Destination::Stdout {
+            return match copy_to_stdout(temporary.as_file()) {
+                Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+                copied => copied.map_err(io),
+            };
+        }
+        temporary.as_file().sync_data().map_err(io)?;
+        if is_guarded(&path) {
+            return Err(Error::new(ErrorKind::IsInput, Place::File).in_file(&path));
+        }
+        let kept = match destination {
+            Destination::AnyName => temporary.persist(&path),
+            _ => temporary.persist_noclobber(&path),
+        };
         kept.map(|_| ()).map_err(|failed| match failed.error.kind() {
             std::io::ErrorKind::AlreadyExists => {
                 Error::new(ErrorKind::Exists, Place::File).in_file(&path)
@@ -98,4 +188,11 @@ impl ByteSink for Output {
     fn folder(&self) -> PathBuf {
         self.written().parent().unwrap_or(Path::new(".")).to_owned()
     }
+}
+
+fn copy_to_stdout(mut file: &File) -> std::io::Result<()> {
+    file.seek(SeekFrom::Start(0))?;
+    let mut stdout = std::io::stdout().lock();
+    std::io::copy(&mut file, &mut stdout)?;
+    stdout.flush()
 }

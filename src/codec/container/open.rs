@@ -14,6 +14,7 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::base::limits::{self, Budget, Limits};
+use crate::input::tensor::describe;
 use crate::model::baked::Metadata;
 
 /// A rule on the length of a file.
@@ -66,8 +67,8 @@ impl Container {
     /// ```
     /// use mipvog_bake::{Container, ErrorKind, Limits};
     ///
-    /// let error = Container::from_bytes(vec![0; 10], &Limits::default()).expect_err("no container");
-    /// assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+    /// let error = Container::from_bytes(vec![0; 99], &Limits::default()).expect_err("no container");
+    /// assert!(matches!(error.kind(), ErrorKind::WrongKind { .. }), "{error}");
     /// ```
     pub fn from_bytes(bytes: Vec<u8>, limits: &Limits) -> Result<Self> {
         Self::open(Arc::new(SourceFile::decoded(bytes, Path::new("memory"))), limits)
@@ -81,6 +82,10 @@ impl Container {
 
     fn strictly(file: Arc<SourceFile>, limits: &Limits, length: LengthRule) -> Result<Self> {
         let path = file.path().to_owned();
+        if file.length() >= HEADER_BYTES && !starts_container(&file) {
+            let found = describe(&file)?;
+            return Err(Error::wrong_kind(found, "a .mipvog container").in_file(&path));
+        }
         let opened = Self::walk_with(file, limits, length, &mut strict);
         // A strict walk ends with an error or a container.
         let opened = opened.map_err(|error| error.in_file(&path))?;

@@ -75,11 +75,9 @@ pub(super) fn find(names: &NamedValues<'_>, limits: &Limits) -> Result<(Volume, 
 fn grid(names: &NamedValues<'_>, name: &str, limits: &Limits) -> Result<(String, Volume)> {
     let newer = format!("{name}.grid");
     let Some(tensor) = names.tensor(&newer).or_else(|| names.tensor(name)) else {
-        return Err(Error::unsupported(
-            Place::Key(name.into()),
-            format!("no grid {name} or {newer}"),
-            "a Mip-VoG or DirectVoxGO checkpoint with density and k0",
-        ));
+        let found = format!("tensors without a grid {name} or {newer}");
+        let expected = "a Mip-VoG or DirectVoxGO model, with density and k0";
+        return Err(Error::wrong_kind(found, expected));
     };
     Ok((tensor.name().to_owned(), tensor.volume(limits)?))
 }

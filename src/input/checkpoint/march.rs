@@ -37,9 +37,10 @@ pub(super) fn find(
     bounds: &Bounds,
     nodes: Nodes,
     options: &SourceOptions,
+    recorded: &Recorded,
     assumptions: &mut Vec<Assumption>,
 ) -> Result<(Activation, March)> {
-    let stepsize = options.stepsize.unwrap_or_else(|| {
+    let stepsize = options.stepsize.or(recorded.stepsize).unwrap_or_else(|| {
         assumptions.push(Assumption {
             key: "stepsize",
             value: STEPSIZE.to_string(),
@@ -64,21 +65,68 @@ pub(super) fn find(
             ));
         }
     };
-    let stored = threshold(names)?;
+    let stored = recorded.color_threshold;
     let color_threshold = options.color_threshold.or(stored).unwrap_or(COLOR_THRESHOLD);
     let shift = narrow("act_shift", own_shift(names, assumptions)?)?;
     let interval = narrow("interval", f64::from(stepsize) * ratio)?;
     let march = March {
         stepsize,
         voxel_size: narrow("voxel size", voxel_size)?,
-        near: options.near.unwrap_or(0.0),
-        far: options.far,
+        near: options.near.or(recorded.near).unwrap_or(0.0),
+        far: options.far.or(recorded.far),
         color_threshold,
         // Mip-VoG keeps faint samples, for their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
     };
     march.check(nodes)?;
     Ok((Activation { shift, interval, order }, march))
+}
+
+/// Settings of rays that the checkpoint records.
+pub(super) struct Recorded {
+    stepsize: Option<f32>,
+    near: Option<f32>,
+    far: Option<f32>,
+    /// The colour behind the field.
+    pub(super) background: Option<[f32; 3]>,
+    color_threshold: Option<f32>,
+}
+
+impl Recorded {
+    /// Finds them; refuses values that no scene has.
+    pub(super) fn find(names: &NamedValues<'_>) -> Result<Self> {
+        let number = |name: &str| -> Result<Option<f32>> {
+            names.recorded(name)?.map(|value| narrow(name, value)).transpose()
+        };
+        let background = names.recorded_background()?;
+        #[expect(clippy::cast_possible_truncation, reason = "the range is checked below")]
+        let background = background.map(|color| color.map(|value| value as f32));
+        let recorded = SourceOptions {
+            stepsize: number("stepsize")?,
+            near: number("near")?,
+            far: number("far")?,
+            background,
+            ..SourceOptions::default()
+        };
+        recorded.check().map_err(|error| {
+            let expected = "settings that a scene can have";
+            Error::malformed(Place::File, error.kind().to_string(), expected)
+        })?;
+        let SourceOptions { stepsize, near, far, background, .. } = recorded;
+        Ok(Self { stepsize, near, far, background, color_threshold: threshold(names)? })
+    }
+
+    /// Names of the settings that are recorded.
+    pub(super) fn names(&self) -> Vec<&'static str> {
+        let stated = [
+            ("stepsize", self.stepsize.is_some()),
+            ("near", self.near.is_some()),
+            ("far", self.far.is_some()),
+            ("background", self.background.is_some()),
+            ("color_threshold", self.color_threshold.is_some()),
+        ];
+        stated.into_iter().filter(|&(_, stated)| stated).map(|(name, _)| name).collect()
+    }
 }
 
 /// The shift of this checkpoint's own density: as stored, for training may have changed it.

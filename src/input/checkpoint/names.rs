@@ -17,8 +17,12 @@ pub(super) const SETTINGS: &str = "model_kwargs";
 /// The dictionary that describes a checkpoint's own density, for scenes that use it as a mask.
 pub(super) const AS_MASK: &str = "MaskCache_kwargs";
 
+/// Dictionaries in which some programs keep the configuration of training or rendering.
+const CONFIGURATIONS: [&str; 4] = ["render_kwargs", "cfg", "config", "args"];
+
 /// Weights and settings of a checkpoint by name.
 pub(super) struct NamedValues<'a> {
+    root: &'a Value,
     state: BTreeMap<&'a str, &'a Value>,
     settings: BTreeMap<&'a str, Cow<'a, Value>>,
     as_mask: Option<&'a Value>,
@@ -28,6 +32,7 @@ impl<'a> NamedValues<'a> {
     /// Sorts the contents of `file`.
     pub(super) fn new(file: &'a TensorFile) -> Self {
         let mut names = Self {
+            root: &file.root,
             state: BTreeMap::new(),
             settings: BTreeMap::new(),
             as_mask: file.root.get(AS_MASK),
@@ -95,6 +100,40 @@ impl<'a> NamedValues<'a> {
     /// A setting that is a number.
     pub(super) fn number(&self, name: &str) -> Result<Option<f64>> {
         self.setting(name).map(|value| value.number(&format!("{SETTINGS}.{name}"))).transpose()
+    }
+
+    /// A number that training or rendering was set to, where the checkpoint keeps its
+    /// configuration: among the settings, or in a dictionary as DirectVoxGO's configurations are
+    /// made.
+    pub(super) fn recorded(&self, name: &str) -> Result<Option<f64>> {
+        self.recorded_value(name).map(|value| value.number(name)).transpose()
+    }
+
+    /// The recorded colour behind the field: a number, three, or true for white.
+    pub(super) fn recorded_background(&self) -> Result<Option<[f64; 3]>> {
+        for name in ["background", "bg", "white_bkgd"] {
+            match self.recorded_value(name) {
+                None => {}
+                Some(&Value::Bool(is_white)) => {
+                    return Ok(Some([f64::from(u8::from(is_white)); 3]));
+                }
+                Some(value) => {
+                    let grey = value.number(name).map(|grey| [grey; 3]);
+                    return grey.or_else(|_| value.vector3(name)).map(Some);
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn recorded_value(&self, name: &str) -> Option<&Value> {
+        let within = |path: &[&str]| self.root.at(path).filter(|value| !value.is_none());
+        let configured = CONFIGURATIONS.iter().find_map(|dict| {
+            within(&[dict, name])
+                .or_else(|| within(&[dict, "fine_model_and_render", name]))
+                .or_else(|| within(&[dict, "data", name]))
+        });
+        self.setting(name).or(configured)
     }
 
     /// A setting that is true or false; false where it is missing.

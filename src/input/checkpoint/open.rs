@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::march::Recorded;
 use super::mask::Mask;
 use super::names::NamedValues;
 use super::options::{MlpChoice, SourceOptions};
@@ -44,8 +45,9 @@ pub(super) fn assemble<'a>(
     let nodes = density.nodes;
     let bounds = grids::bounds(&names)?;
     let family = grids::family(&names, color.channels);
+    let recorded = Recorded::find(&names)?;
     let (activation, march) =
-        march::find(&names, family, &bounds, nodes, options, &mut assumptions)?;
+        march::find(&names, family, &bounds, nodes, options, &recorded, &mut assumptions)?;
     let features = color.channels - 3;
     let view_mlp = match &options.mlp {
         MlpChoice::None => None,
@@ -90,7 +92,7 @@ pub(super) fn assemble<'a>(
             ),
         });
     }
-    let background = options.background.unwrap_or([1.0; 3]);
+    let background = options.background.or(recorded.background).unwrap_or([1.0; 3]);
     let scene = Scene { bounds, nodes, activation, march, background };
     let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
     let source = Source {
@@ -98,6 +100,7 @@ pub(super) fn assemble<'a>(
         family,
         kind: file.kind,
         assumptions,
+        recorded: recorded.names(),
         digest: file.digest,
         file: Arc::clone(&file.file),
         companions,

@@ -18,6 +18,8 @@ pub struct Source {
     pub kind: FileKind,
     /// Settings that it lacks and that were assumed, to be shown to the user.
     pub assumptions: Vec<Assumption>,
+    /// Names of the settings of [`SourceOptions`](super::SourceOptions) that the file records.
+    pub recorded: Vec<&'static str>,
     /// SHA-256 that stands for its content; see
     /// [`crate::input::tensor::TensorFile::digest`].
     pub digest: [u8; 32],

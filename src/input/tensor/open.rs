@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::TensorFile;
-use super::kind::{describe, is_safetensors, is_zip, other_format, start};
+use super::kind::{describe, is_safetensors, is_zip, old_checkpoint, start};
 use super::zip::Archive;
 use super::{npz, safetensors, torch};
 use crate::base::bytes::SourceFile;
@@ -42,9 +42,8 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
         return safetensors::open(file, limits);
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file";
-    let found = describe(file)?;
-    Err(match other_format(&start) {
-        Some(_) => Error::unsupported(Place::File, found, expected),
-        None => Error::malformed(Place::File, found, expected),
+    Err(match old_checkpoint(&start) {
+        Some(found) => Error::unsupported(Place::File, found, expected),
+        None => Error::wrong_kind(describe(file)?, expected),
     })
 }

@@ -8,6 +8,7 @@ use super::json::{Members, Node};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::input::tensor::describe;
 
 /// The extension's name.
 pub const EXTENSION: &str = "MIPVOG_radiance_field";
@@ -46,6 +47,9 @@ impl Asset {
     }
 
     fn read(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
+        if !is_asset(&file) {
+            return Err(Error::wrong_kind(describe(&file)?, "a glTF asset (.glb or .gltf)"));
+        }
         let mut magic = [0; 4];
         let is_glb = file.read_into(0, &mut magic).is_ok() && magic == glb::MAGIC;
         let (json, chunks) = match is_glb {

@@ -1,0 +1,156 @@
+//! Settings of a scene, and the places that they come from.
+//!
+//! The command line counts most, then `scene.toml` or `scene.json` beside the input, then the
+//! camera file, then the checkpoint itself, then a default.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::values::{Background, parse_background, parse_mlp};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::input::checkpoint::{MlpChoice, SourceOptions};
+use crate::input::{SceneSettings, Source};
+
+/// The user's settings for a scene, beside those of its file.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Scene")]
+pub struct SceneArguments {
+    /// Step length in voxels [default: the container's; else as scene.toml, scene.json or the
+    /// camera file says; else the checkpoint's; else 0.5, with a warning]
+    #[arg(long, value_name = "VOXELS")]
+    pub stepsize: Option<f32>,
+    /// Weight up to which a sample adds no colour [default: likewise, else 0.0001]
+    #[arg(long, value_name = "WEIGHT")]
+    pub color_threshold: Option<f32>,
+    /// Start of rays [default: likewise, else 0]
+    #[arg(long, value_name = "T")]
+    pub near: Option<f32>,
+    /// Farthest entry of rays into the box [default: likewise, else without bound]
+    #[arg(long, value_name = "T")]
+    pub far: Option<f32>,
+    /// Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
+    /// likewise, else white]
+    #[arg(long, value_name = "COLOR", value_parser = parse_background)]
+    pub background: Option<Background>,
+    /// The view network of a checkpoint: auto, none, or the file that holds it
+    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
+    pub mlp: MlpChoice,
+    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    #[arg(long, value_name = "FILE")]
+    pub coarse: Option<std::path::PathBuf>,
+}
+
+/// The settings for an input, from every place but the input itself.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// As the library takes them.
+    pub options: SourceOptions,
+    /// Files that settings came from.
+    pub files: Vec<PathBuf>,
+    /// The place that each setting came from.
+    origins: BTreeMap<&'static str, String>,
+}
+
+/// A setting in a report.
+#[derive(Debug, Clone, Serialize)]
+pub struct SettingReport {
+    /// The option that sets it.
+    name: &'static str,
+    /// Its value; null is without bound.
+    value: Value,
+    /// The place that it came from.
+    from: String,
+}
+
+impl SceneArguments {
+    /// The command line's own settings, as the library takes them.
+    pub fn source_options(&self) -> SourceOptions {
+        SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+        }
+    }
+
+    /// The settings for a trained input, which `cameras` are looked through for too.
+    ///
+    /// # Errors
+    ///
+    /// Settings out of range; a file of settings that cannot be read.
+    pub fn settings(
+        &self,
+        input: &Path,
+        cameras: Option<&Path>,
+        limits: &Limits,
+    ) -> Result<Settings> {
+        let mut options = self.source_options();
+        options.check()?;
+        let mut origins = BTreeMap::new();
+        let given = [
+            ("stepsize", options.stepsize.is_some()),
+            ("near", options.near.is_some()),
+            ("far", options.far.is_some()),
+            ("background", options.background.is_some()),
+            ("color_threshold", options.color_threshold.is_some()),
+        ];
+        for (name, _) in given.into_iter().filter(|(_, given)| *given) {
+            origins.insert(name, "command line".to_owned());
+        }
+        let mut files = Vec::new();
+        let beside = SceneSettings::beside(input, limits)?;
+        // A camera file that cannot be read is told by the reader of cameras.
+        let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
+        for stated in beside.into_iter().chain(cameras) {
+            let names = stated.complete(&mut options);
+            let name = stated.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            origins.extend(names.iter().map(|&setting| (setting, name.clone())));
+            if !names.is_empty() {
+                files.push(stated.path);
+            }
+        }
+        options.check()?;
+        Ok(Settings { options, files, origins })
+    }
+}
+
+impl Settings {
+    /// The settings that `source` was opened with.
+    pub fn report(&self, source: &Source) -> Vec<SettingReport> {
+        let scene = &source.field.scene;
+        let march = &scene.march;
+        let values = [
+            ("stepsize", json!(march.stepsize)),
+            ("near", json!(march.near)),
+            ("far", json!(march.far)),
+            ("background", json!(scene.background)),
+            ("color_threshold", json!(march.color_threshold)),
+        ];
+        let from = |name| match self.origins.get(name) {
+            Some(origin) => origin.clone(),
+            None if source.recorded.contains(&name) => "checkpoint".to_owned(),
+            None => "default".to_owned(),
+        };
+        values.map(|(name, value)| SettingReport { name, value, from: from(name) }).into()
+    }
+}
+
+/// The settings in a line for people.
+pub fn settings_text(settings: &[SettingReport]) -> String {
+    let shown = settings.iter().map(|SettingReport { name, value, from }| {
+        let value = match value {
+            Value::Null => "without bound".to_owned(),
+            value => value.to_string(),
+        };
+        format!("{} {value} ({from})", name.replace('_', " "))
+    });
+    format!("  {}\n", shown.collect::<Vec<_>>().join(", "))
+}

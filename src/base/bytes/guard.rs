@@ -1,0 +1,58 @@
+//! Files that are being read. No output replaces one of them, by whatever name it is called.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use same_file::Handle;
+
+/// The guarded files of this process.
+static GUARDED: Mutex<Vec<Weak<Handle>>> = Mutex::new(Vec::new());
+
+/// Keeps a file from being replaced by an [`Output`](super::Output) of this process for as long as
+/// the guard lives.
+#[derive(Debug)]
+pub struct Guard(#[expect(dead_code, reason = "it is held, not read")] Arc<Handle>);
+
+impl Guard {
+    /// Guards the file at a path. `None` if it cannot be opened: then nothing reads it either.
+    pub fn of(path: &Path) -> Option<Self> {
+        let handle = Arc::new(handle(path)?);
+        let mut guarded = GUARDED.lock().unwrap_or_else(PoisonError::into_inner);
+        guarded.retain(|file| file.strong_count() > 0);
+        guarded.push(Arc::downgrade(&handle));
+        Some(Self(handle))
+    }
+}
+
+/// True if the path names a guarded file, through links and other spellings too.
+pub fn is_guarded(path: &Path) -> bool {
+    let Some(handle) = handle(path) else { return false };
+    let guarded = GUARDED.lock().unwrap_or_else(PoisonError::into_inner);
+    guarded.iter().filter_map(Weak::upgrade).any(|file| *file == handle)
+}
+
+/// A regular file's identity. Pipes and devices are not opened: that may wait for ever.
+fn handle(path: &Path) -> Option<Handle> {
+    path.metadata().ok().filter(std::fs::Metadata::is_file)?;
+    Handle::from_path(path).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_guarded_under_every_name_while_its_guard_lives() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [file, link, other] = ["a", "b", "c"].map(|name| folder.path().join(name));
+        std::fs::write(&file, "x").expect("written");
+        std::fs::write(&other, "x").expect("written");
+        std::fs::hard_link(&file, &link).expect("linked");
+        let guard = Guard::of(&file).expect("a file");
+        let dotted = folder.path().join(".").join("a");
+        assert!(is_guarded(&file) && is_guarded(&link) && is_guarded(&dotted));
+        assert!(!is_guarded(&other) && !is_guarded(folder.path()));
+        drop(guard);
+        assert!(!is_guarded(&file));
+    }
+}
