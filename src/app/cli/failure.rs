@@ -8,7 +8,10 @@ use super::interrupt;
 use super::outcome::readable;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind};
+use crate::base::limits::Limits;
 use crate::input::tensor;
+use crate::output::gltf::asset::Asset;
+use crate::output::gltf::attach::companions;
 
 /// The error by the names of the command line: the library's options have flags here.
 pub(super) fn message(error: &Error) -> String {
@@ -55,9 +58,17 @@ fn next_command(path: &Path) -> Option<String> {
             path.with_extension("safetensors").display()
         ),
         "a glTF binary" => format!("mipvog-bake inspect {shown} lists its radiance fields"),
-        "a JSON text" => "a .gltf names its container in \"uri\", a camera file belongs to \
-                          --cameras"
-            .to_owned(),
+        "a JSON text" => {
+            let asset = Asset::open(file, &Limits::default());
+            let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
+            let is_container = |name: &&String| name.ends_with(".mipvog");
+            match names.iter().find(is_container) {
+                Some(name) => {
+                    format!("name its container, {}", path.with_file_name(name).display())
+                }
+                None => "a camera file belongs to --cameras, settings to scene.json".to_owned(),
+            }
+        }
         _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => format!(
             "if this is a trained scene, bake it first: mipvog-bake bake {shown} -o {}",
             path.with_extension("mipvog").display()

@@ -127,13 +127,23 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
         writeln!(text, "  cannot be baked: {problem}").ok();
     }
     for assumption in &inspection.assumptions {
-        writeln!(text, "  assumes {}", assumption.message).ok();
+        writeln!(text, "  note: {}", assumption.message).ok();
     }
     for listed in &inspection.values {
-        let value = listed.value.as_ref().map(Value::to_string).unwrap_or_default();
+        let value = listed.value.as_ref().map(shortened).unwrap_or_default();
         let shape = listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default();
         let dtype = listed.dtype.unwrap_or(listed.kind);
         writeln!(text, "  {:44} {dtype} {shape} {value}", listed.key).ok();
     }
     text
+}
+
+/// A value in as many characters as a line of a terminal has left.
+fn shortened(value: &Value) -> String {
+    const CHARACTERS: usize = 48;
+    let text = value.to_string();
+    match text.char_indices().nth(CHARACTERS) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
 }

@@ -59,9 +59,13 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
 
 impl Arguments {
     fn validate(&self, shown: &Path, limits: &Limits) -> Result<(Outcome, Value)> {
-        let options =
-            CheckOptions { max_findings: self.max_findings, source: self.scene.source_options() };
-        let report = check::check_with(&stdin::resolve(shown)?, &options, limits)?;
+        let path = stdin::resolve(shown)?;
+        let source = match is_tensors(&SourceFile::open(&path)?)? {
+            true => self.scene.settings(&path, None, limits)?.options,
+            false => self.scene.source_options(),
+        };
+        let options = CheckOptions { max_findings: self.max_findings, source };
+        let report = check::check_with(&path, &options, limits)?;
         let errors = report.findings.iter().filter(|f| f.severity == Severity::Error).count();
         let failure = (!report.valid).then(|| {
             let first = report.findings.iter().find(|found| found.severity == Severity::Error);

@@ -14,6 +14,9 @@ use crate::base::limits::Limits;
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::{RadianceField, Scene};
 
+/// Opacity that coarse stages start from, at most; fine ones start from 1e-2.
+const COARSE_ALPHA: f64 = 1e-5;
+
 /// Opens a checkpoint of any kind.
 ///
 /// # Errors
@@ -72,6 +75,17 @@ pub(super) fn assemble<'a>(
     if view_mlp.is_none() {
         let asked = options.mlp == MlpChoice::None;
         grids::drop_features(&mut color, asked, &mut assumptions);
+    }
+    if view_mlp.is_none() && names.number("alpha_init")?.is_some_and(|alpha| alpha <= COARSE_ALPHA)
+    {
+        assumptions.push(Assumption {
+            key: "stage",
+            value: "coarse".to_owned(),
+            message:
+                "this looks like the coarse stage of a training: its colours do not depend on \
+                      the view; the fine stage's checkpoint is usually meant"
+                    .to_owned(),
+        });
     }
     let mask = Mask::find(&names, &bounds, nodes, path, options, limits, &mut assumptions)?;
     let coarse = mask.as_ref().and_then(|mask| mask.coarse.as_ref()?.file.clone());
