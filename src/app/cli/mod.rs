@@ -22,6 +22,7 @@ mod progress;
 mod render;
 mod stored;
 mod sweep;
+mod transcode;
 mod unpack;
 mod validate;
 mod values;

@@ -8,8 +8,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 use super::common::{Common, Format, When};
 use super::outcome::{print, say};
 use super::{
-    attach, bake, compare, detach, document, inspect, interrupt, render, sweep, unpack, validate,
-    view,
+    attach, bake, compare, detach, document, inspect, interrupt, render, sweep, transcode, unpack,
+    validate, view,
 };
 use crate::base::error::{Error, ErrorKind};
 use crate::base::parallel;
@@ -27,6 +27,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Bake(Box<bake::Arguments>),
+    Transcode(transcode::Arguments),
     Inspect(inspect::Arguments),
     Validate(validate::Arguments),
     Unpack(unpack::Arguments),
@@ -60,6 +61,7 @@ pub fn main() -> ExitCode {
             Err(Error::usage("--format sarif: only validate has findings"))
         }
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
+        Verb::Transcode(arguments) => transcode::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
         Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
