@@ -11,7 +11,7 @@ use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
 use mipvog_bake::unstable::model::baked::{Encoding, Group, LevelMetadata};
 use mipvog_bake::unstable::model::camera::turntable;
 use mipvog_bake::unstable::model::field::RadianceField;
@@ -260,7 +260,10 @@ fn edits_in_inherited_blocks_are_kept() {
     let encoding = level.encoding(Group::Diffuse).expect("colours");
     let far = encoding.values().find(|value| (value - values[node]).abs() > 0.5);
     values[node] = far.expect("another code");
-    let volume = input.levels[0].volumes[1].as_mut().expect("colours");
+    let LevelValues::Volumes(volumes) = &mut input.levels[0].values else {
+        panic!("a file holds arrays")
+    };
+    let volume = volumes[1].as_mut().expect("colours");
     let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     (volume.storage, volume.first) = (Storage::Memory(bytes.into()), 0);
     let again = packed(&input, &Changes::default()).expect("bakes again");

@@ -12,7 +12,7 @@ use mipvog_bake::unstable::base::error::{ErrorKind, Place};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
 use mipvog_bake::unstable::levels::Visible;
 use mipvog_bake::unstable::levels::visible::masked_planes;
 use mipvog_bake::unstable::model::baked::{Decode, DensityDomain, Encoding, Group};
@@ -231,8 +231,10 @@ fn edited_values_that_the_codes_cannot_hold_are_refused() {
     let mut options = BakeOptions::default();
     (options.max_error, options.alpha_threshold) = (Some(0.01.into()), 1e-9);
     let (mut input, _) = unpacked(&baked_bytes(&field, &options).expect("a bake"));
-    let volume =
-        input.levels[1].volumes[Group::Density as usize].as_mut().expect("a level's density");
+    let LevelValues::Volumes(volumes) = &mut input.levels[1].values else {
+        panic!("a file holds arrays")
+    };
+    let volume = volumes[Group::Density as usize].as_mut().expect("a level's density");
     let mut values = volume_values(volume);
     let most = values.iter().copied().fold(0.0, f32::max);
     assert!(most > 0.0 && most < 2.5, "{most}");

@@ -54,7 +54,6 @@ fn no_output_replaces_an_input_under_any_name() {
         std::os::unix::fs::symlink(name, here.join(format!("soft-{name}"))).expect("linked");
         std::fs::hard_link(here.join(name), here.join(format!("hard-{name}"))).expect("linked");
     }
-    std::fs::write(here.join("cameras.json"), "{}").expect("written");
     for force in [None, Some("--force")] {
         let refused = |arguments: &[&str]| {
             let arguments: Vec<&str> = arguments.iter().copied().chain(force).collect();
@@ -64,15 +63,18 @@ fn no_output_replaces_an_input_under_any_name() {
             let own = here.file_name().expect("a name").to_string_lossy();
             let prefix = prefix.replace("HERE", &own);
             let output = |name: &str| format!("{prefix}{name}");
-            refused(&["bake", "fine_last.tar", "-o", &output("fine_last.tar")]);
-            refused(&["bake", "a.safetensors", "-o", &output("a.safetensors")]);
+            refused(&["bake", "a.mipvog", "-o", &output("a.mipvog")]);
+            refused(&["transcode", "a.mipvog", "-o", &output("a.mipvog"), "--bits", "6"]);
             refused(&["attach", "mesh.glb", "a.mipvog", "-o", &output("mesh.glb")]);
             refused(&["detach", "a.glb", "-o", &output("a.glb")]);
         }
         refused(&["bake", "fine_last.tar", "-o", "b.mipvog", "--gltf", "a.glb", "--mlp", "a.glb"]);
         refused(&["bake", "fine_last.tar", "-o", "b.mipvog", "--depfile", "fine_last.tar"]);
-        refused(&["bake", "fine_last.tar", "-o", "cameras.json", "--cameras", "cameras.json"]);
     }
+    // A name of another kind is refused before.
+    says(here, &["bake", "fine_last.tar", "-o", "fine_last.tar", "--force"], 2, &[".tar"]);
+    let same = ["bake", "fine_last.tar", "-o", "b.mipvog", "--depfile", "./b.mipvog"];
+    says(here, &same, 2, &["two outputs"]);
     for (name, before) in inputs.iter().zip(before) {
         assert_eq!(std::fs::read(here.join(name)).expect("kept"), before, "{name}");
     }

@@ -30,6 +30,8 @@ pub struct Forecast {
     pub report: BakeReport,
     /// Wall-clock time of all stages.
     pub seconds: f64,
+    /// The least bound on memory that the bake would keep to; none where it has no bound.
+    pub least_memory_bytes: Option<u64>,
     /// Bytes that will be held at once beyond those that were held for the windows: compressed runs
     /// wait until the coarsest level is there.
     pub more_memory_bytes: u64,
@@ -83,7 +85,7 @@ pub fn forecast(
         pipelined: memory.is_none_or(|memory| memory.pipelined),
         is_window: true,
     };
-    let packing = packing(options, &source, &visible, &importance, None);
+    let packing = packing(options, options.max_error, &source, &visible, &importance, None);
     let (encoded, _) = packing.run(&mut metadata, part_tables, &mut stages, progress)?;
     let mut more_bytes_read = 0;
     for stage in &mut stages.list[measured..] {
@@ -104,6 +106,11 @@ pub fn forecast(
         if part[number] > 0 {
             bytes_per_node = bytes as f64 / part[number] as f64;
         }
+        if part[number] == 0 && options.max_error.is_some() {
+            // Its values were not looked at, and encodings follow from them.
+            (level.max_opacity_error, level.max_color_error) = (None, None);
+            level.groups.iter_mut().for_each(|g| (g.bits, g.max_error) = (None, None));
+        }
         level.stored_bytes = (whole[number] as f64 * bytes_per_node) as u64;
     }
     let output_bytes: u64 = levels.iter().map(|level| level.stored_bytes).sum();
@@ -119,6 +126,7 @@ pub fn forecast(
         seconds: stages.list.iter().map(|stage| stage.seconds).sum(),
         more_memory_bytes: more_held + more_codes as u64,
         more_bytes_read,
+        least_memory_bytes: MemoryPlan::least(field, options),
         report: BakeReport {
             output_bytes,
             levels,
@@ -127,6 +135,8 @@ pub fn forecast(
             fitted: None,
             free_space_stored: visible.mask_is_required,
             nonfinite_values: visible.nonfinite.count,
+            chosen: None,
+            islands: None,
             stages: stages.list,
         },
     })

@@ -41,6 +41,13 @@ impl MemoryPlan {
         options.memory.map(|bound| Self::new(field, options, &sizes, bound)).transpose()
     }
 
+    /// The least bound that a bake would keep to; none where its options allow no bound.
+    pub fn least(field: &RadianceField, options: &BakeOptions) -> Option<u64> {
+        let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+        let needs = Needs { field, options, sizes: &sizes, threads: parallel::threads() as u64 };
+        (!options.holds_level()).then(|| needs.bytes(false))
+    }
+
     /// For a bake with options whose bound is `bound`.
     ///
     /// # Errors

@@ -19,13 +19,16 @@
 //! encoded. Nothing depends on the number of threads: runs are cut by frame numbers.
 
 mod baker;
+mod changes;
 mod current;
+mod edit;
 mod encode;
 pub mod fit;
 mod forecast;
 mod importance;
 mod inherit;
 mod levels;
+mod max_bytes;
 mod max_error;
 mod memory;
 mod options;
@@ -39,18 +42,22 @@ mod repack;
 mod report;
 mod run;
 mod run_store;
+mod unpacked_levels;
 
 pub use baker::{BakeInput, Baker};
+pub use changes::Changes;
 pub use current::is_current;
 pub use encode::{EncodeOptions, ErrorBound, Importance, LevelEncoder, LevelPlanes};
 pub use forecast::{Forecast, forecast};
+pub use max_bytes::Chosen;
 pub use max_error::MaxErrors;
 pub use options::BakeOptions;
 pub use origin::Origin;
 pub use preset::Preset;
-pub use repack::{Changes, repack};
+pub use repack::repack;
 pub use report::{
-    BakeReport, FitReport, GroupReport, LevelReport, PruneReport, StageReport, level_reports,
+    BakeReport, FitReport, GroupReport, IslandReport, LevelReport, PruneReport, StageReport,
+    level_reports,
 };
 pub use run::bake;
 

@@ -46,6 +46,10 @@ pub struct BakeOptions {
     /// interval, in colour and features from 0 to 1. Each group of each level gets the fewest bits
     /// that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
     pub max_error: Option<MaxErrors>,
+    /// Bytes of the container, at most: the smallest errors with which it fits are found, whatever
+    /// `bits` and `max_error` say, and finest levels are dropped where none is large enough.
+    /// Default: no bound
+    pub max_bytes: Option<u64>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
     /// Nodes along a block's edge. Default: 8
@@ -98,6 +102,7 @@ impl Default for BakeOptions {
             levels: None,
             bits: Bits::Integer(8),
             max_error: None,
+            max_bytes: None,
             alpha_threshold: 1e-3,
             block_size: 8,
             zstd_level: DEFAULT_ZSTD_LEVEL,
@@ -169,6 +174,11 @@ impl BakeOptions {
         self.min_weight.is_some() || self.coarseness > 0.0
     }
 
+    /// True if a bake holds a whole level at once, so that no bound on memory is kept.
+    pub(super) fn holds_level(&self) -> bool {
+        self.filter.is_fitted() || self.sees() || self.fill_error.is_some()
+    }
+
     /// The rule that says which level a sample reads.
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
         let own = self.filter.rule(FootprintNeighbour::SameDistance);
@@ -238,9 +248,8 @@ impl BakeOptions {
             scale,
             "a number above 0",
         )?;
-        let holds_all = self.filter.is_fitted() || self.sees() || self.fill_error.is_some();
         Error::require_option(
-            self.memory.is_none() || !holds_all,
+            self.memory.is_none() || !self.holds_level(),
             "memory",
             "a bound beside the filter fit, min_weight, coarseness or fill_error",
             "no bound: they hold a whole level at once",
@@ -266,8 +275,12 @@ impl BakeOptions {
         if let Some(rule) = self.lod_rule {
             options["lod_rule"] = rule.name().into();
         }
-        if let Some(max_error) = self.max_error {
+        if let Some(max_error) = self.max_error.filter(|_| self.max_bytes.is_none()) {
             options["max_error"] = max_error.to_json();
+        }
+        if let Some(bytes) = self.max_bytes {
+            options["bits"] = serde_json::Value::Null;
+            options["max_bytes"] = bytes.into();
         }
         if self.filter.is_fitted() {
             options["fit_steps"] = self.fit_steps.into();

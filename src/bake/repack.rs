@@ -1,119 +1,36 @@
-//! An unpacked container, packed again.
+//! A container, packed again.
 //!
 //! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned,
-//! and encodings are searched only where an error is asked for. Decoding and encoding are inverse
-//! for codes, so without changes the result is the same file that was unpacked, byte for byte.
+//! and encodings are searched only where an error or a size is asked for. Decoding and encoding are
+//! inverse for codes, so without changes the result is the same file, byte for byte. What is
+//! emptied, cropped or dropped ([`super::edit`]) is so before.
+//!
+//! **Errors add up.** A value that is quantized a second time is as far from the trained one as
+//! both quantizations moved it. So the error of a changed encoding is that of the old one and its
+//! own.
+
+use std::io;
 
 use serde_json::{Value, json};
 
+use super::changes::Changes;
+use super::edit;
 use super::inherit::Inheritance;
-use super::pack::{LevelSource, Packing};
+use super::max_bytes::{self, Attempt, Chosen};
+use super::pack::Packing;
 use super::ranges::BitSearch;
-use super::report::{BakeReport, Stages, level_reports};
+use super::report::{BakeReport, IslandReport, Stages, level_reports};
 use super::run::write;
-use super::{ErrorBound, LevelRule, MaxErrors};
-use crate::base::bytes::ByteSink;
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use super::unpacked_levels::UnpackedLevels;
+use super::{ErrorBound, MaxErrors};
+use crate::base::bytes::{ByteSink, WriterSink};
+use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::base::parallel;
-use crate::base::progress::{Progress, Step};
-use crate::codec::container::Head;
-use crate::codec::quantize::{Bits, color_encoding, density_encoding};
-use crate::codec::unpack::{Unpacked, UnpackedLevel};
-use crate::levels::{Plane, PlaneSink, ReadSummary};
+use crate::base::progress::Progress;
+use crate::codec::container::{self, EncodedLevel, Head};
+use crate::codec::unpack::Unpacked;
 use crate::model::baked::{Encoding, Group, Metadata, Table};
-use crate::model::field::{March, Scene, Volume};
-use crate::model::grid::{BlockGrid, NodeMask, Nodes, row};
-
-/// Changes to an unpacked container.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Changes {
-    /// Other bits, with ranges to match.
-    pub bits: Option<Bits>,
-    /// The fewest bits that keep this error of the unpacked values, whatever `bits` says; 1e-6 to
-    /// 0.25. Encodings that have no more bits stay: they hold the values exactly.
-    pub max_error: Option<MaxErrors>,
-    /// Fewer levels.
-    pub levels: Option<usize>,
-    /// Another compression level of zstd. Default: as the provenance says, else the bake's
-    pub zstd_level: Option<i32>,
-    /// Another rule of levels.
-    pub lod_rule: Option<LevelRule>,
-    /// Multiplies the rule's factor.
-    pub lod_scale: Option<f32>,
-    /// Start of rays.
-    pub near: Option<f32>,
-    /// Farthest entry of rays into the box.
-    pub far: Option<f32>,
-    /// Colour behind the field.
-    pub background: Option<[f32; 3]>,
-    /// Samples of at most this weight add no colour.
-    pub color_threshold: Option<f32>,
-}
-
-impl Changes {
-    /// Changes how rays are marched through a field.
-    pub fn apply_to_scene(&self, scene: &mut Scene) {
-        self.apply_to_march(&mut scene.march);
-        scene.background = self.background.unwrap_or(scene.background);
-    }
-
-    fn apply_to_march(&self, march: &mut March) {
-        march.near = self.near.unwrap_or(march.near);
-        march.far = self.far.or(march.far);
-        march.color_threshold = self.color_threshold.unwrap_or(march.color_threshold);
-    }
-
-    fn apply(&self, metadata: &mut Metadata) {
-        if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
-            let color = color_encoding(bits);
-            for level in &mut metadata.levels {
-                let domain = level.density_domain();
-                if let Some(density) = &mut level.density {
-                    change(density, &density_encoding(bits, domain, &metadata.activation));
-                }
-                level.diffuse.iter_mut().for_each(|encoding| change(encoding, &color));
-                level.features.iter_mut().for_each(|encoding| change(encoding, &color));
-            }
-        }
-        metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));
-        if let Some(rule) = self.lod_rule {
-            metadata.level_of_detail = rule.applied_to(metadata.level_of_detail);
-        }
-        metadata.level_of_detail.factor *= self.lod_scale.unwrap_or(1.0);
-        self.apply_to_march(&mut metadata.march);
-        metadata.background = self.background.unwrap_or(metadata.background);
-    }
-
-    /// As provenance and reports name them.
-    pub fn to_json(&self) -> Value {
-        let bits = self.bits.filter(|_| self.max_error.is_none());
-        let mut changes = json!({
-            "bits": bits.map(|bits| bits.to_string()),
-            "levels": self.levels,
-            "zstd_level": self.zstd_level,
-            "lod_scale": self.lod_scale,
-            "near": self.near,
-            "far": self.far,
-            "background": self.background,
-            "color_threshold": self.color_threshold,
-        });
-        if let Some(rule) = self.lod_rule {
-            changes["lod_rule"] = rule.name().into();
-        }
-        if let Some(max_error) = self.max_error {
-            changes["max_error"] = max_error.to_json();
-        }
-        changes
-    }
-}
-
-/// Takes over another encoding, unless the old one has as many bits: then its range stays.
-fn change(encoding: &mut Encoding, to: &Encoding) {
-    if (encoding.number, encoding.bits) != (to.number, to.bits) {
-        *encoding = to.clone();
-    }
-}
+use crate::model::grid::{BlockGrid, NodeMask, row};
 
 /// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
 ///
@@ -123,7 +40,8 @@ fn change(encoding: &mut Encoding, to: &Encoding) {
 ///
 /// # Errors
 ///
-/// A value that is not finite, or one that its encoding cannot hold within the stated error.
+/// A value that is not finite, or one that its encoding cannot hold within the stated error; a
+/// change that is out of range, or that the format cannot represent for this container.
 pub fn repack(
     unpacked: &Unpacked,
     changes: &Changes,
@@ -131,49 +49,36 @@ pub fn repack(
     output: &mut dyn ByteSink,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
-    changes.max_error.map_or(Ok(()), |max_error| max_error.check())?;
+    changes.check()?;
     let mut stages = Stages::start();
-    let mut metadata = unpacked.metadata.clone();
-    changes.apply(&mut metadata);
     let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
     let stated = stated.and_then(|level| i32::try_from(level).ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
-    let levels = &unpacked.levels[..metadata.levels.len()];
-    let unpacked_tables: Vec<Table> = levels.iter().map(|level| level.table.clone()).collect();
-    let tables = unpacked_tables.iter().map(Table::without_inheritance);
-    let tables = tables.collect::<Result<Vec<Table>>>()?;
-    metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
-    let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
-    let inherits = unpacked_tables.iter().any(|table| table.inherited() > 0);
-    let packing = Packing {
-        source: &UnpackedLevels(levels),
-        retained: stored.iter().collect(),
-        search: changes.max_error.map(|max_errors| BitSearch { max_errors, only_fewer: true }),
-        // Arrays can be edited, and encodings were made for the values before.
-        bound: changes.max_error.map_or(ErrorBound::Encoding, ErrorBound::Asked),
-        importance: &[],
-        coarseness: 0.0,
-        inheritance: inherits.then_some(Inheritance { error: 0.0, among: Some(&unpacked_tables) }),
+    let (edited, islands) = edited(unpacked, changes)?;
+    if islands.is_some() || changes.crop.is_some() {
+        stages.end("edit", 0);
+    }
+    let mut repacking = Repacking {
+        unpacked,
+        changes,
         zstd_level,
-        store: None,
+        is_recompressed: changes.zstd_level.is_some_and(|level| Some(level) != stated),
+        limits,
+        stages: &mut stages,
+        progress,
     };
-    let (encoded, _) = packing.run(&mut metadata, tables, &mut stages, progress)?;
-    let unchanged = metadata == unpacked.metadata
-        && changes.zstd_level.is_none_or(|level| Some(level) == stated);
-    let provenance = if unchanged {
-        unpacked.provenance.clone()
-    } else {
-        json!({
-            "tool": env!("CARGO_PKG_NAME"),
-            "version": env!("CARGO_PKG_VERSION"),
-            "input": { "kind": "unpacked container", "provenance": unpacked.provenance },
-            "options": changes.to_json(),
-        })
+    let (packed, chosen) = match changes.max_bytes {
+        Some(bytes) => {
+            let (packed, chosen) = repacking.within(&edited, bytes)?;
+            (packed, Some(chosen))
+        }
+        None => (repacking.pack(&edited, changes.max_error)?, None),
     };
+    let Packed { metadata, encoded, provenance } = packed;
     let head = Head {
         metadata: &metadata,
-        view_mlp: unpacked.view_mlp.as_ref(),
-        free_space: unpacked.free_space.as_ref(),
+        view_mlp: edited.view_mlp.as_ref(),
+        free_space: edited.free_space.as_ref(),
         provenance: &provenance,
         zstd_level,
         limits,
@@ -187,8 +92,140 @@ pub fn repack(
         unchanged: false,
         free_space_stored: metadata.free_space,
         nonfinite_values: 0,
+        chosen,
+        islands,
         stages: stages.list,
     })
+}
+
+/// The container without what the changes empty or drop.
+fn edited(unpacked: &Unpacked, changes: &Changes) -> Result<(Unpacked, Option<IslandReport>)> {
+    let mut edited = unpacked.clone();
+    let islands = changes.drop_islands.map(|nodes| edit::drop_islands(&mut edited, nodes));
+    let islands = islands.transpose()?;
+    if let Some(bounds) = &changes.crop {
+        edit::crop(&mut edited, bounds)?;
+    }
+    edit::drop_finest(&mut edited, changes.without_finest)?;
+    Ok((edited, islands))
+}
+
+/// Everything about a container that does not depend on errors.
+struct Repacking<'a> {
+    /// As it was.
+    unpacked: &'a Unpacked,
+    changes: &'a Changes,
+    zstd_level: i32,
+    is_recompressed: bool,
+    limits: &'a Limits,
+    stages: &'a mut Stages,
+    progress: &'a dyn Progress,
+}
+
+/// A container's parts that depend on errors.
+struct Packed {
+    metadata: Metadata,
+    encoded: Vec<EncodedLevel>,
+    provenance: Value,
+}
+
+impl Repacking<'_> {
+    /// Encodes all levels of `edited`, within an error where one is given.
+    fn pack(&mut self, edited: &Unpacked, max_errors: Option<MaxErrors>) -> Result<Packed> {
+        let mut metadata = edited.metadata.clone();
+        self.changes.apply(&mut metadata);
+        let levels = &edited.levels[..metadata.levels.len()];
+        let unpacked_tables: Vec<Table> = levels.iter().map(|level| level.table.clone()).collect();
+        let tables = unpacked_tables.iter().map(Table::without_inheritance);
+        let tables = tables.collect::<Result<Vec<Table>>>()?;
+        metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
+        let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
+        let inherits = unpacked_tables.iter().any(|table| table.inherited() > 0);
+        let among = Some(&*unpacked_tables);
+        let packing = Packing {
+            source: &UnpackedLevels { levels, metadata: &edited.metadata },
+            retained: stored.iter().collect(),
+            search: max_errors.map(|max_errors| BitSearch { max_errors, only_fewer: true }),
+            // Arrays can be edited, and encodings were made for the values before.
+            bound: max_errors.map_or(ErrorBound::Encoding, ErrorBound::Asked),
+            importance: &[],
+            coarseness: 0.0,
+            inheritance: inherits.then_some(Inheritance { error: 0.0, among }),
+            zstd_level: self.zstd_level,
+            store: None,
+        };
+        let (encoded, _) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
+        add_errors(&mut metadata, &edited.metadata);
+        let provenance = self.provenance(edited, &metadata);
+        Ok(Packed { metadata, encoded, provenance })
+    }
+
+    /// That of the container, if it is the same one.
+    fn provenance(&self, edited: &Unpacked, metadata: &Metadata) -> Value {
+        let unpacked = self.unpacked;
+        let unchanged = *metadata == unpacked.metadata
+            && !self.is_recompressed
+            && edited.free_space == unpacked.free_space
+            && self.changes.drop_islands.is_none();
+        if unchanged {
+            return unpacked.provenance.clone();
+        }
+        json!({
+            "tool": env!("CARGO_PKG_NAME"),
+            "version": env!("CARGO_PKG_VERSION"),
+            "input": { "kind": "unpacked container", "provenance": unpacked.provenance },
+            "options": self.changes.to_json(),
+        })
+    }
+
+    /// The best container of at most so many bytes.
+    fn within(&mut self, edited: &Unpacked, bytes: u64) -> Result<(Packed, Chosen)> {
+        let whole = self.attempt(edited, None)?;
+        if whole.bytes <= bytes {
+            let chosen = Chosen { bytes: whole.bytes, max_error: None, without_finest: 0 };
+            return Ok((whole.packed, chosen));
+        }
+        let levels = edited.levels.len().min(self.changes.levels.unwrap_or(usize::MAX));
+        max_bytes::search(bytes, levels, |dropped, max_errors| {
+            let mut fewer = edited.clone();
+            edit::drop_finest(&mut fewer, dropped)?;
+            self.attempt(&fewer, Some(max_errors))
+        })
+    }
+
+    fn attempt(
+        &mut self,
+        edited: &Unpacked,
+        max_errors: Option<MaxErrors>,
+    ) -> Result<Attempt<Packed>> {
+        let packed = self.pack(edited, max_errors)?;
+        let head = Head {
+            metadata: &packed.metadata,
+            view_mlp: edited.view_mlp.as_ref(),
+            free_space: edited.free_space.as_ref(),
+            provenance: &packed.provenance,
+            zstd_level: self.zstd_level,
+            limits: self.limits,
+        };
+        let mut count = WriterSink::new(io::sink());
+        container::write(&head, &packed.encoded, &mut count)?;
+        Ok(Attempt { bytes: count.length(), packed })
+    }
+}
+
+/// Adds the errors that values had to those of encodings that are not the ones before.
+fn add_errors(metadata: &mut Metadata, before: &Metadata) {
+    let codes = |encoding: &Encoding| Encoding { max_error: 0.0, ..encoding.clone() };
+    for (level, before) in metadata.levels.iter_mut().zip(&before.levels) {
+        for group in Group::ALL {
+            if let (Some(encoding), Some(before)) =
+                (level.encoding_mut(group), before.encoding(group))
+                && codes(encoding) != codes(before)
+            {
+                encoding.max_error = encoding.error_after(before.max_error.into());
+            }
+        }
+    }
 }
 
 /// Every node of a stored block: each value counts as it is.
@@ -206,65 +243,4 @@ fn stored_nodes(table: &Table) -> NodeMask {
         }
     }
     stored
-}
-
-/// The levels of an unpacked container, as they are.
-struct UnpackedLevels<'a>(&'a [UnpackedLevel]);
-
-impl LevelSource for UnpackedLevels<'_> {
-    fn stream(
-        &self,
-        sink: &dyn PlaneSink,
-        step: Step,
-        progress: &dyn Progress,
-    ) -> Result<ReadSummary> {
-        progress.begin(step, self.0.len() as u64);
-        let mut summary = ReadSummary::default();
-        for (number, level) in self.0.iter().enumerate() {
-            stream_level(number, level, sink, progress)?;
-            summary.bytes += level.volumes.iter().flatten().map(Volume::bytes).sum::<u64>();
-            progress.advance(step, 1);
-        }
-        Ok(summary)
-    }
-}
-
-/// Streams one level, a block's thickness at a time.
-fn stream_level(
-    number: usize,
-    level: &UnpackedLevel,
-    sink: &dyn PlaneSink,
-    progress: &dyn Progress,
-) -> Result<()> {
-    let channels: Vec<(Group, &Volume, usize)> = Group::ALL
-        .into_iter()
-        .zip(&level.volumes)
-        .filter_map(|(group, volume)| volume.as_ref().map(|volume| (group, volume)))
-        .flat_map(|(group, volume)| (0..volume.channels).map(move |c| (group, volume, c)))
-        .collect();
-    let BlockGrid { nodes: Nodes([nx, ny, nz]), edge } = level.table.grid();
-    for first in (0..nx).step_by(edge) {
-        if progress.cancelled() {
-            return Err(Error::cancelled());
-        }
-        let planes = first..nx.min(first + edge);
-        parallel::map(planes.len() * channels.len(), |i| {
-            let (group, volume, channel) = channels[i % channels.len()];
-            let x = first + i / channels.len();
-            let mut values = vec![0.0; ny * nz];
-            let mut scratch = Vec::new();
-            for (y, row) in values.chunks_exact_mut(nz).enumerate() {
-                volume.read_run(channel, [x, y, 0], row, &mut scratch, |_| {})?;
-                if let Some(z) = row.iter().position(|value| !value.is_finite()) {
-                    let kind = ErrorKind::NonFinite { count: 1, first: [channel, x, y, z] };
-                    let name = format!("level{number}.{}", group.name());
-                    return Err(Error::new(kind, Place::Tensor(name)));
-                }
-            }
-            let channel = i % channels.len();
-            sink.plane(Plane { level: number, x, channel, values: &mut values })
-        })?;
-        sink.slab(number, planes)?;
-    }
-    Ok(())
 }

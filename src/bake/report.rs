@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::fit::{Fitted, FittedLevel};
+use super::max_bytes::Chosen;
 use crate::codec::container::layout::Entry;
 use crate::codec::quantize::Bits;
 use crate::levels::{Visible, VisibleLevel};
@@ -28,8 +29,25 @@ pub struct BakeReport {
     pub free_space_stored: bool,
     /// Values that were not finite and became empty.
     pub nonfinite_values: u64,
+    /// The quality that was chosen for a number of bytes, where one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<Chosen>,
+    /// The islands that were dropped, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub islands: Option<IslandReport>,
     /// In the order of the work.
     pub stages: Vec<StageReport>,
+}
+
+/// The connected parts of level 0.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct IslandReport {
+    /// All of them.
+    pub components: u64,
+    /// Those that became empty.
+    pub dropped: u64,
+    /// Their visible nodes.
+    pub nodes: u64,
 }
 
 impl BakeReport {
@@ -43,6 +61,8 @@ impl BakeReport {
             fitted: None,
             free_space_stored: false,
             nonfinite_values: 0,
+            chosen: None,
+            islands: None,
             stages: Vec::new(),
         }
     }
@@ -85,8 +105,8 @@ pub struct LevelReport {
     pub raw_bytes: u64,
     /// Bytes of the level's chunks.
     pub stored_bytes: u64,
-    /// Bytes from the file's start after which the level renders.
-    pub prefix_bytes: u64,
+    /// Bytes from the file's start after which the level renders; none in a forecast.
+    pub prefix_bytes: Option<u64>,
     /// Largest error of opacity at a retained node, by proof.
     pub max_opacity_error: Option<f32>,
     /// Largest error of a colour or feature at a retained node, by proof.
@@ -100,10 +120,10 @@ pub struct LevelReport {
 pub struct GroupReport {
     /// Its name.
     pub group: &'static str,
-    /// Bits of a code: 4 to 16, f16 or f32.
-    pub bits: String,
-    /// Largest error at a retained node, by proof.
-    pub max_error: f32,
+    /// Bits of a code: 4 to 16, f16 or f32; none where a forecast did not look at the level.
+    pub bits: Option<String>,
+    /// Largest error at a retained node, by proof; none where a forecast did not look at the level.
+    pub max_error: Option<f32>,
 }
 
 /// The nodes of a level, sorted by visibility.
@@ -183,7 +203,8 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
         let group = |group: Group| {
             let encoding = level.encoding(group)?;
             let bits = Bits::of(encoding).to_string();
-            Some(GroupReport { group: group.name(), bits, max_error: encoding.max_error })
+            let max_error = Some(encoding.max_error);
+            Some(GroupReport { group: group.name(), bits: Some(bits), max_error })
         };
         let colors = [&level.diffuse, &level.features].into_iter().flatten();
         let [density, diffuse, features] = Group::ALL.map(values);
@@ -198,7 +219,7 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             blocks_filled: level.blocks_filled,
             raw_bytes: (grid.total() + grid.block_nodes() * values_per_node) as u64,
             stored_bytes: own.clone().map(|entry| entry.length).sum(),
-            prefix_bytes: own.map(|entry| entry.prefix).max().unwrap_or(0),
+            prefix_bytes: own.map(|entry| entry.prefix).max(),
             max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),
             max_color_error: colors.map(|encoding| encoding.max_error).reduce(f32::max),
             groups: Group::ALL.into_iter().filter_map(group).collect(),

@@ -6,20 +6,22 @@ use super::fit::{FitOptions, Fitted, fit};
 use super::importance::LevelImportance;
 use super::inherit::Inheritance;
 use super::levels::FilteredLevels;
+use super::max_bytes::{self, Attempt};
 use super::memory::MemoryPlan;
 use super::pack::Packing;
 use super::prepare::Prepared;
 use super::ranges::BitSearch;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
-use super::{BakeOptions, BakeReport, ErrorBound, FitReport, Origin, plan};
-use crate::base::bytes::ByteSink;
+use super::{BakeOptions, BakeReport, ErrorBound, FitReport, MaxErrors, Origin, edit, plan};
+use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
 use crate::levels::Visible;
-use crate::model::field::RadianceField;
+use crate::model::baked::Metadata;
+use crate::model::field::{NonfiniteCount, RadianceField};
 use crate::view::render::TrainedLevels;
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
@@ -49,7 +51,7 @@ pub fn bake(
     if fitted.is_some() {
         stages.end("fit", 0);
     }
-    if options.bits == Bits::F32 && options.max_error.is_none() {
+    if options.bits == Bits::F32 && options.max_error.is_none() && options.max_bytes.is_none() {
         // Every value of a stored block is kept exactly.
         for level in &mut visible.levels {
             level.retained = level.retained.whole_blocks(options.block_size)?;
@@ -68,20 +70,47 @@ pub fn bake(
         pipelined: memory.is_none_or(|memory| memory.pipelined),
         is_window: false,
     };
-    let store = memory.map(|memory| RunStore::new(memory.run_bytes, &output.folder()));
-    let store = store.transpose()?;
-    let packing = packing(options, &source, &visible, &importance, store.as_ref());
-    let (encoded, summary) = packing.run(&mut metadata, tables, &mut stages, progress)?;
-    let nonfinite = visible.nonfinite.count + planes.accepted(summary.nonfinite_color)?;
+    let folder = output.folder();
+    // A search holds the best container so far beside the one that it tries.
+    let share = if options.max_bytes.is_some() { 2 } else { 1 };
+    let mut pack = |max_errors: Option<MaxErrors>| {
+        let store = memory.map(|memory| RunStore::new(memory.run_bytes / share, &folder));
+        let store = store.transpose()?;
+        let packing = packing(options, max_errors, &source, &visible, &importance, store.as_ref());
+        let mut metadata = metadata.clone();
+        let (encoded, summary) =
+            packing.run(&mut metadata, tables.clone(), &mut stages, progress)?;
+        Ok(Packed { metadata, encoded, nonfinite_color: summary.nonfinite_color })
+    };
     let digest = origin.digest(field, &visible.density_checksums)?;
+    let provenance = origin.provenance(&digest, resolved(options, fitted.as_ref()));
     let head = Head {
         metadata: &metadata,
         view_mlp: field.view_mlp.as_ref(),
         free_space: field.free_space.as_ref().filter(|_| visible.mask_is_required),
-        provenance: &origin.provenance(&digest, resolved(options, fitted.as_ref())),
+        provenance: &provenance,
         zstd_level: options.zstd_level,
         limits: &options.limits,
     };
+    let (packed, chosen) = match options.max_bytes {
+        Some(bytes) => {
+            let (packed, chosen) = max_bytes::search(bytes, sizes.len(), |dropped, max_errors| {
+                let mut packed = pack(Some(max_errors))?;
+                if !packed.drop_finest(dropped)? {
+                    return Ok(Attempt { bytes: u64::MAX, packed });
+                }
+                let mut count = WriterSink::new(std::io::sink());
+                let head = Head { metadata: &packed.metadata, ..head };
+                container::write(&head, &packed.encoded, &mut count)?;
+                Ok(Attempt { bytes: count.length(), packed })
+            })?;
+            (packed, Some(chosen))
+        }
+        None => (pack(options.max_error)?, None),
+    };
+    let Packed { metadata, encoded, nonfinite_color } = packed;
+    let nonfinite = visible.nonfinite.count + planes.accepted(nonfinite_color)?;
+    let head = Head { metadata: &metadata, ..head };
     let entries = write(&head, &encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
@@ -91,13 +120,36 @@ pub fn bake(
         unchanged: false,
         free_space_stored: visible.mask_is_required,
         nonfinite_values: nonfinite,
+        chosen,
+        islands: None,
         stages: stages.list,
     })
 }
 
-/// The packing of a trained field's levels.
+/// A container's parts that depend on errors.
+struct Packed {
+    metadata: Metadata,
+    encoded: Vec<EncodedLevel>,
+    nonfinite_color: NonfiniteCount,
+}
+
+impl Packed {
+    /// Drops the finest levels, whose codes are the first. `false` where other codes would have to
+    /// change: those that are numbers themselves cannot be scaled by their encoding.
+    fn drop_finest(&mut self, count: usize) -> Result<bool> {
+        let scales = edit::drop_from_metadata(&mut self.metadata, count)?;
+        self.encoded.drain(..count);
+        let mut levels = self.metadata.levels.iter().zip(scales);
+        Ok(levels.all(|(level, scale)| {
+            scale == 1.0 || level.density.as_ref().is_none_or(|density| !density.number.is_float())
+        }))
+    }
+}
+
+/// The packing of a trained field's levels, within an error where one is given.
 pub(super) fn packing<'a>(
     options: &BakeOptions,
+    max_errors: Option<MaxErrors>,
     source: &'a FilteredLevels<'a>,
     visible: &'a Visible,
     importance: &'a [LevelImportance],
@@ -106,7 +158,7 @@ pub(super) fn packing<'a>(
     Packing {
         source,
         retained: visible.retained(),
-        search: options.max_error.map(|max_errors| BitSearch { max_errors, only_fewer: false }),
+        search: max_errors.map(|max_errors| BitSearch { max_errors, only_fewer: false }),
         bound: ErrorBound::Proved,
         importance,
         coarseness: options.coarseness,

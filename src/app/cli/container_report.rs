@@ -106,7 +106,7 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
 }
 
 /// Explains the columns of [`levels_text`].
-const LEGEND: &str = "  \
+pub(super) const LEGEND: &str = "  \
   prefix: bytes from the start of the file that show this level and all coarser ones\n  \
   density, diffuse, features: bits of a code, and the largest error of opacity over one step or \
   of colour (0 to 1)\n";
@@ -142,7 +142,7 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
             level.blocks_stored,
             share,
             readable(level.stored_bytes),
-            readable(level.prefix_bytes),
+            level.prefix_bytes.map_or_else(|| "-".to_owned(), readable),
         );
         for group in Group::ALL {
             let stored = level.groups.iter().find(|stored| stored.group == group.name());
@@ -156,15 +156,17 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
 
 /// A group's bits and proved error, as three digits that are none too few.
 fn depth(stored: &GroupReport) -> String {
-    let error = f64::from(stored.max_error);
+    let (Some(bits), Some(error)) = (&stored.bits, stored.max_error.map(f64::from)) else {
+        return "-".to_owned();
+    };
     if error == 0.0 {
-        return format!("{} exact", stored.bits);
+        return format!("{bits} exact");
     }
     let mut shown = format!("{error:.2e}");
     if shown.parse().is_ok_and(|shown: f64| shown < error) {
         let unit = 10f64.powi(error.log10().floor() as i32 - 2);
         shown = format!("{:.2e}", error + 0.5 * unit);
     }
-    let unit = if stored.bits.starts_with('f') { "" } else { " bit" };
-    format!("{}{unit} {shown}", stored.bits)
+    let unit = if bits.starts_with('f') { "" } else { " bit" };
+    format!("{bits}{unit} {shown}")
 }

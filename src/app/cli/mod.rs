@@ -28,6 +28,7 @@ mod scene;
 mod stdin;
 mod stored;
 mod sweep;
+mod transcode;
 mod unpack;
 mod validate;
 mod values;

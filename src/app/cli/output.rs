@@ -24,6 +24,43 @@ pub fn create(path: &Path, force: bool) -> Result<Output> {
     Output::create(path, force)
 }
 
+/// Extensions of files that are no containers.
+const OTHER_KINDS: [&str; 21] = [
+    "ckpt",
+    "exr",
+    "gif",
+    "glb",
+    "gltf",
+    "html",
+    "jpeg",
+    "jpg",
+    "json",
+    "mp4",
+    "npy",
+    "npz",
+    "ply",
+    "png",
+    "pt",
+    "pth",
+    "safetensors",
+    "tar",
+    "vdb",
+    "webp",
+    "zip",
+];
+
+/// Starts writing a container, whose name must not say that it is something else.
+pub fn create_container(path: &Path, force: bool) -> Result<Output> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    match extension.filter(|extension| OTHER_KINDS.contains(extension)) {
+        Some(extension) => Err(Error::usage(format!(
+            "-o {}: this verb writes a container, .mipvog, and no .{extension}",
+            path.display()
+        ))),
+        None => create(path, force),
+    }
+}
+
 /// Refuses the standard output where a verb writes a folder, or a file whose name others refer to.
 pub fn refuse_stdout(path: &Path, reason: &str) -> Result<()> {
     match path == Path::new(STANDARD_STREAM) {

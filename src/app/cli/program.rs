@@ -1,7 +1,7 @@
 //! Parses the arguments and runs the verb.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -12,8 +12,8 @@ use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, inspect, interrupt, render, stdin, sweep, unpack,
-    validate, view,
+    attach, bake, compare, detach, document, inspect, interrupt, render, stdin, sweep, transcode,
+    unpack, validate, view,
 };
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
@@ -42,6 +42,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Bake(Box<bake::Arguments>),
+    Transcode(transcode::Arguments),
     #[command(visible_alias = "info")]
     Inspect(inspect::Arguments),
     #[command(visible_alias = "check")]
@@ -78,7 +79,9 @@ pub fn main() -> ExitCode {
     let common = &cli.common;
     interrupt::outlive_file_limits();
     let names = FileNames::of(&matches);
-    let outcome = parallel::with_threads(common.threads.into(), || run(&cli.verb, common));
+    let outcome = names
+        .check()
+        .and_then(|()| parallel::with_threads(common.threads.into(), || run(&cli.verb, common)));
     let printed = outcome.and_then(|outcome| outcome).and_then(|outcome| {
         let Some(outcome) = outcome else { return Ok(ExitCode::SUCCESS) };
         // The standard output holds the file then.
@@ -120,6 +123,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
     }
     match verb {
         Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
+        Verb::Transcode(arguments) => transcode::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
         Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
@@ -139,6 +143,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
 
 /// The files that the arguments name.
 struct FileNames {
+    outputs: Vec<PathBuf>,
     /// True if an output is the standard output.
     to_stdout: bool,
     /// Inputs, which no output may replace: also those that a verb reads and closes again.
@@ -147,18 +152,38 @@ struct FileNames {
 
 impl FileNames {
     fn of(matches: &ArgMatches) -> Self {
-        let mut names = Self { to_stdout: false, _inputs: Vec::new() };
+        let mut names = Self { outputs: Vec::new(), to_stdout: false, _inputs: Vec::new() };
         let Some((_, matches)) = matches.subcommand() else { return names };
         for id in matches.ids().map(clap::Id::as_str) {
             // A group of arguments has no values of its own.
             let Ok(Some(values)) = matches.try_get_raw(id) else { continue };
             for value in values.map(Path::new) {
                 match OUTPUTS.contains(&id) {
-                    true => names.to_stdout |= value == Path::new(STANDARD_STREAM),
+                    true => {
+                        names.to_stdout |= value == Path::new(STANDARD_STREAM);
+                        names.outputs.push(value.to_owned());
+                    }
                     false => names._inputs.extend(Guard::of(value)),
                 }
             }
         }
         names
+    }
+
+    /// Refuses two outputs of one name.
+    fn check(&self) -> Result<()> {
+        let place = |path: &PathBuf| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            let folder = folder.unwrap_or(Path::new("."));
+            let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+            (folder, path.file_name().map(ToOwned::to_owned))
+        };
+        for (number, path) in self.outputs.iter().enumerate() {
+            if self.outputs[..number].iter().any(|other| place(other) == place(path)) {
+                let message = format!("two outputs have the name {}", path.display());
+                return Err(Error::usage(message));
+            }
+        }
+        Ok(())
     }
 }

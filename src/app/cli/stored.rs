@@ -9,13 +9,14 @@ use crate::model::field::Nonfinite;
 
 /// The stored values and their precision.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Size and error")]
 pub struct StoredArguments {
     /// Filter of coarser levels: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
     /// gauss3, gauss5, gauss7 [default: rate-tent]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Levels")]
     pub filter: Option<Filter>,
     /// Levels in all, at most [default: down to 4 nodes along the longest axis]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Levels")]
     pub levels: Option<usize>,
     /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
     #[arg(long, value_name = "BITS")]
@@ -25,6 +26,11 @@ pub struct StoredArguments {
     /// with colons between: of opacity, diffuse colour and features
     #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
     pub max_error: Option<MaxErrors>,
+    /// Instead of bits or an error: the best quality that fits into so many bytes, such as 3MB or
+    /// 500KiB; finest levels are dropped where even the largest error does not fit
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
+          conflicts_with_all = ["bits", "max_error", "dry_run"])]
+    pub max_bytes: Option<u64>,
     /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
     pub alpha_threshold: Option<f32>,
@@ -36,10 +42,10 @@ pub struct StoredArguments {
     pub zstd_level: Option<i32>,
     /// Which level a sample reads: a published rule in place of the filter's own [default: the
     /// filter's]
-    #[arg(long, value_name = "RULE")]
+    #[arg(long, value_name = "RULE", help_heading = "Levels")]
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's level-of-detail factor [default: 1]
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", help_heading = "Levels")]
     pub lod_scale: Option<f32>,
     /// Drop nodes that weigh less in every pixel of --cameras than this, above 0 to 1: other
     /// cameras may miss parts [default: keep all]
@@ -54,8 +60,8 @@ pub struct StoredArguments {
     /// cover less [default: keep all]
     #[arg(long, value_name = "ERROR")]
     pub fill_error: Option<f32>,
-    /// Take no more memory than this, in bytes or with K, M or G: slower where it is little; the
-    /// output is the same [default: no bound]
+    /// Take no more memory than this, such as 500MB or 2GiB: slower where it is little; the output
+    /// is the same [default: no bound]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
     /// Treatment of values that are not finite
@@ -87,6 +93,7 @@ impl StoredArguments {
             (options.bits, options.max_error) = (bits, None);
         }
         options.max_error = self.max_error.or(options.max_error);
+        options.max_bytes = self.max_bytes;
         options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
         options.block_size = self.block_size.unwrap_or(options.block_size);
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);

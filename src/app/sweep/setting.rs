@@ -138,6 +138,7 @@ fn name(options: &BakeOptions) -> String {
         levels,
         bits,
         max_error,
+        max_bytes,
         alpha_threshold,
         block_size,
         zstd_level,
@@ -156,10 +157,11 @@ fn name(options: &BakeOptions) -> String {
         limits: _,
         nonfinite,
     } = options;
-    let depth = match (max_error, bits) {
-        (Some(max_error), _) => format!("e{max_error:e}").replace(':', "-"),
-        (None, Bits::Integer(bits)) => format!("{bits}bit"),
-        (None, Bits::F16 | Bits::F32) => bits.to_string(),
+    let depth = match (max_bytes, max_error, bits) {
+        (Some(max_bytes), ..) => format!("{max_bytes}bytes"),
+        (None, Some(max_error), _) => format!("e{max_error:e}").replace(':', "-"),
+        (None, None, Bits::Integer(bits)) => format!("{bits}bit"),
+        (None, None, Bits::F16 | Bits::F32) => bits.to_string(),
     };
     let mut name =
         format!("{}-{depth}-t{alpha_threshold:e}-b{block_size}-z{zstd_level}", filter.name());

@@ -3,14 +3,19 @@
 //!
 //! [`tensors`] writes one safetensors file, which bakes again to the same atlases; [`slices`]
 //! writes pictures of every x plane. Both go plane by plane: memory is one level's codes.
+//!
+//! [`Unpacked`] is the way back: [`read`] opens a file of dense arrays, and [`levels`] decodes a
+//! container that was never unpacked.
 
+mod levels;
 mod planes;
 mod read;
 mod slices;
 mod tensors;
 
+pub use levels::{LevelValues, Unpacked, UnpackedLevel};
 use planes::check_levels;
 pub(crate) use planes::fill_plane;
-pub use read::{Unpacked, UnpackedLevel, metadata_text};
+pub use read::metadata_text;
 pub use slices::{SliceFormat, write_slices};
 pub use tensors::write_tensors;

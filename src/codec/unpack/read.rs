@@ -1,39 +1,16 @@
-//! An unpacked container as an input: levels, encodings and occupancy as they are.
+//! A file of dense arrays as an input: levels, encodings and occupancy as they are.
 
 use serde_json::Value as Json;
 
+use super::{LevelValues, Unpacked, UnpackedLevel};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::codec::container::{check_metadata, json::from_canonical};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 use crate::model::baked::{Group, Metadata, Occupancy, Table};
-use crate::model::field::{FreeSpace, Lookup, RadianceField, Scene, Volume};
+use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Element, Nodes};
 use crate::model::view_mlp::{Layer, ViewMlp};
-
-/// An unpacked container, its levels not yet read.
-#[derive(Debug, Clone)]
-pub struct Unpacked {
-    /// The container's metadata.
-    pub metadata: Metadata,
-    /// The container's provenance.
-    pub provenance: Json,
-    /// Finest first.
-    pub levels: Vec<UnpackedLevel>,
-    /// View-dependent colour, if there is any.
-    pub view_mlp: Option<ViewMlp>,
-    /// The free-space mask, if there is one.
-    pub free_space: Option<FreeSpace>,
-}
-
-/// One level of dense arrays.
-#[derive(Debug, Clone)]
-pub struct UnpackedLevel {
-    /// The indirection table.
-    pub table: Table,
-    /// Values by [`Group`].
-    pub volumes: [Option<Volume>; 3],
-}
 
 /// The text of `__metadata__.mipvog`, by which an unpacked container is known.
 pub fn metadata_text(file: &TensorFile) -> Option<&str> {
@@ -97,35 +74,14 @@ impl Unpacked {
                 let expected = counts(level.blocks_stored, level.blocks_filled);
                 return Err(Error::malformed(place_of(occupied), found, expected));
             }
-            levels.push(UnpackedLevel { table, volumes });
+            levels.push(UnpackedLevel::new(table, LevelValues::Volumes(volumes)));
         }
         let view_mlp = network(file, &metadata, &mut budget)?;
         let free_space = match metadata.free_space {
             true => Some(free_space(file, limits, &mut budget)?),
             false => None,
         };
-        Ok(Self { metadata, provenance, levels, view_mlp, free_space })
-    }
-
-    /// Level 0 as a trained field, to be baked anew.
-    pub fn field(&self) -> Option<RadianceField> {
-        let metadata = &self.metadata;
-        let finest = self.levels.first()?;
-        let [density, diffuse, features] = finest.volumes.clone();
-        let scene = Scene {
-            bounds: metadata.bounds,
-            nodes: finest.table.grid().nodes,
-            activation: metadata.activation,
-            march: metadata.march,
-            background: metadata.background,
-        };
-        Some(RadianceField {
-            scene,
-            density: density?,
-            color: diffuse.into_iter().chain(features).collect(),
-            view_mlp: self.view_mlp.clone(),
-            free_space: self.free_space.clone(),
-        })
+        Ok(Self { metadata, provenance, levels, view_mlp, free_space, digest: file.digest })
     }
 }
 

@@ -23,6 +23,7 @@ use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::codec::container::json::to_canonical;
+use crate::input::tensor;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
@@ -61,12 +62,10 @@ pub fn write_tensors(
     let (view_mlp, free_space) = container.read_head()?;
     let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
     check_levels(container, levels)?;
-    let mut rows = small_rows(view_mlp.as_ref(), free_space.as_ref())?;
-    // Coarse to fine, as levels are read.
-    for (number, level) in metadata.levels.iter().enumerate().rev().filter(|(n, _)| wanted(*n)) {
-        rows.extend(level_rows(number, level, metadata)?);
-    }
-    output.append(&header(container, metadata, &rows)?)?;
+    let rows = rows(metadata, levels, view_mlp.as_ref(), free_space.as_ref())?;
+    let text = header(container, metadata, &rows)?;
+    output.append(&(text.len() as u64).to_le_bytes())?;
+    output.append(text.as_bytes())?;
     append_small(view_mlp.as_ref(), free_space.as_ref(), output)?;
     progress.begin(Step::Decode, metadata.levels.len() as u64);
     container.for_each_level(|number, level| {
@@ -79,6 +78,31 @@ pub fn write_tensors(
             None => Ok(()),
         }
     })
+}
+
+/// The digest of the file that all levels of a container unpack to, as its reader states it.
+pub fn digest_of_tensors(container: &Container) -> Result<[u8; 32]> {
+    let metadata = container.metadata();
+    let (view_mlp, free_space) = container.read_head()?;
+    let rows = rows(metadata, &[], view_mlp.as_ref(), free_space.as_ref())?;
+    Ok(tensor::safetensors_digest(header(container, metadata, &rows)?.as_bytes()))
+}
+
+/// The tensors of some levels (all if `levels` is empty), in the order of the file: levels go
+/// coarse to fine, as they are read.
+fn rows(
+    metadata: &Metadata,
+    levels: &[usize],
+    view_mlp: Option<&ViewMlp>,
+    free_space: Option<&FreeSpace>,
+) -> Result<Vec<Row>> {
+    let mut rows = small_rows(view_mlp, free_space)?;
+    for (number, level) in metadata.levels.iter().enumerate().rev() {
+        if levels.is_empty() || levels.contains(&number) {
+            rows.extend(level_rows(number, level, metadata)?);
+        }
+    }
+    Ok(rows)
 }
 
 fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Result<Vec<Row>> {
@@ -160,7 +184,7 @@ fn append_level(
     Ok(())
 }
 
-fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<Vec<u8>> {
+fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<String> {
     let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
     if let Some(provenance) = container.provenance()? {
         texts.insert("mipvog_provenance", to_canonical(&provenance)?);
@@ -177,9 +201,7 @@ fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<Ve
     let mut text = Value::Object(entries).to_string();
     // Readers expect the data at a multiple of 8; the format pads with spaces.
     text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
-    let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
-    bytes.extend(text.into_bytes());
-    Ok(bytes)
+    Ok(text)
 }
 
 fn float_bytes(values: &[f32]) -> Vec<u8> {

@@ -24,5 +24,6 @@ pub use array::Tensor;
 pub use file::{FileKind, TensorFile};
 pub use kind::{describe, is_tensors};
 pub use open::{open, open_file};
+pub use safetensors::safetensors_digest;
 pub use value::Value;
 pub use zip::{Archive, Data, Entry};

@@ -74,14 +74,19 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
         }
         root.push((name, Value::Tensor(tensor)));
     }
-    let mut digest = Digest::new("safetensors");
-    digest.bytes(&bytes);
     Ok(TensorFile {
         kind: FileKind::Safetensors,
         root: Value::Dict(root),
-        digest: digest.finish(),
+        digest: safetensors_digest(&bytes),
         file: Arc::clone(file),
     })
+}
+
+/// The digest of a file with this header.
+pub fn safetensors_digest(header: &[u8]) -> [u8; 32] {
+    let mut digest = Digest::new("safetensors");
+    digest.bytes(header);
+    digest.finish()
 }
 
 /// Refuses ranges that leave a hole, overlap, or do not end with the file.

@@ -55,12 +55,16 @@ impl Codes {
 
     /// True if these are so many codes in the width of `number`.
     pub fn fit(&self, number: NumberType, count: usize) -> bool {
-        let width = match self {
+        self.number_bytes() == number.bytes() && self.len() == count
+    }
+
+    /// Bytes of one code.
+    pub fn number_bytes(&self) -> usize {
+        match self {
             Self::U8(_) => 1,
             Self::U16(_) => 2,
             Self::U32(_) => 4,
-        };
-        width == number.bytes() && self.len() == count
+        }
     }
 
     /// True if there are none.

@@ -1,0 +1,89 @@
+//! A container, unpacked or not, baked again.
+
+use super::super::progress::Bar;
+use super::super::values::Background;
+use super::arguments::Arguments;
+use super::report::Baked;
+use crate::bake::{BakeOptions, Changes, Origin, bake, repack};
+use crate::base::bytes::Output;
+use crate::base::error::{Error, Place, Result};
+use crate::codec::unpack::Unpacked;
+use crate::input::checkpoint::MlpChoice;
+
+/// Packs a container's levels again; bakes level 0 anew where an option asks for that.
+pub fn bake_again(
+    arguments: &Arguments,
+    unpacked: &Unpacked,
+    options: &BakeOptions,
+    output: &mut Output,
+    bar: &Bar,
+) -> Result<Baked> {
+    let stored = &arguments.stored;
+    let metadata = &unpacked.metadata;
+    let asked = |given: bool| given || arguments.preset.is_some();
+    let changes = Changes {
+        bits: asked(stored.bits.is_some())
+            .then_some(options.bits)
+            .filter(|_| options.max_error.is_none()),
+        max_error: options.max_error.filter(|_| asked(stored.max_error.is_some())),
+        max_bytes: stored.max_bytes,
+        zstd_level: asked(stored.zstd_level.is_some()).then_some(options.zstd_level),
+        levels: stored.levels,
+        lod_rule: stored.lod_rule,
+        lod_scale: stored.lod_scale,
+        near: arguments.scene.near,
+        far: arguments.scene.far,
+        background: arguments.scene.background.map(|Background(color)| color),
+        color_threshold: arguments.scene.color_threshold,
+        ..Changes::default()
+    };
+    // A setting that the container has already is no change.
+    let anew = (asked(stored.filter.is_some()) && options.filter.name() != metadata.filter)
+        || (asked(stored.alpha_threshold.is_some())
+            && options.alpha_threshold != metadata.alpha_threshold)
+        || (asked(stored.block_size.is_some())
+            && metadata.levels.iter().any(|level| level.block_size != options.block_size));
+    refuse_ignored(arguments, anew)?;
+    let inputs = vec![arguments.input.clone()];
+    if anew {
+        let mut field = unpacked.field()?.ok_or_else(|| {
+            Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
+        })?;
+        changes.apply_to_scene(&mut field.scene);
+        let origin = Origin {
+            kind: "unpacked container".to_owned(),
+            digest: unpacked.digest,
+            covers_values: false,
+            companions: Vec::new(),
+            assumptions: Vec::new(),
+        };
+        let report = bake(&field, options, &origin, output, bar)?;
+        let resolved = options.to_json();
+        return Ok(Baked { report, resolved, settings: Vec::new(), gate: None, inputs });
+    }
+    let report = repack(unpacked, &changes, &options.limits, output, bar)?;
+    let resolved = changes.to_json();
+    Ok(Baked { report, resolved, settings: Vec::new(), gate: None, inputs })
+}
+
+/// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.
+fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
+    let (scene, stored) = (&arguments.scene, &arguments.stored);
+    let ignored = [
+        ("--stepsize", scene.stepsize.is_some()),
+        ("--coarse", scene.coarse.is_some()),
+        ("--mlp", scene.mlp != MlpChoice::Auto),
+        ("--cameras or --turntable", arguments.gate.measures()?),
+        ("--memory", stored.memory.is_some()),
+        ("--if-changed", arguments.incremental.is_asked()),
+        ("--fill-error", stored.fill_error.is_some() && !anew),
+        ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
+        ("--fit-steps, --fit-seconds or --fit-cameras", arguments.fit.given() && !anew),
+    ];
+    match ignored.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((option, _)) => Err(Error::usage(format!(
+            "{option} has no effect on a container: it belongs to a trained input"
+        ))),
+    }
+}

@@ -1,0 +1,143 @@
+//! The arguments of `bake`, and the kinds of input.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::super::field::FieldArguments;
+use super::super::fit::FitArguments;
+use super::super::gate::GateArguments;
+use super::super::gltf::GltfArguments;
+use super::super::incremental::IncrementalArguments;
+use super::super::scene::SceneArguments;
+use super::super::stdin;
+use super::super::stored::StoredArguments;
+use crate::bake::{BakeOptions, Preset};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::codec::unpack::{Unpacked, metadata_text};
+use crate::input::tensor::{self, TensorFile};
+
+/// Bake a trained scene into a container, or a container into another one
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
+  mipvog-bake bake fine_last.tar --preset web --gltf scene.glb -o scene.mipvog
+  mipvog-bake bake fine_last.tar -o scene.mipvog --cameras transforms.json --require-psnr 40
+  mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run")]
+pub struct Arguments {
+    /// A Mip-VoG or DirectVoxGO checkpoint, a .safetensors or .npz file of the same names, a
+    /// container (unpacked or not), or a glTF asset with one; - is the standard input
+    pub input: PathBuf,
+    /// The container to write; - is the standard output
+    #[arg(short, long, value_name = "OUT.mipvog")]
+    pub output: PathBuf,
+    /// Forecast time, memory and bytes from a part of the scene, and write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    pub force: bool,
+    /// A set of options; explicit ones override it
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    #[command(flatten)]
+    pub which: FieldArguments,
+    #[command(flatten, next_help_heading = "Size and error")]
+    pub stored: StoredArguments,
+    #[command(flatten, next_help_heading = "Fit")]
+    pub fit: FitArguments,
+    #[command(flatten, next_help_heading = "Scene")]
+    pub scene: SceneArguments,
+    #[command(flatten, next_help_heading = "Quality gate")]
+    pub gate: GateArguments,
+    #[command(flatten, next_help_heading = "glTF")]
+    pub gltf: GltfArguments,
+    #[command(flatten, next_help_heading = "Incremental builds")]
+    pub incremental: IncrementalArguments,
+}
+
+/// The content of an input.
+pub enum Content {
+    /// A trained scene.
+    Trained(TensorFile),
+    /// A container's levels.
+    Stored(Box<Unpacked>),
+}
+
+/// An open input.
+pub struct Input {
+    /// Its content.
+    pub content: Content,
+    /// Bytes of a container, and those that were read: all levels are in memory.
+    container_bytes: [u64; 2],
+    /// The file that is read during the bake, if there is one.
+    file: Option<Arc<SourceFile>>,
+}
+
+impl Input {
+    /// Its bytes.
+    pub fn length(&self) -> u64 {
+        self.container_bytes[0] + self.file.as_ref().map_or(0, |file| file.length())
+    }
+
+    /// Bytes that were read of it so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.container_bytes[1] + self.file.as_ref().map_or(0, |file| file.bytes_read())
+    }
+}
+
+impl Arguments {
+    /// Opens the input, by its content.
+    pub fn open(&self, limits: &Limits) -> Result<Input> {
+        if let Some(container) = self.which.container(&self.input, limits)? {
+            let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
+            let file = container.file();
+            let container_bytes = [file.length(), file.bytes_read()];
+            return Ok(Input { content, container_bytes, file: None });
+        }
+        let tensors = tensor::open(&stdin::resolve(&self.input)?, limits)?;
+        let file = Some(Arc::clone(&tensors.file));
+        let content = match metadata_text(&tensors) {
+            Some(_) => Content::Stored(Box::new(Unpacked::open(&tensors, limits)?)),
+            None => Content::Trained(tensors),
+        };
+        Ok(Input { content, container_bytes: [0; 2], file })
+    }
+
+    /// The options that all arguments but the cameras of [`BakeOptions::seen_from`] give. The
+    /// settings of a container stay, unless an option or a preset says otherwise.
+    pub fn options(&self, content: &Content, limits: &Limits) -> Result<BakeOptions> {
+        let mut options = match (self.preset, content) {
+            (Some(preset), _) => preset.options(),
+            (None, Content::Stored(unpacked)) => {
+                BakeOptions::of_container(&unpacked.metadata, &unpacked.provenance)
+            }
+            (None, Content::Trained(_)) => BakeOptions::default(),
+        };
+        self.stored.apply(&mut options);
+        self.fit.apply(&mut options, limits)?;
+        options.limits = limits.clone();
+        let measures = self.gate.measures()?;
+        if options.memory.is_some() && measures {
+            let message = "--memory excludes --cameras and --turntable: pictures are rendered \
+                           from the whole field; use compare afterwards";
+            return Err(Error::usage(message));
+        }
+        if self.fit.given() && !options.filter.is_fitted() {
+            let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
+            return Err(Error::usage(message));
+        }
+        options.check()?;
+        self.scene.source_options().check()?;
+        if !measures && options.sees() {
+            let message =
+                "--min-weight and --coarseness need --cameras or --turntable to be seen from";
+            return Err(Error::usage(message));
+        }
+        Ok(options)
+    }
+}

@@ -1,0 +1,102 @@
+//! A bake from the command line, from its input to its files.
+
+use std::time::Instant;
+
+use serde_json::Value;
+
+use super::super::common::Common;
+use super::super::incremental::depfile_rule;
+use super::super::outcome::{Outcome, say, warn};
+use super::super::output::create_container;
+use super::super::progress::Bar;
+use super::again::bake_again;
+use super::arguments::{Arguments, Content};
+use super::forecast::dry_run;
+use super::report::Work;
+use super::trained::bake_trained;
+use crate::bake::StageReport;
+use crate::base::bytes::ByteSink;
+use crate::base::error::{Error, Result};
+
+/// Options in a line for people: names and values, without the digits that float32 cannot hold.
+fn options_text(options: &Value) -> String {
+    let shown = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) if number.is_f64() => {
+            #[expect(clippy::cast_possible_truncation, reason = "options are float32")]
+            let short = number.as_f64().unwrap_or_default() as f32;
+            short.to_string()
+        }
+        other => other.to_string(),
+    };
+    let members = options.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
+    let pairs = members.map(|(name, value)| format!("{} {}", name.replace('_', "-"), shown(value)));
+    pairs.collect::<Vec<_>>().join(", ")
+}
+
+/// Bakes the input.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let clock = Instant::now();
+    let limits = common.limits();
+    let input = arguments.open(&limits)?;
+    let options = arguments.options(&input.content, &limits)?;
+    if let Some(preset) = arguments.preset
+        && !common.quiet
+    {
+        say(&format!("preset {}: {}", preset.name(), options_text(&options.to_json())));
+    }
+    if arguments.dry_run {
+        return match &input.content {
+            Content::Trained(file) => dry_run(arguments, file, &options, common),
+            Content::Stored(_) => {
+                let message = "--dry-run belongs to a trained input, not to a container";
+                Err(Error::usage(message).in_file(&arguments.input))
+            }
+        };
+    }
+    let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
+    let mut output = create_container(&arguments.output, replace)?;
+    let mut asset = arguments.gltf.create(&arguments.output, replace)?;
+    let mut depfile = arguments.incremental.create_depfile()?;
+    let bar = Bar::new(common);
+    let baked = match &input.content {
+        Content::Stored(unpacked) => bake_again(arguments, unpacked, &options, &mut output, &bar),
+        Content::Trained(file) => {
+            bake_trained(arguments, file, &options, &mut output, &bar, common)
+        }
+    };
+    let mut baked = baked.map_err(|error| error.in_file(&arguments.input))?;
+    drop(bar);
+    let report = &mut baked.report;
+    let mut gltf = None;
+    // An output that fails its gate does not get its name.
+    if baked.gate.as_ref().is_none_or(|gate| gate.passed) {
+        if let Some(asset) = &mut asset {
+            let clock = Instant::now();
+            let container = if report.unchanged { &*arguments.output } else { output.written() };
+            let written = arguments.gltf.write(container, &arguments.output, &limits, asset)?;
+            let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
+            report.stages.push(StageReport { name: "gltf", seconds, bytes });
+            gltf = Some(written);
+        }
+        if let Some(depfile) = &mut depfile {
+            depfile.append(depfile_rule(&arguments.output, &baked.inputs).as_bytes())?;
+        }
+        let container = Some(output).filter(|_| !report.unchanged);
+        for file in container.into_iter().chain(asset).chain(depfile) {
+            file.finish()?;
+        }
+    }
+    if report.nonfinite_values > 0 {
+        let count = report.nonfinite_values;
+        warn(&format!("{count} values were not finite and became empty"), common);
+    }
+    let work = Work {
+        input: &arguments.input,
+        output: &arguments.output,
+        seconds: clock.elapsed().as_secs_f64(),
+        input_bytes: input.length(),
+        bytes_read: input.bytes_read(),
+    };
+    baked.outcome("bake", &work, gltf.as_ref(), common)
+}

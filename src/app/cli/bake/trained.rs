@@ -1,0 +1,108 @@
+//! A trained scene, baked.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::super::common::Common;
+use super::super::fit::check_judges;
+use super::super::outcome::warn;
+use super::super::progress::Bar;
+use super::super::scene::Settings;
+use super::arguments::Arguments;
+use super::report::Baked;
+use crate::bake::{BakeOptions, Origin, StageReport, bake};
+use crate::base::bytes::Output;
+use crate::base::error::Result;
+use crate::input;
+use crate::input::checkpoint::Source;
+use crate::input::tensor::TensorFile;
+use crate::model::field::RadianceField;
+use crate::model::view_mlp::ViewMlp;
+
+/// Bakes a trained scene into `output`, and measures it where a gate asks for that.
+pub fn bake_trained(
+    arguments: &Arguments,
+    file: &TensorFile,
+    options: &BakeOptions,
+    output: &mut Output,
+    bar: &Bar,
+    common: &Common,
+) -> Result<Baked> {
+    let limits = &options.limits;
+    let (source, settings) = open(arguments, file, options, common)?;
+    let origin = Origin::of_source(&source);
+    let cameras = match arguments.gate.measures()? {
+        true => Some(arguments.gate.cameras(&source.field, limits)?),
+        false => None,
+    };
+    if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
+        check_judges(&options.fit_cameras, cameras)?;
+    }
+    let options = &with_cameras(arguments, options, &source.field)?;
+    let current = arguments.incremental.current(
+        &arguments.output,
+        &source.field,
+        options,
+        &origin,
+        limits,
+    )?;
+    let mut report = match current {
+        Some(report) => report,
+        None => bake(&source.field, options, &origin, output, bar)?,
+    };
+    let gate = match cameras {
+        Some(cameras) => {
+            let clock = Instant::now();
+            let written = if report.unchanged { &*arguments.output } else { output.written() };
+            let gate = arguments.gate.measure(&source.field, &cameras, written, limits, bar)?;
+            let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
+            report.stages.push(StageReport { name: "compare", seconds, bytes });
+            Some(gate)
+        }
+        None => None,
+    };
+    let scene = &source.field.scene;
+    let mut resolved = options.to_json();
+    resolved["scene"] = json!({
+        "march": scene.march,
+        "activation": scene.activation,
+        "background": scene.background,
+        "mlp": source.field.view_mlp.as_ref().map(ViewMlp::widths),
+    });
+    let reported = settings.report(&source);
+    let mut inputs = vec![arguments.input.clone()];
+    inputs.extend(settings.files);
+    inputs.extend(source.companions.into_iter().map(|companion| companion.path));
+    let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
+    inputs.extend(cameras.into_iter().flatten());
+    Ok(Baked { report, resolved, settings: reported, gate, inputs })
+}
+
+/// Opens a trained input with the settings that are found, and warns of those that are not.
+pub fn open(
+    arguments: &Arguments,
+    file: &TensorFile,
+    options: &BakeOptions,
+    common: &Common,
+) -> Result<(Source, Settings)> {
+    let cameras = arguments.gate.camera_file();
+    let limits = &options.limits;
+    let settings = arguments.scene.settings(&arguments.input, cameras.as_deref(), limits)?;
+    let source = input::open_tensors(file, &settings.options, limits)?;
+    source.assumptions.iter().for_each(|assumption| warn(&assumption.message, common));
+    Ok((source, settings))
+}
+
+/// The options with the cameras that they depend on.
+pub fn with_cameras(
+    arguments: &Arguments,
+    options: &BakeOptions,
+    field: &RadianceField,
+) -> Result<BakeOptions> {
+    let mut options = options.clone();
+    if options.sees() {
+        options.seen_from = arguments.gate.cameras(field, &options.limits)?;
+    }
+    Ok(options)
+}

@@ -1,0 +1,138 @@
+//! The best quality that fits into a number of bytes.
+//!
+//! Quality is one number: the factor of the errors of `--preset web`, which divide bytes well
+//! between the groups. Factors go down by an eighth root of two from one to the next. The smallest
+//! that fits is found by halving the rest, so the result depends on nothing but the sizes. Where
+//! the coarsest error does not fit, the finest level is dropped, then the next.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::MaxErrors;
+use super::preset::WEB_ERRORS;
+use crate::base::error::{Error, ErrorKind, Result};
+use crate::model::baked::Group;
+
+/// The largest factor: the error of opacity is then the largest that may be asked for.
+const LARGEST: f64 = 12.5;
+/// Factors on each halving, and how many there are.
+const PER_HALVING: usize = 8;
+const STEPS: usize = 128;
+
+/// A container that was packed, but not written.
+pub struct Attempt<T> {
+    /// Its bytes.
+    pub bytes: u64,
+    /// Its parts.
+    pub packed: T,
+}
+
+/// The quality that a search found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Chosen {
+    /// Bytes of the container.
+    pub bytes: u64,
+    /// Errors of the values; none where all fitted as they were.
+    pub max_error: Option<MaxErrors>,
+    /// Finest levels that had to be dropped.
+    pub without_finest: usize,
+}
+
+impl fmt::Display for Chosen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.max_error {
+            Some(errors) => write!(f, "the best that fits has --max-error {errors}")?,
+            None => write!(f, "it fits as it is")?,
+        }
+        match self.without_finest {
+            0 => Ok(()),
+            count => write!(f, " and --without-finest {count}"),
+        }
+    }
+}
+
+/// Finds the smallest errors with which `attempt(finest levels dropped, errors)` has at most
+/// `max_bytes` bytes, of a container of so many levels.
+///
+/// # Errors
+///
+/// [`crate::base::error::ErrorKind::InvalidOption`] where nothing fits; those of `attempt`.
+pub fn search<T>(
+    max_bytes: u64,
+    levels: usize,
+    mut attempt: impl FnMut(usize, MaxErrors) -> Result<Attempt<T>>,
+) -> Result<(T, Chosen)> {
+    let mut least = u64::MAX;
+    for dropped in 0..levels {
+        let coarsest = match attempt(dropped, errors(0)) {
+            // Some levels cannot be dropped: those that are left are too large.
+            Err(error)
+                if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
+            {
+                break;
+            }
+            coarsest => coarsest?,
+        };
+        least = least.min(coarsest.bytes);
+        if coarsest.bytes > max_bytes {
+            continue;
+        }
+        let (mut best, mut fits, mut too_large) = (coarsest, 0, STEPS + 1);
+        while too_large - fits > 1 {
+            let middle = (fits + too_large) / 2;
+            let tried = attempt(dropped, errors(middle))?;
+            if tried.bytes <= max_bytes {
+                (best, fits) = (tried, middle);
+            } else {
+                too_large = middle;
+            }
+        }
+        let (bytes, max_error) = (best.bytes, Some(errors(fits)));
+        return Ok((best.packed, Chosen { bytes, max_error, without_finest: dropped }));
+    }
+    let expected = format!("at least {least}, the smallest container of this scene");
+    Err(Error::invalid_option("max_bytes", max_bytes.to_string(), expected))
+}
+
+/// The errors of a step, coarsest first, with three digits.
+fn errors(step: usize) -> MaxErrors {
+    let factor = LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64);
+    let scaled = |group| {
+        let error = (f64::from(WEB_ERRORS.of(group)) * factor).clamp(1e-6, 0.25);
+        format!("{error:.2e}").parse().unwrap_or(error as f32)
+    };
+    let [density, diffuse, features] = Group::ALL.map(scaled);
+    MaxErrors::new(density, diffuse, features)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_valid_and_fall() {
+        let all: Vec<MaxErrors> = (0..=STEPS).map(errors).collect();
+        assert!(all.iter().all(|errors| errors.check().is_ok()));
+        let diffuse = |errors: &MaxErrors| errors.of(Group::Diffuse);
+        assert!(all.windows(2).all(|pair| diffuse(&pair[0]) > diffuse(&pair[1])));
+        assert!(all.contains(&errors(29)));
+    }
+
+    #[test]
+    fn the_smallest_error_that_fits_is_found() {
+        let bytes = |dropped: usize, errors: MaxErrors| {
+            let bytes = (100.0 / errors.of(Group::Diffuse)) as u64 >> (3 * dropped);
+            Ok(Attempt { bytes, packed: bytes })
+        };
+        for limit in [60, 500, 3000, 100_000] {
+            let (bytes, chosen) = search(limit, 3, bytes).expect("fits");
+            assert!(bytes <= limit && chosen.bytes == bytes);
+            let finer = chosen.max_error.expect("an error").of(Group::Diffuse) * 0.9;
+            assert!(limit < 444 || (100.0 / finer) as u64 > limit, "{chosen:?}");
+            assert_eq!(chosen.without_finest, usize::from(limit < 444), "{chosen:?}");
+        }
+        let error = search(3, 2, bytes).expect_err("too little").to_string();
+        assert!(error.contains("at least 55"), "{error}");
+    }
+}

@@ -1,0 +1,202 @@
+//! A container's levels as dense arrays, wherever their values lie.
+
+use std::sync::Arc;
+
+use serde_json::Value as Json;
+
+use super::planes::fill_plane;
+use super::tensors::digest_of_tensors;
+use crate::base::bytes::Storage;
+use crate::base::error::Result;
+use crate::base::parallel;
+use crate::codec::container::Container;
+use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata, Table};
+use crate::model::field::{FreeSpace, RadianceField, Scene, Volume};
+use crate::model::grid::{Element, NodeMask, row};
+use crate::model::view_mlp::ViewMlp;
+
+/// An unpacked container: of a file of dense arrays, or of the container itself. Both give the
+/// same values.
+#[derive(Debug, Clone)]
+pub struct Unpacked {
+    /// The container's metadata.
+    pub metadata: Metadata,
+    /// The container's provenance; null where it has none.
+    pub provenance: Json,
+    /// Finest first.
+    pub levels: Vec<UnpackedLevel>,
+    /// View-dependent colour, if there is any.
+    pub view_mlp: Option<ViewMlp>,
+    /// The free-space mask, if there is one.
+    pub free_space: Option<FreeSpace>,
+    /// SHA-256 of the header of the file of dense arrays. It identifies the content, but not its
+    /// values.
+    pub digest: [u8; 32],
+}
+
+/// One level of dense arrays.
+#[derive(Debug, Clone)]
+pub struct UnpackedLevel {
+    /// The blocks that count.
+    pub table: Table,
+    /// The values, before `density_scale` and `emptied`.
+    pub values: LevelValues,
+    /// Densities are multiplied by this.
+    pub density_scale: f32,
+    /// Nodes whose density reads as the level's empty value.
+    pub emptied: Option<NodeMask>,
+}
+
+/// A level's values by [`Group`].
+#[derive(Debug, Clone)]
+pub enum LevelValues {
+    /// Dense arrays.
+    Volumes([Option<Volume>; 3]),
+    /// A container's codes, and the encodings that they have there.
+    Codes(Box<(BakedLevel, LevelMetadata)>),
+}
+
+impl Unpacked {
+    /// A container's levels, decoded to codes.
+    ///
+    /// # Errors
+    ///
+    /// Damage, and more memory than the container's limits allow.
+    pub fn of_container(container: &Container) -> Result<Self> {
+        let provenance = container.provenance()?.unwrap_or(Json::Null);
+        let digest = digest_of_tensors(container)?;
+        let field = container.read()?;
+        let levels = field.levels.into_iter().zip(&field.metadata.levels);
+        let levels = levels.map(|(level, metadata)| {
+            let table = level.table.clone();
+            UnpackedLevel::new(table, LevelValues::Codes(Box::new((level, metadata.clone()))))
+        });
+        Ok(Self {
+            levels: levels.collect(),
+            metadata: field.metadata,
+            provenance,
+            view_mlp: field.view_mlp,
+            free_space: field.free_space,
+            digest,
+        })
+    }
+
+    /// Level 0 as a trained field, to be baked anew; none without densities. The field of a
+    /// container's codes holds its values in memory.
+    ///
+    /// # Errors
+    ///
+    /// None of its own.
+    pub fn field(&self) -> Result<Option<RadianceField>> {
+        let metadata = &self.metadata;
+        let (Some(finest), Some(stated)) = (self.levels.first(), metadata.levels.first()) else {
+            return Ok(None);
+        };
+        let volume = |group| finest.volume(group, stated, metadata.features);
+        let Some(density) = volume(Group::Density)? else { return Ok(None) };
+        let color = [volume(Group::Diffuse)?, volume(Group::Features)?];
+        let scene = Scene {
+            bounds: metadata.bounds,
+            nodes: finest.table.grid().nodes,
+            activation: metadata.activation,
+            march: metadata.march,
+            background: metadata.background,
+        };
+        Ok(Some(RadianceField {
+            scene,
+            density,
+            color: color.into_iter().flatten().collect(),
+            view_mlp: self.view_mlp.clone(),
+            free_space: self.free_space.clone(),
+        }))
+    }
+}
+
+impl UnpackedLevel {
+    /// A level whose values are as they are stored.
+    pub fn new(table: Table, values: LevelValues) -> Self {
+        Self { table, values, density_scale: 1.0, emptied: None }
+    }
+
+    /// Bytes of its values where they lie.
+    pub fn bytes(&self) -> u64 {
+        match &self.values {
+            LevelValues::Volumes(volumes) => volumes.iter().flatten().map(Volume::bytes).sum(),
+            LevelValues::Codes(codes) => {
+                let atlases = codes.0.atlases.iter().flatten();
+                atlases.map(|codes| (codes.len() * codes.number_bytes()) as u64).sum()
+            }
+        }
+    }
+
+    /// Reads one x plane, `ny * nz` values, of one channel of a group that the level has. `empty`
+    /// is the value of emptied densities.
+    ///
+    /// # Errors
+    ///
+    /// Those of reading.
+    pub fn read_plane(
+        &self,
+        (group, channel): (Group, usize),
+        x: usize,
+        empty: f32,
+        out: &mut [f32],
+    ) -> Result<()> {
+        match &self.values {
+            LevelValues::Volumes(volumes) => {
+                let Some(volume) = &volumes[group as usize] else { return Ok(()) };
+                let mut scratch = Vec::new();
+                for (y, row) in out.chunks_exact_mut(volume.nodes.0[2]).enumerate() {
+                    volume.read_run(channel, [x, y, 0], row, &mut scratch, |_| {})?;
+                }
+            }
+            LevelValues::Codes(codes) => {
+                fill_plane(&codes.0, &codes.1, group, channel, x, out);
+            }
+        }
+        if group != Group::Density {
+            return Ok(());
+        }
+        if self.density_scale != 1.0 {
+            out.iter_mut().for_each(|value| *value *= self.density_scale);
+        }
+        if let Some(emptied) = &self.emptied {
+            for (y, values) in out.chunks_exact_mut(emptied.nodes().0[2]).enumerate() {
+                for (start, end) in row::runs(emptied.row(x, y)) {
+                    values[start..end].fill(empty);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// All values of a group in one array.
+    fn volume(
+        &self,
+        group: Group,
+        stated: &LevelMetadata,
+        features: usize,
+    ) -> Result<Option<Volume>> {
+        if let LevelValues::Volumes(volumes) = &self.values {
+            return Ok(volumes[group as usize].clone());
+        }
+        let Some(encoding) = stated.encoding(group) else { return Ok(None) };
+        let nodes = self.table.grid().nodes;
+        let [nx, ny, nz] = nodes.0;
+        let channels = group.channels(features);
+        let mut values = vec![0.0; channels * nodes.count()];
+        let mut planes: Vec<&mut [f32]> = values.chunks_exact_mut(ny * nz).collect();
+        parallel::map_mut(&mut planes, |plane, out| {
+            self.read_plane((group, plane / nx), plane % nx, encoding.empty, out)
+        })?;
+        let bytes: Arc<[u8]> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        Ok(Some(Volume {
+            nodes,
+            channels,
+            element: Element::F32,
+            storage: Storage::Memory(bytes),
+            first: 0,
+            strides: [nx * ny * nz, ny * nz, nz].map(|stride| stride as u64),
+        }))
+    }
+}
