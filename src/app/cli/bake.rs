@@ -9,13 +9,14 @@ use serde_json::{Value, json};
 
 use super::common::Common;
 use super::field::SceneArguments;
-use super::fit::{FitArguments, check_judges};
+use super::fit::{FitArguments, check_judges, warn_of_idle_levels};
 use super::gate::{GateArguments, GateReport};
 use super::gltf::GltfArguments;
 use super::incremental::{IncrementalArguments, depfile_rule};
 use super::inspect::levels_text;
 use super::outcome::{Outcome, peak_memory_bytes, readable, say, warn};
 use super::output::create as create_output;
+use super::plan;
 use super::progress::Bar;
 use super::stored::StoredArguments;
 use super::values::Background;
@@ -152,6 +153,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             file.finish()?;
         }
     }
+    if let Some(fitted) = &report.fitted {
+        warn_of_idle_levels(fitted, common);
+    }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;
         warn(&format!("{count} values were not finite and became empty"), common);
@@ -204,6 +208,8 @@ impl Arguments {
         let options = &self.with_cameras(options, &source.field, limits)?;
         let current =
             self.incremental.current(&self.output, &source.field, options, &origin, limits)?;
+        let judges = cameras.as_deref().unwrap_or_default();
+        bar.plan(plan::of_bake(options, source.field.scene.nodes, judges));
         let mut report = match current {
             Some(report) => report,
             None => bake(&source.field, options, &origin, output, bar)?,

@@ -2,10 +2,13 @@
 //!
 //! One file a verb. Verbs return their reports; printing and exit codes are here.
 
+mod animation;
 mod attach;
 mod bake;
+mod cameras;
 mod common;
 mod compare;
+mod destination;
 mod detach;
 mod document;
 mod field;
@@ -17,14 +20,19 @@ mod inspect;
 mod interrupt;
 mod outcome;
 mod output;
+mod picture;
+mod pictures;
+mod plan;
 mod program;
 mod progress;
 mod render;
+mod settings;
 mod stored;
 mod sweep;
 mod unpack;
 mod validate;
 mod values;
 mod view;
+mod viewpoints;
 
 pub use program::main;

@@ -54,7 +54,7 @@ pub fn main() -> ExitCode {
         }
     };
     let common = &cli.common;
-    interrupt::outlive_file_limits();
+    interrupt::watch();
     let outcome = parallel::with_threads(common.threads.into(), || match &cli.verb {
         verb if common.format == Format::Sarif && !matches!(verb, Verb::Validate(_)) => {
             Err(Error::usage("--format sarif: only validate has findings"))

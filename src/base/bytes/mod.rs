@@ -4,17 +4,21 @@
 mod digest;
 mod file;
 mod output;
+mod provisional;
 mod reader;
 mod sink;
 mod spill;
 mod stale;
 mod storage;
+mod unfinished;
 
 pub use digest::{hex, sha256};
 pub use file::SourceFile;
 pub use output::Output;
+pub use provisional::Provisional;
 pub use reader::ByteReader;
 pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
 pub use stale::remove as remove_stale;
 pub use storage::Storage;
+pub use unfinished::remove_all as remove_unfinished;

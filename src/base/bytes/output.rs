@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use super::unfinished::Unfinished;
 use super::{ByteSink, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -15,6 +16,8 @@ pub struct Output {
     path: PathBuf,
     overwrite: bool,
     length: u64,
+    /// Until it has its name.
+    _unfinished: Unfinished,
 }
 
 impl Output {
@@ -47,7 +50,9 @@ impl Output {
         while !stale::claim(&temporary) {
             temporary = builder.tempfile_in(folder).map_err(io)?;
         }
-        Ok(Self { temporary, path: path.to_owned(), overwrite, length: 0 })
+        let unfinished = Unfinished::note(temporary.path());
+        let path = path.to_owned();
+        Ok(Self { temporary, path, overwrite, length: 0, _unfinished: unfinished })
     }
 
     /// Overwrites bytes near the start that could not be known before.
