@@ -3,6 +3,7 @@
 mod common;
 
 use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
@@ -234,11 +235,11 @@ struct Counts {
     total: AtomicU64,
     steps: AtomicU64,
     others: AtomicU64,
+    parts: Mutex<Vec<String>>,
 }
 
 impl Progress for Counts {
-    fn begin(&self, step: Step, total: u64) {
-        assert_eq!(step, Step::Sweep);
+    fn begin(&self, _: Step, total: u64) {
         self.begun.fetch_add(1, Ordering::Relaxed);
         self.total.fetch_add(total, Ordering::Relaxed);
     }
@@ -246,6 +247,12 @@ impl Progress for Counts {
     fn advance(&self, step: Step, by: u64) {
         let count = if step == Step::Sweep { &self.steps } else { &self.others };
         count.fetch_add(by, Ordering::Relaxed);
+    }
+
+    fn part(&self, step: Step, name: &str) {
+        if step == Step::Sweep {
+            self.parts.lock().expect("no panic").push(name.to_owned());
+        }
     }
 }
 
@@ -257,9 +264,15 @@ fn progress_is_one_bar_that_ends_full() {
     sweep(&source, &cameras, &options(&[6, 8]), folder.path(), &counts).expect("a sweep");
     assert_eq!(counts.begun.load(Ordering::Relaxed), 1);
     assert_eq!(counts.others.load(Ordering::Relaxed), 0);
-    // Two references; two settings, each a bake and two cameras at two scales.
-    assert_eq!(counts.total.load(Ordering::Relaxed), 2 + 2 * (1 + 4));
+    // Tiles: two references of two; two settings, each two cameras at two scales, and a bake that
+    // counts as much.
+    assert_eq!(counts.total.load(Ordering::Relaxed), 2 * 2 + 2 * (2 * (2 + 1) * 2));
     assert_eq!(counts.steps.load(Ordering::Relaxed), counts.total.load(Ordering::Relaxed));
+    let parts = [
+        "setting 1 of 2: rate-tent-6bit-t1e-3-b8-z1",
+        "setting 2 of 2: rate-tent-8bit-t1e-3-b8-z1",
+    ];
+    assert_eq!(*counts.parts.lock().expect("no panic"), parts);
 }
 
 #[test]
@@ -276,8 +289,9 @@ fn pictures_that_are_kept_are_made_once() {
     let mut kept = References::new(&reference, &cameras, &[1, 2], 1).keep(&limits);
     let mut forgotten = References::new(&reference, &cameras, &[1, 2], 1);
     let first = renders(&mut kept);
-    assert_eq!(first.0, 3 * (1 + 2));
-    assert_eq!(renders(&mut kept), (3 * 2, first.1.clone()));
+    // Tiles: a reference has two, the field's pictures two and one.
+    assert_eq!(first.0, 3 * (2 + 2 + 1));
+    assert_eq!(renders(&mut kept), (3 * (2 + 1), first.1.clone()));
     assert_eq!(renders(&mut forgotten), first);
     assert_eq!(renders(&mut forgotten), first);
 }

@@ -10,10 +10,12 @@ use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder, codecs::png::Png
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
 
-/// A PNG of 8-bit grey (`values` one a pixel) or RGB (three a pixel), rows from the top.
+/// A PNG of 8-bit grey (`values` one a pixel), RGB (three a pixel) or RGBA (four, alpha not
+/// multiplied in), rows from the top.
 pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
     let color = match values.len().checked_div(width * height) {
         Some(3) => ExtendedColorType::Rgb8,
+        Some(4) => ExtendedColorType::Rgba8,
         _ => ExtendedColorType::L8,
     };
     let [w, h] = sides(width, height)?;

@@ -6,6 +6,12 @@
 pub enum Step {
     /// Finding the visible nodes of every level.
     Prune,
+    /// Finding the parts that cameras see, camera by camera.
+    Cover,
+    /// Rendering the pictures that coarser levels are fitted to.
+    Targets,
+    /// Fitting coarser levels.
+    Fit,
     /// Finding the lowest and the highest values of every level.
     Ranges,
     /// Filtering, quantizing and compressing.
@@ -14,10 +20,8 @@ pub enum Step {
     Write,
     /// Reading and decoding an input.
     Decode,
-    /// Rendering frames.
+    /// Rendering frames, tile by tile.
     Render,
-    /// Fitting coarser levels.
-    Fit,
     /// Baking over settings, and rendering the results.
     Sweep,
 }
@@ -27,12 +31,14 @@ impl Step {
     pub fn name(self) -> &'static str {
         match self {
             Self::Prune => "prune",
-            Self::Ranges => "ranges",
+            Self::Cover => "look from the cameras",
+            Self::Targets => "render reference pictures",
+            Self::Fit => "fit",
+            Self::Ranges => "find ranges",
             Self::Encode => "encode",
             Self::Write => "write",
             Self::Decode => "decode",
             Self::Render => "render",
-            Self::Fit => "fit",
             Self::Sweep => "sweep",
         }
     }
@@ -44,8 +50,8 @@ pub trait Progress: Sync {
     fn begin(&self, _step: Step, _total: u64) {}
     /// `by` more of `step` is done.
     fn advance(&self, _step: Step, _by: u64) {}
-    /// `step` is this good by now, in dB.
-    fn quality(&self, _step: Step, _psnr: f64) {}
+    /// `step` comes to a part of itself, in words: `picture 3/30`.
+    fn part(&self, _step: Step, _name: &str) {}
     /// Asked between pieces of work that only make a result better; `true` ends them with the
     /// result so far.
     fn enough(&self) -> bool {

@@ -6,100 +6,135 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::field::FieldArguments;
-use super::outcome::Outcome;
-use super::output::create as create_output;
+use super::outcome::{Outcome, warn};
 use super::progress::Bar;
-use super::render::CameraArguments;
 use super::scene::SceneArguments;
+use super::settings::Settings;
 use super::values::Background;
 use crate::bake::Filter;
-use crate::base::bytes::ByteSink;
-use crate::base::error::{Error, Result};
+use crate::base::bytes::Provisional;
+use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::picture;
-use crate::base::progress::{Progress, Step};
+use crate::base::progress::Step;
 use crate::model::camera::Camera;
-use crate::view::compare::{FrameErrors, Reference, ScaleErrors, compare};
+use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors};
+use crate::view::render::Renderer;
 
 /// An error of this much is white in heat maps.
 const FULL_HEAT: f32 = 0.25;
 
 /// Measure a field against another one, or against a folder of pictures, at every scale
+///
+/// The reference is rendered at full size and averaged down to each scale. The field has one ray a
+/// pixel at each scale, as in a viewer that is far away. So the error at smaller scales is mostly
+/// aliasing; --difference measures what two fields differ by instead.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  mipvog-bake compare fine_last.tar scene.mipvog --stepsize 0.5 --cameras transforms.json
+  mipvog-bake compare old.mipvog new.mipvog --turntable 8 --difference
+  mipvog-bake compare test/ scene.mipvog --cameras transforms.json --scales 1 -o errors/")]
 pub struct Arguments {
     /// The right pictures: a container, a glTF asset, a trained input, or a folder of pictures
     reference: PathBuf,
     /// The field to measure: a container, a glTF asset or a trained input
     field: PathBuf,
-    #[command(flatten)]
-    cameras: CameraArguments,
+    /// Write heat maps of the error into this folder: black is none, white 0.25 or more
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Render both sides alike at each scale, and measure their difference alone
+    #[arg(long)]
+    difference: bool,
     /// Scales to measure: full size, a half, a quarter and so on
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
-    /// Rays along each side of a pixel of the reference
+    /// Rays along each side of a pixel of the reference; of both sides with --difference
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=16))]
     supersample: u8,
     /// Coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
-    /// Write heat maps of the error into this folder: black is none, white 0.25 or more
-    #[arg(short, long, value_name = "DIR")]
-    output: Option<PathBuf>,
     #[command(flatten)]
     which: FieldArguments,
-    #[command(flatten)]
-    scene: SceneArguments,
     /// Overwrite existing files
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+}
+
+/// The meaning of errors at smaller scales.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Measures {
+    /// The field at each scale against the reference's full pictures, averaged down.
+    AgainstFullSize,
+    /// Both sides, rendered alike at each scale.
+    Difference,
 }
 
 #[derive(Debug, Serialize)]
 struct Report {
     reference: String,
     field: String,
+    measures: Measures,
     supersample: u8,
+    frames: usize,
+    settings: Settings,
     scales: Vec<ScaleErrors>,
 }
 
 /// Compares.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;
+    if arguments.reference.is_dir() && arguments.difference {
+        let message = "--difference renders both sides, and a folder of pictures is no field";
+        return Err(Error::usage(message).in_file(&arguments.reference));
+    }
     let field = scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
     let reference = if arguments.reference.is_dir() {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background, limits: common.limits() }
     } else {
-        Reference::Field(Box::new(scene.open(
-            &arguments.reference,
-            arguments.which,
-            None,
-            common,
-        )?))
+        let opened = scene.open(&arguments.reference, arguments.which, None, common)?;
+        arguments.warn_of_settings(&opened, common)?;
+        Reference::Field(Box::new(opened))
     };
     let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
+    check_memory(&cameras, arguments.supersample, &common.limits())?;
     let scales = checked_scales(&arguments.scales, &cameras)?;
-    if let Some(folder) = &arguments.output {
-        std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
-    }
-    let bar = Bar::new(common);
-    bar.begin(Step::Render, (cameras.len() * (1 + scales.len())) as u64);
+    let mut made = Provisional::default();
+    arguments.prepare(&cameras, &scales, &mut made)?;
     let supersample = arguments.supersample.into();
-    let heat = |frame: &FrameErrors| arguments.write_heat_map(frame);
-    let errors = compare(&reference, &field, &cameras, &scales, supersample, &bar, heat)?;
+    let references = References::new(&reference, &cameras, &scales, supersample);
+    let mut references = if arguments.difference { references.alike() } else { references };
+    let heat = |frame: &FrameErrors| arguments.write_heat_map(frame, &mut made);
+    let errors = references.compare(&field, &bar, heat)?;
+    made.keep();
     drop(bar);
-    let text = errors_text(&errors);
     let report = Report {
         reference: arguments.reference.to_string_lossy().into_owned(),
         field: arguments.field.to_string_lossy().into_owned(),
+        measures: match arguments.difference {
+            true => Measures::Difference,
+            false => Measures::AgainstFullSize,
+        },
         supersample: arguments.supersample,
+        frames: cameras.len(),
+        settings: Settings::of(field.view()),
         scales: errors,
     };
-    Outcome::new("compare", &report, text)
+    let both_fields = matches!(reference, Reference::Field(_));
+    Outcome::new("compare", &report, report.text(both_fields))
 }
 
 /// Scales at which every picture has a pixel left, each once.
@@ -111,8 +146,12 @@ pub fn checked_scales(asked: &[u16], cameras: &[Camera]) -> Result<Vec<usize>> {
         }
     }
     let smallest = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]).min();
-    if scales.iter().any(|&scale| smallest.is_some_and(|side| scale > side)) {
-        return Err(Error::usage("--scales leaves no pixel of the pictures"));
+    if let Some(side) = smallest
+        && let Some(scale) = scales.iter().find(|&&scale| scale > side)
+    {
+        return Err(Error::usage(format!(
+            "--scales {scale} leaves no pixel of a picture that is {side} pixels wide or high"
+        )));
     }
     Ok(scales)
 }
@@ -123,11 +162,11 @@ pub fn errors_text(errors: &[ScaleErrors]) -> String {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
     let mut text =
-        String::from("  scale      PSNR      SSIM   largest      99 %   diffuse   opacity\n");
+        String::from("  scale   PSNR, dB      SSIM   largest      99 %   diffuse   opacity\n");
     for error in errors {
         writeln!(
             text,
-            "  1/{:<4} {:>8.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
+            "  1/{:<4} {:>9.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
             error.scale,
             error.psnr,
             number(error.ssim, 4),
@@ -142,12 +181,70 @@ pub fn errors_text(errors: &[ScaleErrors]) -> String {
 }
 
 impl Arguments {
-    fn write_heat_map(&self, errors: &FrameErrors) -> Result<()> {
+    /// Warns where the container knows other settings than the reference is rendered with.
+    fn warn_of_settings(&self, reference: &Renderer, common: &Common) -> Result<()> {
+        let Some(container) = self.which.container(&self.field, &common.limits())? else {
+            return Ok(());
+        };
+        let metadata = container.metadata();
+        let own = Settings::of_march(&metadata.march, metadata.background);
+        let rendered = Settings::of(reference.view());
+        for ((option, own), (_, rendered)) in own.values().into_iter().zip(rendered.values()) {
+            if own != rendered {
+                let field = self.field.display();
+                let message = format!(
+                    "{field} was baked with {option} {own}, and the reference is rendered with \
+                     {rendered}: the container knows its own, so give the reference the same"
+                );
+                warn(&message, common);
+            }
+        }
+        Ok(())
+    }
+
+    fn heat_map(&self, frame: &str, scale: usize) -> Option<PathBuf> {
+        let folder = self.output.as_ref()?;
+        Some(folder.join(format!("{frame}.s{scale}.error.png")))
+    }
+
+    /// Makes the folder for heat maps; existing ones are refused before anything is rendered.
+    fn prepare(&self, cameras: &[Camera], scales: &[usize], made: &mut Provisional) -> Result<()> {
         let Some(folder) = &self.output else { return Ok(()) };
-        let path = folder.join(format!("{}.s{}.error.png", errors.frame, errors.scale));
+        let names = cameras.iter().flat_map(|camera| scales.iter().map(|&s| (&camera.name, s)));
+        let mut maps = names.filter_map(|(name, scale)| self.heat_map(name, scale));
+        match maps.find(|map| !self.force && map.symlink_metadata().is_ok()) {
+            Some(map) => Err(Error::new(ErrorKind::Exists, Place::File).in_file(&map)),
+            None => made.create_folder(folder),
+        }
+    }
+
+    fn write_heat_map(&self, errors: &FrameErrors, made: &mut Provisional) -> Result<()> {
+        let Some(path) = self.heat_map(errors.frame, errors.scale) else { return Ok(()) };
         let map = errors.want.heat_map(errors.got, FULL_HEAT);
-        let mut output = create_output(&path, self.force)?;
-        output.append(&picture::png(errors.want.width, errors.want.height, &map)?)?;
-        output.finish()
+        let png = picture::png(errors.want.width, errors.want.height, &map)?;
+        made.write(&path, &png, self.force)
+    }
+}
+
+impl Report {
+    fn text(&self, both_fields: bool) -> String {
+        let (reference, field) = (&self.reference, &self.field);
+        let mut text = format!("{field} against {reference}, mean over {} frames\n", self.frames);
+        text += &errors_text(&self.scales);
+        text += "largest and 99 % are errors of a channel, 0 to 1; diffuse and opacity are PSNR\n";
+        text += match (self.measures, both_fields) {
+            (Measures::Difference, _) => {
+                "both sides are rendered alike at each scale: this is their difference alone\n"
+            }
+            (Measures::AgainstFullSize, true) => {
+                "smaller scales are against the reference at full size, averaged down: they show \
+                 aliasing too; --difference measures the two fields' difference alone\n"
+            }
+            (Measures::AgainstFullSize, false) => {
+                "smaller scales are against the pictures at full size, averaged down: they show \
+                 aliasing too\n"
+            }
+        };
+        text + &self.settings.text()
     }
 }

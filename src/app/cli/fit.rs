@@ -4,13 +4,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::bake::BakeOptions;
+use super::common::Common;
+use super::outcome::warn;
+use crate::bake::fit::FittedLevel;
+use crate::bake::{BakeOptions, FitReport};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::model::camera::{self, Camera};
 
 /// Length and pictures of a fit.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Fit")]
 pub struct FitArguments {
     /// Steps of `--filter fit` for each level, at most [default: 150]
     #[arg(long, value_name = "STEPS")]
@@ -44,6 +48,19 @@ impl FitArguments {
             options.fit_cameras = camera::read(path, None, limits)?.cameras;
         }
         Ok(())
+    }
+}
+
+/// Warns of levels that a fit left as they were.
+pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
+    for FittedLevel { level, steps, psnr_before, psnr_after } in &fitted.levels {
+        if *steps == 0 {
+            let message = "took no step of the fit: time was up, and it is as rate-tent makes it";
+            warn(&format!("level {level} {message}"), common);
+        } else if psnr_after <= psnr_before {
+            let message = format!("gained nothing in {steps} steps at {psnr_before:.2} dB");
+            warn(&format!("level {level} {message}, and is as rate-tent makes it"), common);
+        }
     }
 }
 

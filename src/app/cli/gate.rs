@@ -6,13 +6,12 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use super::cameras::CameraArguments;
 use super::compare::errors_text;
 use super::progress::Bar;
-use super::render::CameraArguments;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::model::camera::Camera;
 use crate::model::field::RadianceField;
@@ -87,7 +86,6 @@ impl GateArguments {
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
-        bar.begin(Step::Render, (cameras.len() * (1 + scales.len())) as u64);
         let errors = compare(&reference, &baked, cameras, &scales, 1, bar, |_| Ok(()))?;
         let reached = |least| errors.first().is_some_and(|full| full.psnr >= least);
         let passed = self.require_psnr.is_none_or(reached);

@@ -1,69 +1,140 @@
 //! Signals that ask the program to end.
 //!
 //! The first Ctrl-C ends a fit with the result so far, because a fit only makes a result better. It
-//! ends any other work as soon as possible; temporary files are then gone. A second one before that
-//! ends the program on the spot.
+//! ends any other work as soon as possible; unfinished files are then gone. Work that does not look
+//! at the wish in time is ended from outside, and a second signal ends the program on the spot.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use super::outcome::{drawn, say};
+use crate::base::bytes::remove_unfinished;
+use crate::base::error::Error;
+
 /// Exit codes of programs that a signal ended are this plus its number.
 const SIGNALLED: i32 = 128;
+/// Time that work has to end by itself. With the removal of files the end comes within a second.
+const GRACE: Duration = Duration::from_millis(600);
+/// Time between two looks at the signals.
+const LOOK: Duration = Duration::from_millis(40);
 
-/// The last signal that asked for the end.
-fn last() -> &'static Arc<AtomicUsize> {
-    static LAST: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
-    LAST.get_or_init(|| Arc::new(AtomicUsize::new(SIGINT.unsigned_abs() as usize)))
-}
-
-/// From now on a file that grows beyond the user's limit is an error like a full disk, where it
-/// would end the program without a word.
-pub fn outlive_file_limits() {
-    #[cfg(unix)]
-    flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
-}
-
-/// The signals received.
-#[derive(Debug, Clone, Default)]
-pub struct Interrupts {
+/// The signals that came, and the work that they ask to end.
+#[derive(Default)]
+struct Signals {
     interrupted: Arc<AtomicBool>,
     terminated: Arc<AtomicBool>,
+    /// The number of the last signal.
+    last: Arc<AtomicUsize>,
+    /// Pieces of work that look at the wish to end.
+    works: AtomicUsize,
+    /// True while an interrupt asks for the result so far.
+    takes_result: AtomicBool,
 }
 
-impl Interrupts {
-    /// From now on signals ask instead of ending the program, where the system has such signals.
-    pub fn watch() -> Self {
-        let watched = Self::default();
-        for (signal, asked) in [(SIGINT, &watched.interrupted), (SIGTERM, &watched.terminated)] {
-            // The second signal ends the program: this line tests the flag that the next line sets.
-            // A signal that cannot be watched keeps ending the program.
-            flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
-            flag::register_usize(signal, Arc::clone(last()), signal.unsigned_abs() as usize).ok();
-            flag::register(signal, Arc::clone(asked)).ok();
+fn signals() -> &'static Signals {
+    static SIGNALS: OnceLock<Signals> = OnceLock::new();
+    SIGNALS.get_or_init(Signals::default)
+}
+
+/// From now on signals ask instead of ending the program, and a file that grows beyond the user's
+/// limit is an error like a full disk, where it would end the program without a word.
+pub fn watch() {
+    #[cfg(unix)]
+    flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
+    let signals = signals();
+    // Without a thread that looks, signals keep ending the program.
+    if std::thread::Builder::new().name("signals".to_owned()).spawn(|| guard(signals)).is_err() {
+        return;
+    }
+    for (signal, asked) in [(SIGINT, &signals.interrupted), (SIGTERM, &signals.terminated)] {
+        // The second signal ends the program: this line tests the flag that the last line sets.
+        // A signal that cannot be watched keeps ending the program.
+        flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
+        let number = signal.unsigned_abs() as usize;
+        flag::register_usize(signal, Arc::clone(&signals.last), number).ok();
+        flag::register(signal, Arc::clone(asked)).ok();
+    }
+}
+
+/// Ends the program where no work looks at the wish, or none obeys it in time.
+fn guard(signals: &Signals) {
+    let mut since = None;
+    loop {
+        std::thread::sleep(LOOK);
+        if !signals.want_end() {
+            since = None;
+            continue;
         }
-        watched
+        let since: Instant = *since.get_or_insert_with(Instant::now);
+        if signals.works.load(Ordering::Relaxed) > 0 && since.elapsed() < GRACE {
+            continue;
+        }
+        remove_unfinished();
+        if let Some(bar) = drawn().take() {
+            bar.finish_and_clear();
+        }
+        let error = Error::cancelled();
+        say(&format!("error: {error}\n  help: {}", error.remedy()));
+        std::process::exit(cancelled().into());
+    }
+}
+
+impl Signals {
+    fn want_end(&self) -> bool {
+        let interrupted = self.interrupted.load(Ordering::Relaxed);
+        let takes_result = self.takes_result.load(Ordering::Relaxed);
+        (interrupted && !takes_result) || self.terminated.load(Ordering::Relaxed)
+    }
+}
+
+/// Work that looks at the wish to end now and then, until it is dropped.
+pub struct Work(());
+
+impl Work {
+    /// Begins work.
+    pub fn begin() -> Self {
+        signals().works.fetch_add(1, Ordering::Relaxed);
+        Self(())
     }
 
-    /// True if the user wants the result so far; answers once.
+    /// Says whether an interrupt now asks for the result so far, and not for the end. One that came
+    /// when there was no more to end is answered.
+    pub fn takes_result(&self, takes: bool) {
+        let signals = signals();
+        if signals.takes_result.swap(takes, Ordering::Relaxed) && !takes {
+            signals.interrupted.store(false, Ordering::Relaxed);
+        }
+    }
+
+    /// True if the user wants the result so far; answers an interrupt once.
     pub fn wants_result(&self) -> bool {
-        self.interrupted.swap(false, Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
+        let signals = signals();
+        let takes_result = signals.takes_result.load(Ordering::Relaxed);
+        takes_result && signals.interrupted.swap(false, Ordering::Relaxed)
     }
 
-    /// True if the program was told to end, and not just interrupted.
-    pub fn is_terminated(&self) -> bool {
-        self.terminated.load(Ordering::Relaxed)
+    /// True if the work should end.
+    pub fn is_cancelled(&self) -> bool {
+        signals().want_end()
     }
+}
 
-    /// True if the program should end.
-    pub fn wants_end(&self) -> bool {
-        self.interrupted.load(Ordering::Relaxed) || self.terminated.load(Ordering::Relaxed)
+impl Drop for Work {
+    fn drop(&mut self) {
+        self.takes_result(false);
+        signals().works.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
 /// The exit code of work that a signal ended.
 pub fn cancelled() -> u8 {
-    (SIGNALLED.unsigned_abs() as usize + last().load(Ordering::Relaxed)) as u8
+    let last = match signals().last.load(Ordering::Relaxed) {
+        0 => SIGINT.unsigned_abs() as usize,
+        last => last,
+    };
+    (SIGNALLED.unsigned_abs() as usize + last) as u8
 }

@@ -2,11 +2,14 @@
 //!
 //! One file a verb. Verbs return their reports; printing and exit codes are here.
 
+mod animation;
 mod attach;
 mod bake;
+mod cameras;
 mod common;
 mod compare;
 mod container_report;
+mod destination;
 mod detach;
 mod document;
 mod failure;
@@ -21,10 +24,14 @@ mod interrupt;
 mod outcome;
 mod output;
 mod paint;
+mod picture;
+mod pictures;
+mod plan;
 mod program;
 mod progress;
 mod render;
 mod scene;
+mod settings;
 mod stdin;
 mod stored;
 mod sweep;
@@ -33,5 +40,6 @@ mod unpack;
 mod validate;
 mod values;
 mod view;
+mod viewpoints;
 
 pub use program::main;

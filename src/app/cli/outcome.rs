@@ -1,7 +1,9 @@
 //! The report of a verb, and the ways to print it.
 
 use std::io::{ErrorKind as IoErrorKind, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::common::{Common, Format};
@@ -72,10 +74,22 @@ pub(super) fn warn(message: &str, common: &Common) {
     }
 }
 
-/// Writes a line to stderr. A stderr that cannot be written is ignored: there is no other place for
-/// the message.
+/// Writes a line to stderr, above the bar that is drawn there. A stderr that cannot be written is
+/// ignored: there is no other place for the message.
 pub(super) fn say(line: &str) {
-    writeln!(std::io::stderr(), "{line}").ok();
+    let write = || {
+        writeln!(std::io::stderr(), "{line}").ok();
+    };
+    match &*drawn() {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+/// The bar that is drawn on stderr, if any.
+pub(super) fn drawn() -> MutexGuard<'static, Option<ProgressBar>> {
+    static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+    DRAWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A count and its noun.

@@ -77,7 +77,7 @@ pub fn main() -> ExitCode {
         }
     };
     let common = &cli.common;
-    interrupt::outlive_file_limits();
+    interrupt::watch();
     let names = FileNames::of(&matches);
     let outcome = names
         .check()

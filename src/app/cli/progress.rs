@@ -1,29 +1,50 @@
-//! Progress bars on stderr.
+//! Progress on stderr: one bar a verb that only grows, or plain lines where there is no terminal.
 
+use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use super::common::{Common, When};
-use super::interrupt::Interrupts;
-use super::outcome::say;
+use super::interrupt::Work;
+use super::outcome::{drawn, say};
+use super::plan::Plan;
 use crate::base::progress::{Progress, Step};
 
-/// Draws one bar, for the current step.
+/// Parts of the bar: finer than any terminal shows.
+const LENGTH: u64 = 10_000;
+/// Time between two lines of a step, at least.
+const BETWEEN_LINES: Duration = Duration::from_secs(1);
+
+/// The progress of a verb.
 pub struct Bar {
     bar: ProgressBar,
-    step: Mutex<Option<Step>>,
-    /// True if the current step is a fit: an interrupt then asks for the result so far.
-    is_fit: AtomicBool,
-    interrupts: Interrupts,
-    /// True if bars are wanted, but there is no terminal to draw on: each step prints a line.
+    current: Mutex<Current>,
+    work: Work,
+    /// True if progress is wanted, but there is no terminal to draw on.
     lines: bool,
+    quiet: bool,
+}
+
+/// The current step.
+struct Current {
+    step: Option<Step>,
+    done: u64,
+    total: u64,
+    part: String,
+    plan: Plan,
+    /// Start of the bar.
+    start: Instant,
+    last_line: Option<Instant>,
+    /// True once the user was told what an interrupt does.
+    told: bool,
 }
 
 impl Bar {
-    /// A bar that is drawn where the user wants one. From now on signals end the work that asks it.
+    /// A bar that is drawn where the user wants one, for a verb that first opens its inputs. Until
+    /// it is dropped, signals ask the work to end instead of ending it.
     pub fn new(common: &Common) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let wanted = match common.progress {
@@ -31,58 +52,156 @@ impl Bar {
             When::Auto => terminal && !common.quiet,
             When::Never => false,
         };
-        let target =
-            if wanted { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-        let bar = ProgressBar::with_draw_target(None, target);
-        if let Ok(style) = ProgressStyle::with_template("{msg:12} {wide_bar} {percent:>3}% {eta}") {
-            bar.set_style(style);
+        let target = match wanted && terminal {
+            true => ProgressDrawTarget::stderr(),
+            false => ProgressDrawTarget::hidden(),
+        };
+        let bar = ProgressBar::with_draw_target(Some(LENGTH), target);
+        let template = "{percent:>3}% {bar:24} {left:13} {wide_msg}";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn Write| {
+                text.write_str(&left(state.elapsed(), state.fraction().into())).ok();
+            }));
         }
-        Self {
-            bar,
-            step: Mutex::new(None),
-            is_fit: AtomicBool::new(false),
-            interrupts: Interrupts::watch(),
-            lines: wanted && !terminal,
+        bar.set_message("open");
+        bar.tick();
+        *drawn() = Some(bar.clone());
+        let lines = wanted && !terminal;
+        if lines {
+            say("open");
         }
+        let current = Current {
+            step: None,
+            done: 0,
+            total: 0,
+            part: String::new(),
+            plan: Plan::default(),
+            start: Instant::now(),
+            last_line: None,
+            told: false,
+        };
+        let (current, work) = (Mutex::new(current), Work::begin());
+        Self { bar, current, work, lines, quiet: common.quiet }
+    }
+
+    /// The steps that will come, with their costs in any unit. Without a plan each step takes half
+    /// of what is left of the bar.
+    pub fn plan(&self, stages: Vec<(Step, f64)>) {
+        self.current().plan = Plan::new(stages);
+    }
+
+    fn current(&self) -> MutexGuard<'_, Current> {
+        self.current.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Shows the current state; `new` if a step has just begun.
+    fn show(&self, current: &mut Current, new: bool) {
+        let share = current.plan.share(current.done, current.total);
+        self.bar.set_position((share * LENGTH as f64) as u64);
+        let due = current.last_line.is_none_or(|last| last.elapsed() >= BETWEEN_LINES);
+        if self.lines && (new || due) {
+            let left = left(current.start.elapsed(), share);
+            let percent = (100.0 * share) as u32;
+            say(format!("{}, {percent} % {left}", current.label()).trim_end());
+            current.last_line = Some(Instant::now());
+        }
+    }
+
+    /// Says once what an interrupt of a fit does.
+    fn tell(&self, sentence: &str) {
+        let told = std::mem::replace(&mut self.current().told, true);
+        if !self.quiet && !told {
+            say(sentence);
+        }
+    }
+}
+
+impl Current {
+    fn label(&self) -> String {
+        let step = self.step.map_or("open", Step::name);
+        if self.part.is_empty() { step.to_owned() } else { format!("{step}: {}", self.part) }
+    }
+}
+
+/// The time left after `elapsed` for a share of the work; nothing before it can be told.
+fn left(elapsed: Duration, share: f64) -> String {
+    if share <= 0.005 || elapsed < Duration::from_millis(300) {
+        return String::new();
+    }
+    let seconds = (elapsed.as_secs_f64() * (1.0 - share) / share).ceil() as u64;
+    match seconds {
+        0..100 => format!("{seconds} s left"),
+        100..6000 => format!("{} min left", seconds.div_ceil(60)),
+        _ => format!("{} h left", seconds.div_ceil(3600)),
     }
 }
 
 impl Progress for Bar {
     fn begin(&self, step: Step, total: u64) {
-        *self.step.lock().unwrap_or_else(PoisonError::into_inner) = Some(step);
-        self.is_fit.store(step == Step::Fit, Ordering::Relaxed);
-        if self.lines {
-            say(step.name());
-        }
-        self.bar.reset();
-        self.bar.set_length(total);
-        self.bar.set_message(step.name());
+        self.work.takes_result(step == Step::Fit);
+        let mut current = self.current();
+        current.plan.begin(step);
+        (current.step, current.done, current.total) = (Some(step), 0, total);
+        current.part.clear();
+        self.bar.set_message(current.label());
+        self.show(&mut current, true);
     }
 
     fn advance(&self, step: Step, by: u64) {
-        if *self.step.lock().unwrap_or_else(PoisonError::into_inner) == Some(step) {
-            self.bar.inc(by);
+        let mut current = self.current();
+        if current.step == Some(step) {
+            current.done += by;
+            self.show(&mut current, false);
         }
     }
 
-    fn quality(&self, step: Step, psnr: f64) {
-        self.bar.set_message(format!("{} {psnr:.2} dB", step.name()));
+    fn part(&self, step: Step, name: &str) {
+        let mut current = self.current();
+        if current.step == Some(step) {
+            name.clone_into(&mut current.part);
+            self.bar.set_message(current.label());
+            self.show(&mut current, false);
+        }
     }
 
     fn enough(&self) -> bool {
-        self.interrupts.wants_result()
+        let enough = self.work.wants_result();
+        if enough {
+            self.tell("interrupted: the container takes what is fitted so far");
+        }
+        enough
     }
 
     fn cancelled(&self) -> bool {
-        match self.is_fit.load(Ordering::Relaxed) {
-            true => self.interrupts.is_terminated(),
-            false => self.interrupts.wants_end(),
+        let cancelled = self.work.is_cancelled();
+        if cancelled && self.current().step == Some(Step::Targets) {
+            self.tell(
+                "interrupted before the fit's first step: nothing is fitted, nothing written",
+            );
         }
+        cancelled
     }
 }
 
 impl Drop for Bar {
     fn drop(&mut self) {
+        *drawn() = None;
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_left_have_units_people_read() {
+        let after = |seconds, share| left(Duration::from_secs(seconds), share);
+        assert_eq!(after(0, 0.5), "");
+        assert_eq!(after(10, 0.0), "");
+        assert_eq!(after(10, 0.5), "10 s left");
+        assert_eq!(after(100, 0.1), "15 min left");
+        assert_eq!(after(3600, 0.1), "9 h left");
+        assert_eq!(after(60, 1.0), "0 s left");
     }
 }

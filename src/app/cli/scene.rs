@@ -1,4 +1,4 @@
-//! Settings of a scene, and the places that they come from.
+//! FoundSettings of a scene, and the places that they come from.
 //!
 //! The command line counts most, then `scene.toml` or `scene.json` beside the input, then the
 //! camera file, then the checkpoint itself, then a default.
@@ -47,7 +47,7 @@ pub struct SceneArguments {
 
 /// The settings for an input, from every place but the input itself.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct FoundSettings {
     /// As the library takes them.
     pub options: SourceOptions,
     /// Files that settings came from.
@@ -85,13 +85,13 @@ impl SceneArguments {
     ///
     /// # Errors
     ///
-    /// Settings out of range; a file of settings that cannot be read.
+    /// FoundSettings out of range; a file of settings that cannot be read.
     pub fn settings(
         &self,
         input: &Path,
         cameras: Option<&Path>,
         limits: &Limits,
-    ) -> Result<Settings> {
+    ) -> Result<FoundSettings> {
         let mut options = self.source_options();
         options.check()?;
         let mut origins = BTreeMap::new();
@@ -118,11 +118,11 @@ impl SceneArguments {
             }
         }
         options.check()?;
-        Ok(Settings { options, files, origins })
+        Ok(FoundSettings { options, files, origins })
     }
 }
 
-impl Settings {
+impl FoundSettings {
     /// The settings that `source` was opened with.
     pub fn report(&self, source: &Source) -> Vec<SettingReport> {
         let scene = &source.field.scene;

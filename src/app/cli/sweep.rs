@@ -5,16 +5,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::compare::checked_scales;
 use super::outcome::{Outcome, readable, warn};
 use super::progress::Bar;
-use super::render::CameraArguments;
 use super::scene::SceneArguments;
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::bytes::remove_stale;
 use crate::base::error::{Error, Result};
+use crate::base::progress::Step;
 use crate::codec::quantize::Bits;
 use crate::codec::unpack::metadata_text;
 use crate::input;
@@ -27,11 +28,13 @@ use crate::input::tensor;
 /// sweep finished in the same folder, from the same input and cameras, is not baked again. The exit
 /// code is 1 if a setting could not be baked; the others are measured all the same.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
+  mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8,10 -o sweep/
+  mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/")]
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names
     input: PathBuf,
-    #[command(flatten)]
-    cameras: CameraArguments,
     /// The folder for containers, their results, and sweep.html, sweep.csv and sweep.json
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -76,15 +79,19 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 3,
           value_parser = clap::value_parser!(u8).range(1..))]
     repeat: u8,
-    #[command(flatten)]
-    scene: SceneArguments,
     /// Overwrite files that no sweep wrote
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
 }
 
 /// Sweeps.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Sweep, 1.0)]);
     let mut settings = arguments.grid().settings();
     settings.iter().try_for_each(|setting| setting.options.check())?;
     let limits = common.limits();
@@ -101,6 +108,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         warn(&assumption.message, common);
     }
     let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
+    check_memory(&cameras, 1, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
     }
@@ -111,7 +119,6 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         overwrite: arguments.force,
         limits,
     };
-    let bar = Bar::new(common);
     remove_stale(&arguments.output);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
     drop(bar);
@@ -141,23 +148,35 @@ impl Arguments {
     fn text(&self, report: &SweepReport) -> String {
         let names = report.settings.iter().map(|setting| shown_name(setting).len());
         let width = names.max().unwrap_or(0);
-        let mut text = format!("  {:width$} {:>10} {:>10}", "setting", "size", "time");
+        let mut text = format!("  {:width$} {:>10} {:>10}", "setting", "size", "bake time");
         for scale in &report.scales {
-            write!(text, " {:>9}  ", format!("1/{scale}")).ok();
+            write!(text, " {:>9}  ", format!("1/{scale}, dB")).ok();
         }
         text = text.trim_end().to_owned() + "\n";
         for setting in &report.settings {
             text += &row(setting, width);
         }
-        let resumed = report.settings.iter().filter(|setting| setting.resumed).count();
+        let (resumed, all) = (
+            report.settings.iter().filter(|setting| setting.resumed).count(),
+            report.settings.len(),
+        );
+        let ([across, down], frames) = (report.size, report.frames.len());
         writeln!(
             text,
-            "PSNR in dB; * is on the front of size, + on that of time\n\
-             {resumed} of {} settings were finished before; see {}",
-            report.settings.len(),
+            "dB: PSNR against the unbaked scene, mean over {frames} pictures of {across} x {down} \
+             pixels, whole and averaged down; time: median of {} bakes with {} threads\n\
+             * is on the front of size, + on that of time: no other setting is as good in both\n\
+             {resumed} of {all} settings were finished before; {} has the plots",
+            report.repeat,
+            report.threads,
             self.output.join("sweep.html").display()
         )
         .ok();
+        let smallest = report.settings.iter().filter(|s| s.fronts.iter().any(|f| f.bytes));
+        if let Some(setting) = smallest.min_by_key(|setting| setting.output_bytes) {
+            let file = self.output.join(&setting.file);
+            writeln!(text, "look at one: mipvog-bake view {}", file.display()).ok();
+        }
         text
     }
 }

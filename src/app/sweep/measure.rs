@@ -26,6 +26,8 @@ pub(super) struct Bench<'a> {
     pub(super) folder: &'a Path,
     pub(super) references: References<'a>,
     pub(super) steps: Steps<'a>,
+    /// Units of the sweep in one bake.
+    pub(super) bake_work: u64,
 }
 
 impl Bench<'_> {
@@ -39,11 +41,12 @@ impl Bench<'_> {
             let mut output = Output::create(&path, true)?;
             let clock = Instant::now();
             let field = &self.source.field;
-            let report = bake(field, &options, &self.origin, &mut output, &self.steps)
-                .map_err(|error| error.in_file(self.source.file.path()))?;
+            let report =
+                bake(field, &options, &self.origin, &mut output, &Baking(self.steps.outer))
+                    .map_err(|error| error.in_file(self.source.file.path()))?;
             seconds.push(clock.elapsed().as_secs_f64());
             last = Some((output, report));
-            self.steps.advance(Step::Sweep, 1);
+            self.steps.advance(Step::Sweep, self.bake_work);
         }
         let Some((output, report)) = last else {
             return Err(Error::invalid_option("repeat", "0", "at least 1"));
@@ -63,6 +66,15 @@ fn median(mut values: Vec<f64>) -> f64 {
     let (low, high) = (values.len().saturating_sub(1) / 2, values.len() / 2);
     let at = |i: usize| values.get(i).copied().unwrap_or_default();
     0.5 * (at(low) + at(high))
+}
+
+/// Passes on the wish to end, and nothing of a bake's own steps.
+struct Baking<'a>(&'a dyn Progress);
+
+impl Progress for Baking<'_> {
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
 }
 
 /// Shows the bakes and renders of a setting as steps of the sweep.

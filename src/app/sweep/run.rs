@@ -91,10 +91,12 @@ fn results(
     std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let references = References::new(&reference, cameras, &options.scales, 1).keep(&options.limits);
     let origin = Origin::of_source(source);
-    let share = (options.repeat + cameras.len() * options.scales.len()) as u64;
-    progress.begin(Step::Sweep, missing * share + cameras.len() as u64);
+    // A bake counts as much as all pictures of a setting: which takes longer depends on both.
+    let bake_work = references.field_work();
+    let share = (options.repeat as u64 + 1) * bake_work;
+    progress.begin(Step::Sweep, missing * share + references.work() - bake_work);
     let steps = Steps { outer: progress, done: AtomicU64::new(0) };
-    let mut bench = Bench { source, origin, options, folder, references, steps };
+    let mut bench = Bench { source, origin, options, folder, references, steps, bake_work };
     let mut results = Vec::with_capacity(settings.len());
     let mut tried = 0;
     for (setting, digest, found) in settings {
@@ -105,6 +107,8 @@ fn results(
         if progress.cancelled() {
             return Err(Error::cancelled());
         }
+        let part = format!("setting {} of {missing}: {}", tried + 1, setting.name);
+        progress.part(Step::Sweep, &part);
         SettingRecord::new(setting, &digest, None).write(folder, setting)?;
         let result = match bench.measure(setting) {
             Ok(result) => {

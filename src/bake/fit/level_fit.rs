@@ -52,6 +52,7 @@ impl LevelFit<'_> {
         let mut best = adam.state(field);
         let (mut cut, mut stalled) = (cut, 0);
         while fitted.steps < steps && !cut && stalled < PATIENCE {
+            self.tell(&fitted);
             let (spent, allowed) = self.seconds();
             let by_seconds = if allowed > 0.0 { spent / allowed } else { 1.0 };
             let by_steps = fitted.steps as f64 / steps as f64;
@@ -73,7 +74,6 @@ impl LevelFit<'_> {
             cut = progress.enough() || spent >= allowed;
             if fitted.steps.is_multiple_of(STEPS_BETWEEN) || fitted.steps == steps || cut {
                 let now = self.validation_psnr(field)?;
-                progress.quality(Step::Fit, now);
                 stalled = if now < fitted.psnr_after + LEAST_GAIN { stalled + 1 } else { 0 };
                 if now > fitted.psnr_after {
                     fitted.psnr_after = now;
@@ -85,6 +85,16 @@ impl LevelFit<'_> {
         progress.advance(Step::Fit, (steps - fitted.steps) as u64);
         adam.restore(field, &best);
         Ok((fitted, cut))
+    }
+
+    /// Names the level, the step and the quality so far.
+    fn tell(&self, fitted: &FittedLevel) {
+        let FitContext { options, progress, retained, .. } = self.context;
+        let (level, levels) = (self.level, retained.len() - 1);
+        let (step, psnr) = (fitted.steps + 1, fitted.psnr_after);
+        let steps = options.steps;
+        let part = format!("level {level} of {levels}, step {step}/{steps}, {psnr:.1} dB");
+        progress.part(Step::Fit, &part);
     }
 
     /// Seconds since the fit's start, and those allowed by this level's end. Levels share the time

@@ -64,10 +64,12 @@ impl Targets {
             let bytes = pixels / 3 * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
             budget.spend(bytes, "bytes of pictures", &Place::File)?;
         }
-        progress.begin(Step::Render, cameras.len() as u64);
+        let count = cameras.len();
+        progress.begin(Step::Targets, count as u64);
         let mut pictures = Vec::new();
         let mut pixels = vec![Vec::new(); halvings + 1];
-        for camera in cameras {
+        for (number, camera) in cameras.into_iter().enumerate() {
+            progress.part(Step::Targets, &format!("picture {}/{count}", number + 1));
             let frame = render(field, &camera, &options, progress)?;
             let clamped =
                 |pixel: usize, channel: usize| frame.color[pixel][channel].clamp(0.0, 1.0);
@@ -93,6 +95,7 @@ impl Targets {
                 let lens = camera.lens.shrunk(scale);
                 pictures.push(Target { camera: Camera { lens, ..camera.clone() }, color });
             }
+            progress.advance(Step::Targets, 1);
         }
         Ok(Self { pictures, pixels })
     }

@@ -5,6 +5,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::guard::is_guarded;
+use super::unfinished::Unfinished;
 use super::{ByteSink, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -16,6 +17,8 @@ pub struct Output {
     path: PathBuf,
     destination: Destination,
     length: u64,
+    /// Until it has its name.
+    _unfinished: Unfinished,
     /// Dropped after the temporary file in them.
     _folders: NewFolders,
 }
@@ -33,23 +36,22 @@ enum Destination {
 
 /// Folders that were made for an output. Those that stay empty go with it.
 #[derive(Debug, Default)]
-struct NewFolders(Vec<PathBuf>);
+struct NewFolders(Vec<Unfinished>);
 
 impl NewFolders {
     /// Makes a folder and those above it that are missing.
     fn make(folder: &Path) -> std::io::Result<Self> {
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let made = folder.ancestors().take_while(missing).map(Path::to_owned).collect();
+        let made: Vec<&Path> = folder.ancestors().take_while(missing).collect();
         std::fs::create_dir_all(folder)?;
-        Ok(Self(made))
+        Ok(Self(made.into_iter().map(Unfinished::note).collect()))
     }
 }
 
 impl Drop for NewFolders {
     fn drop(&mut self) {
         for folder in &self.0 {
-            // A folder that holds something is not removed.
-            std::fs::remove_dir(folder).ok();
+            folder.remove();
         }
     }
 }
@@ -120,8 +122,16 @@ impl Output {
         while !stale::claim(&temporary) {
             temporary = builder.tempfile_in(folder).map_err(io)?;
         }
+        let unfinished = Unfinished::note(temporary.path());
         let path = path.to_owned();
-        Ok(Self { temporary, path, destination, length: 0, _folders: folders })
+        Ok(Self {
+            temporary,
+            path,
+            destination,
+            length: 0,
+            _unfinished: unfinished,
+            _folders: folders,
+        })
     }
 
     /// Overwrites bytes near the start that could not be known before.

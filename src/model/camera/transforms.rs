@@ -12,6 +12,8 @@ use crate::base::limits::{self, Limits};
 
 /// Picture size where neither the file nor its pictures say one.
 const DEFAULT_SIDE: usize = 800;
+/// Names of frames that an error lists, at most.
+const NAMES_SHOWN: usize = 5;
 
 /// The cameras of a file.
 #[derive(Debug, Clone)]
@@ -173,10 +175,19 @@ pub fn pick(cameras: Vec<Camera>, frames: &[String]) -> Result<Vec<Camera>> {
     let find = |wanted: &String| {
         let by_name = cameras.iter().find(|camera| camera.name == *wanted);
         let by_index = || wanted.parse().ok().and_then(|index: usize| cameras.get(index));
-        by_name.or_else(by_index).cloned().ok_or_else(|| {
-            let expected = format!("a name or an index of {} frames", cameras.len());
-            Error::invalid_option("frames", wanted, expected)
-        })
+        by_name
+            .or_else(by_index)
+            .cloned()
+            .ok_or_else(|| Error::invalid_option("frames", wanted, choices(&cameras)))
     };
     frames.iter().map(find).collect()
+}
+
+/// The names and indices that frames can be picked by.
+fn choices(cameras: &[Camera]) -> String {
+    let names: Vec<&str> =
+        cameras.iter().take(NAMES_SHOWN).map(|camera| camera.name.as_str()).collect();
+    let more = if cameras.len() > names.len() { ", ..." } else { "" };
+    let last = cameras.len().saturating_sub(1);
+    format!("a name ({}{more}) or an index from 0 to {last}", names.join(", "))
 }

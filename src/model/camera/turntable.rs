@@ -1,38 +1,112 @@
-//! Cameras for scenes that have none: a circle around the box.
+//! Cameras for scenes that have none: circles and spirals around the box.
+
+use std::f64::consts::{FRAC_PI_6, TAU};
 
 use glam::{DMat4, DVec3};
 
 use super::{Camera, Lens};
 use crate::model::grid::Bounds;
 
+/// Half the field of view along the shorter side of a picture, in radians: about 40 degrees in all.
+const HALF_VIEW: f64 = 0.35;
+/// Turns of a spiral.
+const TURNS: f64 = 3.0;
+/// Sines of a spiral's first and last elevation: 3 and 72 degrees.
+const SPIRAL: [f64; 2] = [0.05, 0.95];
+
+/// A way around the box. The cameras look at its middle. The world's z is up, as in training.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// Angle of a circle's cameras above the box's middle in radians, between a quarter turn below
+    /// and a quarter turn above.
+    pub elevation: f64,
+    /// Distance from the box's middle in radii of the box's sphere, above 0; without one the sphere
+    /// fills the picture.
+    pub radius: Option<f64>,
+    /// Field of view along the shorter side of a picture in radians, above 0 and below pi.
+    pub field_of_view: f64,
+    /// Angle of the first camera in radians, from x towards y.
+    pub start: f64,
+}
+
+impl Default for Orbit {
+    fn default() -> Self {
+        let field_of_view = 2.0 * HALF_VIEW;
+        Self { elevation: FRAC_PI_6, radius: None, field_of_view, start: 0.0 }
+    }
+}
+
 /// `count` cameras on a circle around the box, 30 degrees above its middle, far enough that the
-/// box's sphere fills a picture of `size` pixels. The world's z is up, as in training.
+/// box's sphere fills a picture of `size` pixels.
 pub fn turntable(bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera> {
+    Orbit::default().circle(bounds, count, size)
+}
+
+impl Orbit {
+    /// `count` cameras on a circle, with pictures of `size` pixels.
+    pub fn circle(&self, bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera> {
+        let at = |i: usize| (TAU * i as f64 / count as f64, self.elevation);
+        self.cameras(bounds, count, size, "turn", at)
+    }
+
+    /// `count` cameras on a spiral that rises over the upper half of a sphere, with pictures of
+    /// `size` pixels. Equal parts of it pass equal heights. The elevation is the spiral's own.
+    pub fn spiral(&self, bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera> {
+        let at = |i: usize| {
+            let share = (i as f64 + 0.5) / count as f64;
+            let height = SPIRAL[0] + (SPIRAL[1] - SPIRAL[0]) * share;
+            (TAU * TURNS * share, libm::asin(height))
+        };
+        self.cameras(bounds, count, size, "spiral", at)
+    }
+
+    /// Cameras at an angle from the start and an elevation, which `at` gives by their number.
+    fn cameras(
+        &self,
+        bounds: &Bounds,
+        count: usize,
+        size: [usize; 2],
+        name: &str,
+        at: impl Fn(usize) -> (f64, f64),
+    ) -> Vec<Camera> {
+        let (middle, box_radius) = sphere(bounds);
+        let half_angle = 0.5 * self.field_of_view;
+        // Pictures of cameras may decide the stored values: the same bits on every machine.
+        let distance = match self.radius {
+            Some(radius) => radius * box_radius,
+            None => box_radius / libm::sin(half_angle),
+        };
+        let lens = Lens::centered(size, half_angle);
+        let camera = |i: usize| {
+            let (around, up) = at(i);
+            let back = direction(self.start + around, up);
+            Camera::looking_at(middle, back, distance, format!("{name}_{i:03}"), lens)
+        };
+        (0..count).map(camera).collect()
+    }
+}
+
+/// The middle and the radius of the sphere around the box.
+pub fn sphere(bounds: &Bounds) -> (DVec3, f64) {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let (min, max) = (corner(bounds.min), corner(bounds.max));
-    let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
-    // A field of view of about 40 degrees along the shorter side.
-    let half_angle: f64 = 0.35;
-    // Pictures of cameras may decide the stored values: the same bits on every machine.
-    let distance = radius / libm::sin(half_angle);
-    let focal = 0.5 * size[0].min(size[1]) as f64 / libm::tan(half_angle);
-    let lens = Lens {
-        width: size[0],
-        height: size[1],
-        focal: [focal; 2],
-        center: [0.5 * size[0] as f64, 0.5 * size[1] as f64],
-    };
-    let camera = |i: usize| {
-        let around = std::f64::consts::TAU * i as f64 / count as f64;
-        let up = std::f64::consts::FRAC_PI_6;
-        let back = DVec3::new(
-            libm::cos(around) * libm::cos(up),
-            libm::sin(around) * libm::cos(up),
-            libm::sin(up),
-        );
-        Camera::looking_at(middle, back, distance, format!("turn_{i:03}"), lens)
-    };
-    (0..count).map(camera).collect()
+    (0.5 * (min + max), 0.5 * (max - min).length())
+}
+
+/// The unit vector `around` from x towards y and `up` from there, both in radians.
+pub fn direction(around: f64, up: f64) -> DVec3 {
+    DVec3::new(libm::cos(around) * libm::cos(up), libm::sin(around) * libm::cos(up), libm::sin(up))
+}
+
+impl Lens {
+    /// Square pixels and a centre in the middle; `half_angle` in radians is to each side of the
+    /// centre along the shorter side.
+    pub fn centered(size: [usize; 2], half_angle: f64) -> Self {
+        let [width, height] = size;
+        let focal = 0.5 * width.min(height) as f64 / libm::tan(half_angle);
+        let center = [0.5 * width as f64, 0.5 * height as f64];
+        Self { width, height, focal: [focal; 2], center }
+    }
 }
 
 impl Camera {

@@ -8,7 +8,7 @@ use crate::base::limits::Limits;
 use crate::base::picture;
 use crate::base::progress::Progress;
 use crate::model::camera::{self, Camera};
-use crate::view::render::{FrameOptions, Renderer, render};
+use crate::view::render::{Frame, FrameOptions, Renderer, render};
 
 /// Source of the right pictures.
 pub enum Reference {
@@ -34,17 +34,42 @@ impl Reference {
         progress: &dyn Progress,
     ) -> Result<Picture> {
         match self {
-            Self::Field(field) => {
-                let options = FrameOptions { supersample: 1, ..FrameOptions::default() };
-                let lens = camera.lens.supersampled(supersample);
-                let fine = Camera { lens, ..camera.clone() };
-                let frame = render(field, &fine, &options, progress)?;
-                let full = Picture::of_frame(&frame, field.view().background);
-                Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
-            }
+            Self::Field(field) => Picture::of_field(field, camera, supersample, progress),
             Self::Pictures { folder, background, limits } => {
                 photograph(folder, camera, *background, limits)
             }
+        }
+    }
+}
+
+impl Picture {
+    /// A field's picture, clamped at `supersample` times the camera's size and then averaged.
+    pub fn of_field(
+        field: &Renderer,
+        camera: &Camera,
+        supersample: usize,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let lens = camera.lens.supersampled(supersample);
+        let fine = Camera { lens, ..camera.clone() };
+        let frame = render(field, &fine, &FrameOptions::default(), progress)?;
+        let full = Self::of_frame(&frame, field.view().background);
+        Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
+    }
+
+    /// A rendered frame, clamped.
+    fn of_frame(frame: &Frame, background: [f32; 3]) -> Self {
+        let clamp = |value: f32| value.clamp(0.0, 1.0);
+        let diffuse = frame.accumulated.chunks_exact(frame.channels).zip(&frame.transmittance);
+        let diffuse = diffuse.map(|(gathered, left)| {
+            [0, 1, 2].map(|channel| clamp(gathered[channel] + left * background[channel]))
+        });
+        Self {
+            width: frame.width,
+            height: frame.height,
+            color: frame.color.iter().map(|pixel| pixel.map(clamp)).collect(),
+            diffuse: Some(diffuse.collect()),
+            opacity: Some(frame.transmittance.iter().map(|left| clamp(1.0 - left)).collect()),
         }
     }
 }

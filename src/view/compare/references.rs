@@ -6,6 +6,7 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::model::camera::Camera;
+use crate::view::render::tiles;
 
 /// The right pictures that fields are compared with. Pictures are made when they are first wanted.
 pub struct References<'a> {
@@ -13,6 +14,8 @@ pub struct References<'a> {
     cameras: &'a [Camera],
     scales: &'a [usize],
     supersample: usize,
+    /// True if the reference is rendered at each scale as the field is.
+    alike: bool,
     /// Each camera's pictures, one a scale, where they are kept.
     kept: Vec<Option<Vec<Picture>>>,
     /// For each camera, true if its pictures were paid for.
@@ -31,7 +34,14 @@ impl<'a> References<'a> {
     ) -> Self {
         let kept = cameras.iter().map(|_| None).collect();
         let paid = vec![false; cameras.len()];
-        Self { reference, cameras, scales, supersample, kept, paid, budget: None }
+        Self { reference, cameras, scales, supersample, alike: false, kept, paid, budget: None }
+    }
+
+    /// Renders both sides alike at each scale, instead of averaging the reference's full pictures.
+    /// Errors are then the difference of the fields alone. The reference must be a field.
+    #[must_use]
+    pub fn alike(self) -> Self {
+        Self { alike: true, ..self }
     }
 
     /// Keeps pictures for the next field, as long as the memory of `limits` lasts; pictures beyond
@@ -54,14 +64,49 @@ impl<'a> References<'a> {
         if let Some(pictures) = self.kept[number].take() {
             return Ok(pictures);
         }
-        let full = self.reference.picture(&self.cameras[number], self.supersample, progress)?;
-        let pictures: Vec<Picture> =
-            self.scales.iter().map(|&scale| full.downsampled(scale)).collect();
+        let pictures = self.make(&self.cameras[number], progress)?;
         let bytes = pictures.iter().map(Picture::bytes).sum();
         if let Some(budget) = self.budget.as_mut() {
             self.paid[number] = budget.spend(bytes, "bytes of pictures", &Place::File).is_ok();
         }
         Ok(pictures)
+    }
+
+    fn make(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<Picture>> {
+        if self.alike {
+            let small = |&scale| Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
+            let small = self.scales.iter().map(small);
+            let picture = |small| self.reference.picture(&small, self.supersample, progress);
+            return small.map(picture).collect();
+        }
+        let full = self.reference.picture(camera, self.supersample, progress)?;
+        Ok(self.scales.iter().map(|&scale| full.downsampled(scale)).collect())
+    }
+
+    /// Rays along each side of a pixel of the field.
+    pub(super) fn field_supersample(&self) -> usize {
+        if self.alike { self.supersample } else { 1 }
+    }
+
+    /// Units of `Step::Render` in the next comparison.
+    pub fn work(&self) -> u64 {
+        let reference = |camera: &Camera| match self.reference {
+            Reference::Pictures { .. } => 0,
+            Reference::Field(_) if self.alike => self.at_scales(camera),
+            Reference::Field(_) => tiles(&camera.lens, self.supersample),
+        };
+        let made = self.cameras.iter().zip(&self.kept).filter(|(_, kept)| kept.is_none());
+        made.map(|(camera, _)| reference(camera)).sum::<u64>() + self.field_work()
+    }
+
+    /// Those of them that render the field and not the reference.
+    pub fn field_work(&self) -> u64 {
+        self.cameras.iter().map(|camera| self.at_scales(camera)).sum()
+    }
+
+    fn at_scales(&self, camera: &Camera) -> u64 {
+        let supersample = self.field_supersample();
+        self.scales.iter().map(|&scale| tiles(&camera.lens.shrunk(scale), supersample)).sum()
     }
 
     /// Hands back the pictures of [`Self::take`].

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::metrics::{self, Errors, Picture};
 use super::{Reference, References};
 use crate::base::error::Result;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
-use crate::view::render::{Frame, FrameOptions, Renderer, render};
+use crate::view::render::Renderer;
 
 /// Errors at one scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,6 +57,7 @@ pub fn compare(
 
 impl References<'_> {
     /// Compares `field` with the reference from all cameras at all scales; `visit` gets each frame.
+    /// All of it is one [`Step::Render`].
     pub fn compare(
         &mut self,
         field: &Renderer,
@@ -65,36 +66,21 @@ impl References<'_> {
     ) -> Result<Vec<ScaleErrors>> {
         let scales = self.scales();
         let mut sums: Vec<Sums> = scales.iter().map(|_| Sums::default()).collect();
+        progress.begin(Step::Render, self.work());
+        let supersample = self.field_supersample();
         for (number, camera) in self.cameras().iter().enumerate() {
+            progress
+                .part(Step::Render, &format!("picture {}/{}", number + 1, self.cameras().len()));
             let wanted = self.take(number, progress)?;
             for ((&scale, want), sums) in scales.iter().zip(&wanted).zip(&mut sums) {
                 let small = Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
-                let frame = render(field, &small, &FrameOptions::default(), progress)?;
-                let got = Picture::of_frame(&frame, field.view().background);
+                let got = Picture::of_field(field, &small, supersample, progress)?;
                 sums.add(want, &got);
                 visit(&FrameErrors { frame: &camera.name, scale, want, got: &got })?;
             }
             self.put_back(number, wanted);
         }
         Ok(scales.iter().zip(sums).map(|(&scale, sums)| sums.finish(scale)).collect())
-    }
-}
-
-impl Picture {
-    /// A rendered frame, clamped.
-    pub fn of_frame(frame: &Frame, background: [f32; 3]) -> Self {
-        let clamp = |value: f32| value.clamp(0.0, 1.0);
-        let diffuse = frame.accumulated.chunks_exact(frame.channels).zip(&frame.transmittance);
-        let diffuse = diffuse.map(|(gathered, left)| {
-            [0, 1, 2].map(|channel| clamp(gathered[channel] + left * background[channel]))
-        });
-        Self {
-            width: frame.width,
-            height: frame.height,
-            color: frame.color.iter().map(|pixel| pixel.map(clamp)).collect(),
-            diffuse: Some(diffuse.collect()),
-            opacity: Some(frame.transmittance.iter().map(|left| clamp(1.0 - left)).collect()),
-        }
     }
 }
 

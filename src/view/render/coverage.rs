@@ -70,7 +70,7 @@ pub fn camera_coverage(
     let mut cells = CellMask::empty(view.nodes);
     // Whole numbers, so that the sums are the same in any order of rays.
     let sums: Vec<AtomicU64> = (0..view.nodes.count()).map(|_| AtomicU64::new(0)).collect();
-    progress.begin(Step::Render, cameras.len() as u64);
+    progress.begin(Step::Cover, cameras.len() as u64);
     for batch in cameras.chunks(BATCH) {
         let masks = parallel::map(batch.len(), |i| {
             let mut mask = CellMask::empty(view.nodes);
@@ -81,7 +81,7 @@ pub fn camera_coverage(
                     follow(view, values, &lattice, least_weight, &buffer, &mut mask, progress)
                 })?;
             }
-            progress.advance(Step::Render, 1);
+            progress.advance(Step::Cover, 1);
             Ok(mask)
         })?;
         masks.iter().for_each(|mask| cells.unite(mask));

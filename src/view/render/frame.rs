@@ -94,7 +94,13 @@ impl Renderer {
     }
 }
 
-/// Renders one frame.
+/// Units of [`Step::Render`] in a picture: its tiles.
+pub fn tiles(lens: &Lens, supersample: usize) -> u64 {
+    let along = |pixels: usize| (pixels * supersample).div_ceil(TILE) as u64;
+    along(lens.width) * along(lens.height)
+}
+
+/// Renders one frame. [`Step::Render`] advances by its [`tiles`].
 pub fn render(
     field: &Renderer,
     camera: &Camera,
@@ -110,7 +116,6 @@ pub fn render(
     view.check()?;
     let frame =
         with_values!(field, values => render_tiles(view, values, &fine, options, progress))?;
-    progress.advance(Step::Render, 1);
     Ok(frame.box_downsampled(options.supersample))
 }
 
@@ -134,7 +139,9 @@ fn render_tiles<const C: usize>(
     let tiles = parallel::map(across * height.div_ceil(TILE), |i| {
         let origin = [i % across * TILE, i / across * TILE];
         let size = [TILE.min(width - origin[0]), TILE.min(height - origin[1])];
-        render_tile(view, field, camera, options, [origin, size], progress)
+        let tile = render_tile(view, field, camera, options, [origin, size], progress);
+        progress.advance(Step::Render, 1);
+        tile
     })?;
     let channels = 3 + view.features;
     let mut frame = Frame::black(width, height, channels);

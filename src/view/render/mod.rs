@@ -19,7 +19,7 @@ mod sample;
 mod view;
 
 pub use coverage::{CameraCoverage, camera_coverage};
-pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render};
+pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;

@@ -6,7 +6,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, check_metadata};
 use crate::model::baked::BakedField;
 use crate::model::field::RadianceField;
-use crate::view::sample::{Dense, Sparse, Stored};
+use crate::view::sample::{Dense, Sample as _, Sparse, Stored};
 
 /// A field to be rendered.
 #[derive(Debug)]
@@ -116,6 +116,11 @@ impl Renderer {
     /// The rules.
     pub fn view(&self) -> &View {
         &self.view
+    }
+
+    /// Levels, finest first; those that a prefix of a container lacks count.
+    pub fn level_count(&self) -> usize {
+        with_values!(self, values => values.levels())
     }
 
     /// The rules, to be overridden.

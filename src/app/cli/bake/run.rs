@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde_json::Value;
 
 use super::super::common::Common;
+use super::super::fit::warn_of_idle_levels;
 use super::super::incremental::depfile_rule;
 use super::super::outcome::{Outcome, say, warn};
 use super::super::output::create_container;
@@ -86,6 +87,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         for file in container.into_iter().chain(asset).chain(depfile) {
             file.finish()?;
         }
+    }
+    if let Some(fitted) = &report.fitted {
+        warn_of_idle_levels(fitted, common);
     }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;

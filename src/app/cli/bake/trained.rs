@@ -7,8 +7,9 @@ use serde_json::json;
 use super::super::common::Common;
 use super::super::fit::check_judges;
 use super::super::outcome::warn;
+use super::super::plan;
 use super::super::progress::Bar;
-use super::super::scene::Settings;
+use super::super::scene::FoundSettings;
 use super::arguments::Arguments;
 use super::report::Baked;
 use crate::bake::{BakeOptions, Origin, StageReport, bake};
@@ -47,6 +48,8 @@ pub fn bake_trained(
         &origin,
         limits,
     )?;
+    let judges = cameras.as_deref().unwrap_or_default();
+    bar.plan(plan::of_bake(options, source.field.scene.nodes, judges));
     let mut report = match current {
         Some(report) => report,
         None => bake(&source.field, options, &origin, output, bar)?,
@@ -85,7 +88,7 @@ pub fn open(
     file: &TensorFile,
     options: &BakeOptions,
     common: &Common,
-) -> Result<(Source, Settings)> {
+) -> Result<(Source, FoundSettings)> {
     let cameras = arguments.gate.camera_file();
     let limits = &options.limits;
     let settings = arguments.scene.settings(&arguments.input, cameras.as_deref(), limits)?;

@@ -1,0 +1,58 @@
+//! Kinds of films, by the extensions of their names, and the shape of their frames.
+
+/// A kind of film.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilmFormat {
+    /// 256 colours a frame, one bit of alpha.
+    Gif,
+    /// All colours, lossless, with alpha.
+    Webp,
+    /// By ffmpeg, with the codec that it takes for the name: mp4, webm or mov.
+    Video(&'static str),
+}
+
+impl FilmFormat {
+    /// Extensions of films, without the dot.
+    pub const EXTENSIONS: [&str; 5] = ["gif", "webp", "mp4", "webm", "mov"];
+
+    /// The kind of film that an extension in lower case names.
+    pub fn of_extension(extension: &str) -> Option<Self> {
+        let known = Self::EXTENSIONS.into_iter().find(|known| *known == extension)?;
+        Some(match known {
+            "gif" => Self::Gif,
+            "webp" => Self::Webp,
+            video => Self::Video(video),
+        })
+    }
+
+    /// Pixels along a side of a frame, at most.
+    pub fn largest_side(self) -> usize {
+        match self {
+            Self::Webp => 1 << 14,
+            Self::Gif | Self::Video(_) => usize::from(u16::MAX),
+        }
+    }
+
+    /// Frames a second, at most: viewers play a faster GIF slower.
+    pub fn fastest(self) -> u8 {
+        if self == Self::Gif { 50 } else { 120 }
+    }
+
+    /// True if frames can have alpha.
+    pub fn has_alpha(self) -> bool {
+        !matches!(self, Self::Video(_))
+    }
+}
+
+/// Frames of a film.
+#[derive(Debug, Clone, Copy)]
+pub struct FilmOptions {
+    /// The kind of film.
+    pub format: FilmFormat,
+    /// Pixels along a row, and rows.
+    pub size: [usize; 2],
+    /// Frames a second.
+    pub rate: u8,
+    /// True if frames have four values a pixel, the last being alpha, and not three.
+    pub alpha: bool,
+}

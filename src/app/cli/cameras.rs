@@ -1,0 +1,129 @@
+//! Options that choose cameras.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{self, Limits};
+use crate::model::camera::{self, Camera};
+use crate::model::grid::Bounds;
+
+/// Picture size of cameras that no file tells the size of.
+pub const DEFAULT_SIZE: [usize; 2] = [800; 2];
+/// Memory for a pixel while it is rendered: its sums and the picture's channels.
+const BYTES_A_PIXEL: u64 = 160;
+
+/// The cameras to render from.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Cameras")]
+pub struct CameraArguments {
+    /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Instead of a camera file, N cameras on a circle around the box
+    #[arg(long, value_name = "N", conflicts_with = "cameras",
+          value_parser = clap::value_parser!(u16).range(1..))]
+    turntable: Option<u16>,
+    /// Picture size in pixels, or one number for a square [default: the camera file's, else its
+    /// pictures', else 800x800]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<Size>,
+    /// Frames, by name or index [default: all]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    frames: Vec<String>,
+}
+
+/// Pixels along a row, and rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Size([usize; 2]);
+
+impl CameraArguments {
+    /// True if there is a camera file or a turntable.
+    pub fn given(&self) -> bool {
+        self.cameras.is_some() || self.turntable.is_some()
+    }
+
+    /// True if a size or frames are given.
+    pub fn selects(&self) -> bool {
+        self.size.is_some() || !self.frames.is_empty()
+    }
+
+    /// The camera file, if there is one.
+    pub fn file(&self) -> Option<PathBuf> {
+        self.cameras.clone()
+    }
+
+    /// Cameras of a turntable, if one is asked for.
+    pub fn turntable(&self) -> Option<usize> {
+        self.turntable.map(usize::from)
+    }
+
+    /// Picture size of cameras that no file tells the size of.
+    pub fn made_size(&self) -> [usize; 2] {
+        self.size.map_or(DEFAULT_SIZE, |Size(size)| size)
+    }
+
+    /// Reads or makes the cameras; refuses to without a file or a turntable.
+    pub fn cameras(&self, bounds: &Bounds, limits: &Limits) -> Result<Vec<Camera>> {
+        let made = match (&self.cameras, self.turntable()) {
+            (Some(path), _) => {
+                camera::read(path, self.size.map(|Size(size)| size), limits)?.cameras
+            }
+            (None, Some(count)) => camera::turntable(bounds, count, self.made_size()),
+            (None, None) => {
+                return Err(Error::usage("--cameras FILE or --turntable N must say from where"));
+            }
+        };
+        self.pick(made)
+    }
+
+    /// The frames that the user picked.
+    pub fn pick(&self, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
+        camera::pick(cameras, &self.frames)
+    }
+}
+
+/// Refuses pictures, of `supersample` rays along each side of a pixel, that memory has no room for.
+pub fn check_memory(cameras: &[Camera], supersample: u8, limits: &Limits) -> Result<()> {
+    let pixels = |camera: &Camera| {
+        let rays = [camera.lens.width, camera.lens.height].map(|side| side as u64);
+        rays[0] * rays[1] * u64::from(supersample).pow(2)
+    };
+    let most = cameras.iter().map(pixels).max().unwrap_or(0);
+    limits::check("bytes of a picture", most * BYTES_A_PIXEL, limits.memory, &Place::File)
+}
+
+fn parse_size(text: &str) -> std::result::Result<Size, String> {
+    let side = |text: &str| text.trim().parse::<usize>().ok();
+    let sides = match text.split_once(['x', 'X']) {
+        Some((width, height)) => side(width).zip(side(height)),
+        None => side(text).map(|side| (side, side)),
+    };
+    let (width, height) = sides.ok_or(
+        "expected WxH in pixels, such as 640x480, or one number for a square, such as 400",
+    )?;
+    let largest = camera::LARGEST_SIDE;
+    match [width, height].iter().all(|side| (1..=largest).contains(side)) {
+        true => Ok(Size([width, height])),
+        false => Err(format!("expected 1 to {largest} pixels along each side")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_pairs_or_squares_within_the_limit() {
+        assert_eq!(parse_size("400"), Ok(Size([400, 400])));
+        assert_eq!(parse_size("640x480"), Ok(Size([640, 480])));
+        assert_eq!(parse_size("8X9"), Ok(Size([8, 9])));
+        for bad in ["", "x", "4x", "4x4x4", "-1", "4.5", "a"] {
+            assert!(parse_size(bad).expect_err(bad).contains("WxH"), "{bad}");
+        }
+        for large in ["99999x99999", "0", "1x0", "32769"] {
+            assert!(parse_size(large).expect_err(large).contains("1 to 32768"), "{large}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Several outputs that a run leaves together, or not at all.
+
+use std::path::Path;
+
+use super::unfinished::Unfinished;
+use super::{ByteSink, Output, stale};
+use crate::base::error::{Error, Result};
+
+/// The files and folders that a run has made so far. They go again unless [`Self::keep`] is called.
+/// Files that it replaced stay replaced.
+#[derive(Debug, Default)]
+pub struct Provisional {
+    made: Vec<Unfinished>,
+    bytes: u64,
+}
+
+impl Provisional {
+    /// Makes a folder and those that it lies in, where they are missing.
+    ///
+    /// # Errors
+    /// Those of the operating system.
+    pub fn create_folder(&mut self, folder: &Path) -> Result<()> {
+        let missing = folder
+            .ancestors()
+            .take_while(|path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err());
+        let missing: Vec<&Path> = missing.collect();
+        std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+        stale::remove(folder);
+        self.made.extend(missing.into_iter().rev().map(Unfinished::note));
+        Ok(())
+    }
+
+    /// Writes a whole file. An existing one is refused unless `overwrite`.
+    ///
+    /// # Errors
+    /// `Exists`, and those of the operating system.
+    pub fn write(&mut self, path: &Path, bytes: &[u8], overwrite: bool) -> Result<()> {
+        let mut output = Output::create(path, overwrite)?;
+        output.append(bytes)?;
+        let is_new = path.symlink_metadata().is_err();
+        output.finish()?;
+        self.bytes += bytes.len() as u64;
+        if is_new {
+            self.made.push(Unfinished::note(path));
+        }
+        Ok(())
+    }
+
+    /// Bytes of the files so far, replaced ones too.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Everything stays.
+    pub fn keep(mut self) {
+        self.made.clear();
+    }
+}
+
+impl Drop for Provisional {
+    fn drop(&mut self) {
+        // Files before the folders that they are in.
+        self.made.iter().rev().for_each(Unfinished::remove);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_a_run_stay_together_or_go_together() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        std::fs::write(root.join("old"), b"old").expect("writable");
+        let run = |keep: bool| {
+            let mut made = Provisional::default();
+            let inside = root.join("a/b");
+            made.create_folder(&inside).expect("writable");
+            made.write(&inside.join("new"), b"1", false).expect("writable");
+            made.write(&root.join("old"), b"new", true).expect("writable");
+            assert!(made.write(&root.join("old"), b"2", false).is_err());
+            if keep {
+                made.keep();
+            }
+        };
+        run(false);
+        assert!(!root.join("a").exists());
+        assert_eq!(std::fs::read(root.join("old")).expect("there"), b"new");
+        run(true);
+        assert_eq!(std::fs::read(root.join("a/b/new")).expect("there"), b"1");
+        // A folder with a stranger's file stays.
+        std::fs::remove_file(root.join("a/b/new")).expect("own");
+        let mut made = Provisional::default();
+        made.create_folder(&root.join("c")).expect("writable");
+        std::fs::write(root.join("c/strange"), b"").expect("writable");
+        drop(made);
+        assert!(root.join("c/strange").exists());
+    }
+}

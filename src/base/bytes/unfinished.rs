@@ -1,0 +1,50 @@
+//! Files and folders that must not outlive a run that ends early.
+//!
+//! Their owners remove them when they are dropped. A program that is ended from outside, by a
+//! signal, drops nothing: it removes all of them by their names.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+fn noted() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    static NOTED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    NOTED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A file or folder that is unfinished as long as this lives.
+#[derive(Debug)]
+pub struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// Notes its name.
+    pub fn note(path: &Path) -> Self {
+        // Another working folder would make another file of a relative name.
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        noted().insert(path.clone());
+        Self(path)
+    }
+
+    /// Removes the file, or the folder if it is empty.
+    pub fn remove(&self) {
+        remove(&self.0);
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        noted().remove(&self.0);
+    }
+}
+
+/// Removes everything that is unfinished in this process, for its end.
+pub fn remove_all() {
+    // Names inside a folder sort behind its own.
+    noted().iter().rev().for_each(|path| remove(path));
+}
+
+fn remove(path: &Path) {
+    if std::fs::remove_file(path).is_err() {
+        std::fs::remove_dir(path).ok();
+    }
+}

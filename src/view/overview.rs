@@ -1,0 +1,101 @@
+//! A camera for a scene that comes without one: all that is visible fills its picture.
+//!
+//! Small pictures from around the box give points of the scene's surface. The camera looks from
+//! the front, the right and above, at the middle of these points as its picture shows them, from so
+//! far that all of them are inside.
+
+use glam::DVec3;
+
+use super::render::{Frame, FrameOptions, Renderer, render};
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::model::camera::{Camera, Lens, Orbit, direction, sphere};
+
+/// Small pictures, on a circle around the box.
+const LOOKS: usize = 6;
+/// Pixels along a side of a small picture.
+const SIDE: usize = 72;
+/// Opacity from which a pixel shows something.
+const SHOWS: f32 = 0.5;
+/// Share of the points that may be outside to each side: single floaters do not move the camera.
+const OUTSIDE: f64 = 0.0005;
+/// Share of the picture that is left empty around the scene.
+const MARGIN: f64 = 0.08;
+/// Angle of the view from x towards y, in radians: in training scenes the front looks along -y.
+const AROUND: f64 = -0.96;
+/// Angle of the view above the horizon, in radians.
+const UP: f64 = 0.42;
+
+/// The camera, with a picture of `size` pixels.
+///
+/// # Errors
+/// Those of rendering: rules that no picture can be made by, and `Cancelled`.
+pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
+    let orbit = Orbit::default();
+    let bounds = &field.view().bounds;
+    let mut points = Vec::new();
+    for camera in orbit.circle(bounds, LOOKS, [SIDE; 2]) {
+        let frame = render(field, &camera, &FrameOptions::default(), progress)?;
+        surface(&camera, &frame, field.view().march.far, &mut points);
+    }
+    let back = direction(AROUND, UP);
+    let half_angle = 0.5 * orbit.field_of_view;
+    let lens = Lens::centered(size, half_angle);
+    let (middle, radius) = sphere(bounds);
+    let whole = Camera::looking_at(middle, back, radius / libm::sin(half_angle), name(), lens);
+    // Nothing is opaque: the box is all there is to look at.
+    Ok(if points.is_empty() { whole } else { closest(&whole, &points) })
+}
+
+fn name() -> String {
+    "view".to_owned()
+}
+
+/// The places that the opaque pixels of a picture show.
+fn surface(camera: &Camera, frame: &Frame, far: Option<f32>, points: &mut Vec<DVec3>) {
+    for pixel in 0..frame.width * frame.height {
+        let left = frame.transmittance[pixel];
+        if left > 1.0 - SHOWS {
+            continue;
+        }
+        // Light that passes the field counts at `far`.
+        let reached = frame.distance[pixel] - left * far.unwrap_or(0.0);
+        let [x, y] = [pixel % frame.width, pixel / frame.width];
+        let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+        let distance = f64::from(reached / (1.0 - left));
+        points.push(ray.origin + distance * ray.direction.normalize());
+    }
+}
+
+/// A camera with the same rotation and lens, whose picture the points just fill.
+fn closest(camera: &Camera, points: &[DVec3]) -> Camera {
+    let [right, up, back] = [0, 1, 2].map(|axis| camera.to_world.col(axis).truncate());
+    let lens = &camera.lens;
+    let slopes = [lens.width as f64 / lens.focal[0], lens.height as f64 / lens.focal[1]]
+        .map(|slope| 0.5 * slope * (1.0 - MARGIN));
+    // From a place at height `z` towards the viewer, a point is inside the picture's left edge if
+    // `x + slope * (eye.z - z) >= eye.x`, and so on: the two sides of each axis give its middle and
+    // the least distance.
+    let mut eye = [0.0; 2];
+    let mut height = f64::NEG_INFINITY;
+    let sides = [(right, slopes[0]), (up, slopes[1])].map(|(axis, slope)| {
+        let high = quantile(points.iter().map(|p| p.dot(axis) / slope + p.dot(back)).collect());
+        let low = quantile(points.iter().map(|p| -p.dot(axis) / slope + p.dot(back)).collect());
+        (slope, high, low)
+    });
+    for (axis, (slope, high, low)) in sides.into_iter().enumerate() {
+        eye[axis] = 0.5 * slope * (high - low);
+        height = height.max(0.5 * (high + low));
+    }
+    let place = eye[0] * right + eye[1] * up + height * back;
+    let mut closest = camera.clone();
+    closest.to_world.w_axis = place.extend(1.0);
+    closest
+}
+
+/// The number that all but a few are at most.
+fn quantile(mut numbers: Vec<f64>) -> f64 {
+    let index = ((1.0 - OUTSIDE) * (numbers.len() - 1) as f64).round() as usize;
+    numbers.sort_by(f64::total_cmp);
+    numbers[index]
+}
