@@ -99,13 +99,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let message = "--difference renders both sides, and a folder of pictures is no field";
         return Err(Error::usage(message).in_file(&arguments.reference));
     }
-    let field = scene.open(&arguments.field, arguments.which, arguments.filter, common)?;
+    let (which, cameras) = (arguments.which, arguments.cameras.file());
+    let cameras = cameras.as_deref();
+    let field = scene.open(&arguments.field, which, arguments.filter, cameras, common)?;
     let reference = if arguments.reference.is_dir() {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background, limits: common.limits() }
     } else {
-        let opened = scene.open(&arguments.reference, arguments.which, None, common)?;
+        let opened = scene.open(&arguments.reference, which, None, cameras, common)?;
         arguments.warn_of_settings(&opened, common)?;
         Reference::Field(Box::new(opened))
     };

@@ -54,20 +54,22 @@ impl FieldArguments {
 
 impl SceneArguments {
     /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes
-    /// coarser levels of a trained input; without it there is level 0 alone.
+    /// coarser levels of a trained input; without it there is level 0 alone. A trained input takes
+    /// settings from the file of `cameras` too.
     pub fn open(
         &self,
         path: &Path,
         which: FieldArguments,
         filter: Option<Filter>,
+        cameras: Option<&Path>,
         common: &Common,
     ) -> Result<Renderer> {
         let limits = common.limits();
-        let options = self.source_options();
-        options.check()?;
+        self.source_options().check()?;
         if let Some(container) = which.container(path, &limits)? {
             return self.open_baked(&container.read()?, filter, &limits);
         }
+        let options = self.settings(path, cameras, &limits)?.options;
         let source = input::open_with(&stdin::resolve(path)?, &options, &limits)?;
         for assumption in &source.assumptions {
             warn(&assumption.message, common);
@@ -83,6 +85,7 @@ impl SceneArguments {
         path: &Path,
         which: FieldArguments,
         filter: Option<Filter>,
+        cameras: Option<&Path>,
         common: &Common,
     ) -> Result<Renderer> {
         let limits = common.limits();
@@ -96,7 +99,7 @@ impl SceneArguments {
                 return self.open_baked(&prefix.read()?, filter, &limits);
             }
         }
-        self.open(path, which, filter, common)
+        self.open(path, which, filter, cameras, common)
     }
 
     /// A baked field, rendered by the rules that the user overrides.

@@ -175,7 +175,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 impl Arguments {
     /// Opens the field, with rules for the cameras that are wanted.
     fn open(&self, common: &Common) -> Result<Renderer> {
-        let mut field = self.scene.open_or_prefix(&self.field, self.which, self.filter, common)?;
+        let cameras = self.cameras.file();
+        let (which, filter) = (self.which, self.filter);
+        let mut field =
+            self.scene.open_or_prefix(&self.field, which, filter, cameras.as_deref(), common)?;
         let (finest, count) = (field.view().finest, field.level_count());
         if let LevelChoice::Fixed(level) = self.level_of_detail
             && level != 0

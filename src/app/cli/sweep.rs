@@ -95,15 +95,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut settings = arguments.grid().settings();
     settings.iter().try_for_each(|setting| setting.options.check())?;
     let limits = common.limits();
-    let source_options = arguments.scene.source_options();
-    source_options.check()?;
+    let cameras = arguments.cameras.file();
+    let found = arguments.scene.settings(&arguments.input, cameras.as_deref(), &limits)?;
     let file = tensor::open(&arguments.input, &limits)?;
     if metadata_text(&file).is_some() {
         let message = "an unpacked container holds what one setting kept; a sweep needs the \
                        trained input it came from";
         return Err(Error::usage(message).in_file(&arguments.input));
     }
-    let source = input::open_tensors(&file, &source_options, &limits)?;
+    let source = input::open_tensors(&file, &found.options, &limits)?;
     for assumption in &source.assumptions {
         warn(&assumption.message, common);
     }
