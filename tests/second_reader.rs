@@ -8,22 +8,15 @@
 
 mod common;
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{chunks, mend_checksums};
+use common::{chunks, mend_checksums, python};
 
 const INSTALL: &str = "pip install -r tests/second_reader/requirements.txt";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn python() -> OsString {
-    let own = root().join("target/python/bin/python3");
-    let found = if own.is_file() { own.into() } else { "python3".into() };
-    std::env::var_os("MIPVOG_PYTHON").unwrap_or(found)
 }
 
 /// Runs the reader; its exit status and all that it printed.

@@ -138,6 +138,44 @@ fn the_name_of_an_unpacked_file_says_its_kind() {
 }
 
 #[test]
+fn unpacked_archives_hold_what_unpacked_tensors_do() {
+    let folder = scene();
+    let here = folder.path();
+    done(here, &["unpack", "a.mipvog", "-o", "a.npz"]);
+    let python = "
+import numpy as np, json, struct
+archive = np.load('a.npz')
+data = open('a.safetensors', 'rb').read()
+count = struct.unpack('<Q', data[:8])[0]
+header = json.loads(data[8:8 + count])
+texts = header.pop('__metadata__')
+types = {'F32': '<f4', 'F64': '<f8', 'U8': '|u1'}
+names = set(header) | {'__metadata__.' + name for name in texts}
+assert names == set(archive.files), names ^ set(archive.files)
+for name, entry in header.items():
+    start, end = entry['data_offsets']
+    want = np.frombuffer(data[8 + count + start:8 + count + end], types[entry['dtype']])
+    found = archive[name]
+    assert list(found.shape) == entry['shape'] and found.dtype == want.dtype, name
+    assert np.array_equal(found.ravel(), want), name
+for name, text in texts.items():
+    assert str(archive['__metadata__.' + name]) == text, name
+";
+    let mut numpy = Command::new(common::python());
+    let output = numpy.current_dir(here).args(["-c", python]).output().expect("python");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    // Either bakes to the same atlases.
+    done(here, &["bake", "a.npz", "-o", "n.mipvog"]);
+    done(here, &["validate", "n.mipvog", "a.npz"]);
+    let chunks = |name: &str| {
+        let report = done(here, &["inspect", name, "--format", "json"]);
+        let report: Value = serde_json::from_slice(&report.stdout).expect("JSON");
+        (report["levels"].clone(), report["metadata"].clone())
+    };
+    assert_eq!(chunks("n.mipvog"), chunks("a.mipvog"));
+}
+
+#[test]
 fn standard_streams_are_files_too() {
     let folder = scene();
     let here = folder.path();

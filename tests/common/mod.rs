@@ -24,7 +24,7 @@ use mipvog_bake::unstable::base::error::Result;
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::unpack::write_tensors;
+use mipvog_bake::unstable::codec::unpack::{TensorFormat, write_tensors};
 use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::input::open_with;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
@@ -37,6 +37,13 @@ use mipvog_bake::unstable::model::grid::{Bounds, Element, Nodes};
 /// A file under `fixtures/`.
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// The interpreter that has NumPy: that of `MIPVOG_PYTHON`, else of `target/python`, else any.
+pub fn python() -> std::ffi::OsString {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/python/bin/python3");
+    let found = if own.is_file() { own.into() } else { "python3".into() };
+    std::env::var_os("MIPVOG_PYTHON").unwrap_or(found)
 }
 
 /// A trained scene, as a bake without options takes it.
@@ -190,7 +197,7 @@ pub fn unpack(container: &Container) -> Result<Unpacked> {
     let folder = folder();
     let path = folder.path().join("unpacked.safetensors");
     let mut output = Output::create(&path, false)?;
-    write_tensors(container, &[], &mut output, &Silent)?;
+    write_tensors(container, &[], TensorFormat::Safetensors, &mut output, &Silent)?;
     output.finish()?;
     Ok(Unpacked { file: tensor::open(&path, &Limits::default())?, _folder: folder })
 }

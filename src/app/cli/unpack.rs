@@ -13,7 +13,7 @@ use super::output::{STANDARD_STREAM, create as create_output};
 use super::progress::Bar;
 use crate::base::bytes::{ByteSink, remove_stale};
 use crate::base::error::{Error, Result};
-use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
+use crate::codec::unpack::{SliceFormat, TensorFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
 #[derive(Debug, Args)]
@@ -71,9 +71,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
     }
-    check_name(output)?;
+    let format = format_of(output)?;
     let mut tensors = create_output(output, arguments.force)?;
-    write_tensors(&container, levels, &mut tensors, &Bar::new(common))?;
+    write_tensors(&container, levels, format, &mut tensors, &Bar::new(common))?;
     let bytes = tensors.length();
     tensors.finish()?;
     let report = json!({
@@ -84,17 +84,19 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Outcome::new("unpack", &report, text)
 }
 
-/// Refuses a name that does not say the kind of file.
-fn check_name(path: &Path) -> Result<()> {
+/// The kind of file, by its name.
+fn format_of(path: &Path) -> Result<TensorFormat> {
     let extension = path.extension().and_then(|extension| extension.to_str());
-    if path == Path::new(STANDARD_STREAM) || extension == Some("safetensors") {
-        return Ok(());
+    match extension {
+        _ if path == Path::new(STANDARD_STREAM) => Ok(TensorFormat::Safetensors),
+        Some("safetensors") => Ok(TensorFormat::Safetensors),
+        Some("npz") => Ok(TensorFormat::Npz),
+        _ => Err(Error::usage(format!(
+            "-o {}: the name must end in .safetensors, in .npz, or in a slash for a folder of \
+             slices",
+            path.display()
+        ))),
     }
-    let shown = path.display();
-    Err(Error::usage(format!(
-        "-o {shown}: the name must end in .safetensors, in .npz, or in a slash for a folder of \
-         slices"
-    )))
 }
 
 fn is_folder(path: &Path) -> bool {

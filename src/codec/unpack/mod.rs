@@ -8,8 +8,10 @@
 //! container that was never unpacked.
 
 mod levels;
+mod npz;
 mod planes;
 mod read;
+mod row;
 mod slices;
 mod tensors;
 
@@ -18,4 +20,4 @@ use planes::check_levels;
 pub(crate) use planes::fill_plane;
 pub use read::metadata_text;
 pub use slices::{SliceFormat, write_slices};
-pub use tensors::write_tensors;
+pub use tensors::{TensorFormat, write_tensors};

@@ -14,7 +14,13 @@ use crate::model::view_mlp::{Layer, ViewMlp};
 
 /// The text of `__metadata__.mipvog`, by which an unpacked container is known.
 pub fn metadata_text(file: &TensorFile) -> Option<&str> {
-    match file.root.at(&["__metadata__", "mipvog"]) {
+    metadata_of(file, "mipvog")
+}
+
+/// A text of `__metadata__`, which is a dictionary in safetensors and a prefix in NumPy archives.
+fn metadata_of<'a>(file: &'a TensorFile, name: &str) -> Option<&'a str> {
+    let nested = file.root.at(&["__metadata__", name]);
+    match nested.or_else(|| file.root.get(&format!("__metadata__.{name}"))) {
         Some(Value::Text(text)) => Some(text),
         _ => None,
     }
@@ -31,8 +37,8 @@ impl Unpacked {
         let text = metadata_text(file).unwrap_or_default();
         let metadata: Metadata = from_canonical(text.as_bytes(), &place)?;
         check_metadata(&metadata, limits, &place)?;
-        let provenance = match file.root.at(&["__metadata__", "mipvog_provenance"]) {
-            Some(Value::Text(text)) => {
+        let provenance = match metadata_of(file, "mipvog_provenance") {
+            Some(text) => {
                 let place = Place::Key("__metadata__.mipvog_provenance".to_owned());
                 from_canonical(text.as_bytes(), &place)?
             }

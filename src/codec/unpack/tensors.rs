@@ -1,4 +1,4 @@
-//! One safetensors file of all levels.
+//! One file of all levels: safetensors, or a NumPy archive of the same arrays.
 //!
 //! | tensor | shape | holds |
 //! |---|---|---|
@@ -16,9 +16,11 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::npz::NpzSink;
+use super::row::Row;
 use super::{check_levels, fill_plane};
 use crate::base::bytes::{ByteSink, Output};
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
@@ -28,44 +30,58 @@ use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
 
-/// A tensor of the header, in the order of its bytes.
-struct Row {
-    name: String,
-    dtype: &'static str,
-    shape: Vec<usize>,
-    bytes: u64,
-}
-
-impl Row {
-    fn new(name: String, dtype: &'static str, shape: &[usize]) -> Result<Self> {
-        let size = match dtype {
-            "U8" => 1,
-            "F64" => 8,
-            _ => 4,
-        };
-        let bytes = shape.iter().try_fold(size, |bytes: u64, &n| bytes.checked_mul(n as u64));
-        let overflow =
-            || Error::new(ErrorKind::Overflow { what: "tensor" }, Place::Tensor(name.clone()));
-        let bytes = bytes.ok_or_else(overflow)?;
-        Ok(Self { name, dtype, shape: shape.to_vec(), bytes })
-    }
+/// The kind of file that tensors are written to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TensorFormat {
+    /// One header, then all values.
+    Safetensors,
+    /// A NumPy archive: a zip file of arrays.
+    Npz,
 }
 
 /// Writes the levels in `levels` (all if empty) to `output`, complete but not yet finished.
+///
+/// # Errors
+///
+/// `InvalidOption` for levels that are not there; damage; writing.
 pub fn write_tensors(
     container: &Container,
     levels: &[usize],
+    format: TensorFormat,
     output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let metadata = container.metadata();
-    let (view_mlp, free_space) = container.read_head()?;
-    let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
     check_levels(container, levels)?;
-    let rows = rows(metadata, levels, view_mlp.as_ref(), free_space.as_ref())?;
-    let text = header(container, metadata, &rows)?;
-    output.append(&(text.len() as u64).to_le_bytes())?;
-    output.append(text.as_bytes())?;
+    let head = container.read_head()?;
+    let metadata = container.metadata();
+    let rows = rows(metadata, levels, head.0.as_ref(), head.1.as_ref())?;
+    match format {
+        TensorFormat::Safetensors => {
+            let text = header(container, metadata, &rows)?;
+            output.append(&(text.len() as u64).to_le_bytes())?;
+            output.append(text.as_bytes())?;
+            append_all(container, head, levels, output, progress)
+        }
+        TensorFormat::Npz => {
+            let texts = texts(container, metadata)?;
+            let texts = texts.iter().map(|(name, text)| (*name, text.as_str()));
+            let mut archive = NpzSink::new(output, texts, rows)?;
+            append_all(container, head, levels, &mut archive, progress)?;
+            archive.finish()
+        }
+    }
+}
+
+/// Appends the bytes of all tensors, in the order of [`rows`].
+fn append_all(
+    container: &Container,
+    (view_mlp, free_space): (Option<ViewMlp>, Option<FreeSpace>),
+    levels: &[usize],
+    output: &mut dyn ByteSink,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let metadata = container.metadata();
+    let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
     append_small(view_mlp.as_ref(), free_space.as_ref(), output)?;
     progress.begin(Step::Decode, metadata.levels.len() as u64);
     container.for_each_level(|number, level| {
@@ -138,7 +154,7 @@ fn small_rows(view_mlp: Option<&ViewMlp>, free_space: Option<&FreeSpace>) -> Res
 fn append_small(
     view_mlp: Option<&ViewMlp>,
     free_space: Option<&FreeSpace>,
-    output: &mut Output,
+    output: &mut dyn ByteSink,
 ) -> Result<()> {
     for layer in view_mlp.iter().flat_map(|network| &network.layers) {
         output.append(&float_bytes(&layer.weights))?;
@@ -163,7 +179,7 @@ fn append_level(
     level: &BakedLevel,
     metadata: &LevelMetadata,
     features: usize,
-    output: &mut Output,
+    output: &mut dyn ByteSink,
 ) -> Result<()> {
     let occupied: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
     output.append(&occupied)?;
@@ -185,12 +201,8 @@ fn append_level(
 }
 
 fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<String> {
-    let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
-    if let Some(provenance) = container.provenance()? {
-        texts.insert("mipvog_provenance", to_canonical(&provenance)?);
-    }
     let mut entries = serde_json::Map::new();
-    entries.insert("__metadata__".to_owned(), json!(texts));
+    entries.insert("__metadata__".to_owned(), json!(texts(container, metadata)?));
     let mut at = 0;
     for row in rows {
         let offsets = [at, at + row.bytes];
@@ -202,6 +214,15 @@ fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<St
     // Readers expect the data at a multiple of 8; the format pads with spaces.
     text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
     Ok(text)
+}
+
+/// The texts that make a file of tensors an unpacked container.
+fn texts(container: &Container, metadata: &Metadata) -> Result<BTreeMap<&'static str, String>> {
+    let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
+    if let Some(provenance) = container.provenance()? {
+        texts.insert("mipvog_provenance", to_canonical(&provenance)?);
+    }
+    Ok(texts)
 }
 
 fn float_bytes(values: &[f32]) -> Vec<u8> {
