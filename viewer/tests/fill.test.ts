@@ -24,14 +24,14 @@ function arrays(path: string): (name: string) => Float32Array {
   };
 }
 
-test("colours of filled blocks are the program's", () => {
+test("colours of inherited blocks are the program's", () => {
   const folder = temporaryFolder();
   const unpacked = join(folder.path, "unpacked.safetensors");
   program("unpack", CONTAINER, "--quiet", "-o", unpacked);
   const array = arrays(unpacked);
   const bytes = Uint8Array.from(readFileSync(CONTAINER));
   const header = readHeader(bytes);
-  assert.ok(header.filled);
+  assert.ok(header.inherited);
   const entries = readDirectory(header, bytes);
   const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
   const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30 }, 0);

@@ -21,7 +21,7 @@ export interface LevelMetadata {
   dimensions: Triple;
   block_size: number;
   blocks_stored: number;
-  /** Blocks whose colours are filled from the next coarser level; left out where there are none. */
+  /** Blocks whose colours are inherited from the next coarser level; left out where there are none. */
   blocks_filled?: number;
   density: Encoding | null;
   diffuse: Encoding;

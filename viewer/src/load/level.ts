@@ -1,7 +1,7 @@
 /** A level, decoded and laid out for the device. */
 
 import { FieldError } from "../errors.js";
-import { type Colors, fill as fillBlocks } from "../format/codings/fill.js";
+import { type Colors, inherit } from "../format/codings/inherit.js";
 import { CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, values, type Value } from "../format/codings/values.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
@@ -27,11 +27,11 @@ export interface DecodedLevel {
   skipDistances: Uint8Array | null;
 }
 
-/** Colours of a level by their chunks, for filled blocks of the next finer one. */
+/** Colours of a level by their chunks, for inherited blocks of the next finer one. */
 export type LevelColors = Record<string, Colors>;
 
 /**
- * Decodes a level. `bytes` are those of the file from `start` on, and hold the level's chunks; filled blocks are made of
+ * Decodes a level. `bytes` are those of the file from `start` on, and hold the level's chunks; inherited blocks are made of
  * the `coarser` level's colours.
  */
 export function decodeLevel(
@@ -53,19 +53,19 @@ export function decodeLevel(
   if (blocks.places.length !== stored.blocks_stored) {
     throw new FieldError(`Level ${level} stores ${blocks.places.length} blocks; the metadata says ${stored.blocks_stored}.`);
   }
-  if (blocks.filledCount !== (stored.blocks_filled ?? 0)) {
-    throw new FieldError(`Level ${level} fills ${blocks.filledCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
+  if (blocks.inheritedCount !== (stored.blocks_filled ?? 0)) {
+    throw new FieldError(`Level ${level} inherits ${blocks.inheritedCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
   }
   const edge = stored.block_size;
   const colors: LevelColors = {};
   const bricks = (kind: string, encoding: Encoding, channels: number): Bricks => {
     const { name, bytes } = chunk(kind);
     const colored = kind !== "DENS";
-    const frames = blocks.places.length - (colored ? blocks.filledCount : 0);
+    const frames = blocks.places.length - (colored ? blocks.inheritedCount : 0);
     let codes = CODINGS[kind]({ encoding, channels, edge, frames, name }, bytes);
-    if (colored && blocks.filledCount > 0) {
-      if (!coarser) throw new FieldError(`Level ${level} has filled blocks, but the level that they are made of is missing.`);
-      codes = fillBlocks({ level: stored, encoding, channels, name }, codes, blocks.places, (block) => blocks.isFilled(block), coarser[kind]);
+    if (colored && blocks.inheritedCount > 0) {
+      if (!coarser) throw new FieldError(`Level ${level} has inherited blocks, but the level that they are made of is missing.`);
+      codes = inherit({ level: stored, encoding, channels, name }, codes, blocks.places, (block) => blocks.isInherited(block), coarser[kind]);
     }
     if (colored) colors[kind] = { level: stored, frames: blocks.frames, encoding, codes, channels };
     return { codes, channels, edge, blocks, encoding, name };
@@ -98,8 +98,8 @@ class Blocks {
   readonly places: Triple[] = [];
   /** The frame of each block; -1 of those without. */
   readonly frames: Int32Array;
-  /** By frame, whether the block's colours are filled from the next coarser level. */
-  private readonly filled: boolean[] = [];
+  /** By frame, whether the block's colours are inherited from the next coarser level. */
+  private readonly inherited: boolean[] = [];
 
   constructor(
     readonly counts: Triple,
@@ -109,20 +109,20 @@ class Blocks {
     const occupied = inflate(chunk.bytes, nx * ny * nz, chunk.name);
     this.frames = new Int32Array(occupied.length).fill(-1);
     occupied.forEach((stored, block) => {
-      if (stored > 2) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored nor filled.`);
+      if (stored > 2) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored nor inherited.`);
       if (stored === 0) return;
       this.frames[block] = this.places.length;
-      this.filled.push(stored === 2);
+      this.inherited.push(stored === 2);
       this.places.push([Math.floor(block / nz / ny), Math.floor(block / nz) % ny, block % nz]);
     });
   }
 
-  get filledCount(): number {
-    return this.filled.filter((filled) => filled).length;
+  get inheritedCount(): number {
+    return this.inherited.filter((inherited) => inherited).length;
   }
 
-  isFilled(frame: number): boolean {
-    return this.filled[frame];
+  isInherited(frame: number): boolean {
+    return this.inherited[frame];
   }
 
   /** The frame of a block; -1 where it is not stored or there is none. */

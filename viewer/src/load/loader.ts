@@ -48,7 +48,7 @@ export class Loader {
   /** Levels as they are in the file, to be decoded again after the device lost them. */
   private readonly kept: { levels: number[]; bytes: Uint8Array; start: number }[] = [];
 
-  /** Colours of the level before, where the next one has filled blocks. */
+  /** Colours of the level before, where the next one has inherited blocks. */
   private coarser: LevelColors | null = null;
 
   constructor(source: OwnSource) {
@@ -111,8 +111,8 @@ export class Loader {
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
-    if (header.filled !== metadata.levels.some((level) => level.blocks_filled)) {
-      throw new FieldError("Header and metadata disagree whether there are filled blocks.");
+    if (header.inherited !== metadata.levels.some((level) => level.blocks_filled)) {
+      throw new FieldError("Header and metadata disagree whether there are inherited blocks.");
     }
     checkContents(this.entries, metadata, header);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));

@@ -1,4 +1,4 @@
-/** Colours of filled blocks, from the next coarser level: section 5 of `formats/mipvog.md`. */
+/** Colours of inherited blocks, from the next coarser level: section 5 of `formats/mipvog.md`. */
 
 import { blockCounts, type Encoding, type LevelMetadata, type Triple } from "../metadata.js";
 import type { Codes } from "./atlas.js";
@@ -21,14 +21,14 @@ interface Between {
 }
 
 /**
- * Codes of every block in `places`, from those of the blocks that are stored, in order. `filled` says which blocks are not;
+ * Codes of every block in `places`, from those of the blocks that are stored, in order. `inherited` says which blocks are not;
  * they get the `coarser` level's colours at their nodes, interpolated along z, then y, then x, and the nearest code.
  */
-export function fill(
+export function inherit(
   { level, encoding, channels, name }: { level: LevelMetadata; encoding: Encoding; channels: number; name: string },
   stored: Codes,
   places: Triple[],
-  filled: (block: number) => boolean,
+  inherited: (block: number) => boolean,
   coarser: Colors,
 ): Codes {
   const size = channels * level.block_size ** 3;
@@ -40,13 +40,13 @@ export function fill(
   let next = 0;
   places.forEach((place, block) => {
     const to = codes.subarray(block * size, (block + 1) * size);
-    if (filled(block)) fillBlock(level, place, coarser, at, borders, to);
+    if (inherited(block)) inheritBlock(level, place, coarser, at, borders, to);
     else to.set(stored.subarray(next, (next += size)));
   });
   return codes;
 }
 
-function fillBlock(level: LevelMetadata, place: Triple, coarser: Colors, value: Reader, borders: number[], codes: Codes): void {
+function inheritBlock(level: LevelMetadata, place: Triple, coarser: Colors, value: Reader, borders: number[], codes: Codes): void {
   const edge = level.block_size;
   const [x, y, z] = place.map((block, axis) => between(level.dimensions[axis], coarser.level.dimensions[axis], block * edge, edge));
   const mix = (low: number, high: number, share: number) => low + share * (high - low);
