@@ -64,6 +64,17 @@ impl MemoryPlan {
             let run_bytes = bound.checked_sub(needs.bytes(pipelined))?;
             Some(Self { pipelined, run_bytes })
         };
+        eprintln!(
+            "PARTS inputs {} masks {} pruning {} enc {} enc2 {} frames {}",
+            needs.inputs(),
+            needs.masks(),
+            needs.pruning(),
+            needs.encoding(false),
+            needs.encoding(true),
+            (0..sizes.len())
+                .map(|l| needs.frames(l, 1 + needs.field.color_channels() as u64))
+                .sum::<u64>()
+        );
         plan(true).or_else(|| plan(false)).ok_or_else(|| {
             let kind = ErrorKind::TooLittleMemory { least: needs.bytes(false), allowed: bound };
             Error::new(kind, Place::File)
