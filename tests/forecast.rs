@@ -55,13 +55,44 @@ fn an_existing_output_stays_and_is_no_obstacle() {
 }
 
 #[test]
-fn fits_are_not_forecast() {
+fn a_fit_is_forecast_by_its_steps() {
     let folder = folder();
-    let output = bake(folder.path(), &["--dry-run", "--filter", "fit"]);
-    assert_eq!(output.status.code(), Some(2));
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(
-        message.contains("--filter: found fit, whose end is not known beforehand"),
-        "{message}"
-    );
+    let fit = ["--filter", "fit", "--fit-steps", "7", "--block-size", "4"];
+    let forecast = report(folder.path(), &[&fit[..], &["--dry-run"]].concat());
+    assert!(forecast["seconds"].is_null() && forecast["peak_memory_bytes"].is_null());
+    assert!(forecast["least_memory_bytes"].is_null(), "a fit takes no bound");
+    assert_eq!(forecast["fit_steps"], 28, "four coarser levels");
+    let usual = report(folder.path(), &["--block-size", "4", "--dry-run"]);
+    assert_eq!(forecast["pruned"], usual["pruned"]);
+    assert!(usual["seconds"].as_f64() > Some(0.0) && usual.get("fit_steps").is_none());
+    let ratio = forecast["output_bytes"].as_f64().expect("bytes")
+        / usual["output_bytes"].as_f64().expect("bytes");
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn unknown_numbers_are_null() {
+    let folder = folder();
+    for (options, is_searched) in [(&[][..], false), (&["--max-error", "0.02"], true)] {
+        let forecast =
+            report(folder.path(), &[options, &["--dry-run", "--block-size", "4"]].concat());
+        for (number, level) in forecast["levels"].as_array().expect("levels").iter().enumerate() {
+            assert!(level["prefix_bytes"].is_null());
+            // Windows do not meet levels that are short, and encodings follow from their values.
+            let is_unknown = is_searched && number >= 1;
+            assert_eq!(level["max_opacity_error"].is_null(), is_unknown, "{level}");
+            assert_eq!(level["max_color_error"].is_null(), is_unknown, "{level}");
+            for group in level["groups"].as_array().expect("groups") {
+                assert_eq!(group["bits"].is_null(), is_unknown);
+                assert_eq!(group["max_error"].is_null(), is_unknown);
+            }
+        }
+    }
+    let mut text = common::program();
+    text.args(["bake", "--dry-run", "--stepsize", "0.5", "--max-error", "0.02", "-o", "x"]);
+    let output = text.arg(fixture("trained/lego64/fine_last.tar")).output().expect("starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("least --memory") && text.contains("   -"), "{text}");
+    let refused = bake(folder.path(), &["--dry-run", "--max-bytes", "1MB"]);
+    assert_eq!(refused.status.code(), Some(2));
 }

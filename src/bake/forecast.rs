@@ -28,13 +28,17 @@ const LENGTH: usize = 2;
 pub struct Forecast {
     /// As a bake would report it. Sizes of levels leave tables and metadata out.
     pub report: BakeReport,
-    /// Wall-clock time of all stages.
-    pub seconds: f64,
+    /// Wall-clock time of all stages; none where levels are fitted. A fit ends when nothing is
+    /// gained any more.
+    pub seconds: Option<f64>,
+    /// Steps of a fit in all, at most.
+    pub fit_steps: Option<usize>,
     /// The least bound on memory that the bake would keep to; none where it has no bound.
     pub least_memory_bytes: Option<u64>,
     /// Bytes that will be held at once beyond those that were held for the windows: compressed runs
-    /// wait until the coarsest level is there.
-    pub more_memory_bytes: u64,
+    /// wait until the coarsest level is there. None where levels are fitted: a fit holds pictures
+    /// and whole levels.
+    pub more_memory_bytes: Option<u64>,
     /// Bytes that will be read of the input beyond those that were read for the windows.
     pub more_bytes_read: u64,
 }
@@ -43,7 +47,7 @@ pub struct Forecast {
 ///
 /// # Errors
 ///
-/// Fits are not forecast: they end when nothing is gained any more. Otherwise as a bake's.
+/// A search for errors that fit into a number of bytes is not forecast. Otherwise as a bake's.
 pub fn forecast(
     field: &RadianceField,
     options: &BakeOptions,
@@ -51,9 +55,9 @@ pub fn forecast(
 ) -> Result<Forecast> {
     options.check()?;
     field.check()?;
-    if options.filter.is_fitted() {
-        let found = format!("{}, whose end is not known beforehand", options.filter.name());
-        return Err(Error::invalid_option("filter", found, "a filter without a fit"));
+    if options.max_bytes.is_some() {
+        let expected = "no bound on bytes: the search for errors is the bake";
+        return Err(Error::invalid_option("max_bytes", "a bound", expected));
     }
     let mut stages = Stages::start();
     let memory = MemoryPlan::of_bake(field, options)?;
@@ -122,9 +126,12 @@ pub fn forecast(
     let color = metadata.levels.first().and_then(|level| level.encoding(Group::Diffuse));
     let code = color.map_or(0, |encoding| encoding.number.bytes());
     let more_codes = 2 * more_frames * options.block_size.pow(3) * field.color_channels() * code;
+    let is_fitted = options.filter.is_fitted();
+    let coarser = metadata.levels.len().saturating_sub(1);
     Ok(Forecast {
-        seconds: stages.list.iter().map(|stage| stage.seconds).sum(),
-        more_memory_bytes: more_held + more_codes as u64,
+        seconds: (!is_fitted).then(|| stages.list.iter().map(|stage| stage.seconds).sum()),
+        fit_steps: is_fitted.then_some(options.fit_steps * coarser),
+        more_memory_bytes: (!is_fitted).then_some(more_held + more_codes as u64),
         more_bytes_read,
         least_memory_bytes: MemoryPlan::least(field, options),
         report: BakeReport {

@@ -14,16 +14,22 @@ use super::encode::PENDING_BYTES;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
+use crate::codec::container::RUN_BYTES;
 use crate::codec::quantize::Bits;
 use crate::levels::OpticalDepthGrid;
 use crate::levels::pyramid::SLAB;
 use crate::model::field::RadianceField;
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
-/// The program, its libraries, and the allocator's own memory.
-const PROGRAM_BYTES: u64 = 24 << 20;
-/// Memory of a thread that compresses a run, and its stack.
-const THREAD_BYTES: u64 = 8 << 20;
+/// The program, its libraries, and the allocator's own memory; measured.
+const PROGRAM_BYTES: u64 = 12 << 20;
+/// Memory of a thread that compresses runs, beside the frames that it keeps; measured.
+const THREAD_BYTES: u64 = 400 << 10;
+/// Allocators keep what a thread frees for that thread. So threads fill up with frames that they
+/// made, up to this share of all that ever wait at once; measured.
+const KEPT_SHARE: (u64, u64) = (1, 2);
+/// Frames that a thread keeps a share of, at most.
+const KEPT_BYTES: u64 = 8 << 20;
 
 /// The way in which a bake keeps to its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,7 +87,7 @@ struct Needs<'a> {
 
 impl Needs<'_> {
     fn bytes(&self, pipelined: bool) -> u64 {
-        let common = PROGRAM_BYTES + self.threads * THREAD_BYTES + self.inputs() + self.masks();
+        let common = PROGRAM_BYTES + self.compressing() + self.inputs() + self.masks();
         common + self.pruning().max(self.encoding(pipelined))
     }
 
@@ -158,6 +164,17 @@ impl Needs<'_> {
         let levels = 0..self.sizes.len();
         levels.map(|level| level_bytes(level) + self.frames(level, channels)).sum::<u64>()
             + self.visibility()
+    }
+
+    /// Memory of the threads that compress runs at once: no more than there are runs.
+    fn compressing(&self) -> u64 {
+        let channels = 1 + self.field.color_channels() as u64;
+        let levels = 0..self.sizes.len();
+        let waiting: u64 = levels.map(|level| self.frames(level, channels)).sum();
+        // A run that is not full, for each of the groups but one.
+        let runs = waiting / RUN_BYTES as u64 + 2;
+        let kept = waiting.min(KEPT_BYTES) * KEPT_SHARE.0 / KEPT_SHARE.1;
+        self.threads.min(runs) * (THREAD_BYTES + kept)
     }
 
     fn bytes_per_code(&self) -> u64 {

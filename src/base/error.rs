@@ -276,6 +276,11 @@ impl fmt::Display for Error {
     }
 }
 
+/// Tenths of megabytes, as people read them.
+fn megabytes(tenths: u64) -> String {
+    format!("{}.{} MB", tenths / 10, tenths % 10)
+}
+
 impl fmt::Display for ErrorKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -288,7 +293,10 @@ impl fmt::Display for ErrorKind {
                 write!(f, "found {asked} {what}, expected at most {allowed}")
             }
             Self::TooLittleMemory { least, allowed } => {
-                write!(f, "found a need of {least} bytes of memory, expected at most {allowed}")
+                // Rounded apart, so that the need is shown as the larger one.
+                let least = megabytes(least.div_ceil(100_000));
+                let allowed = megabytes(allowed / 100_000);
+                write!(f, "needs {least} of memory, the bound is {allowed}")
             }
             Self::Overflow { what } => {
                 write!(f, "found a {what} beyond 2^63, expected one that fits in memory")

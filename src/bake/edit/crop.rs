@@ -77,20 +77,23 @@ pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     Ok(())
 }
 
-/// A mask that is inside between `[lowest, highest]` corners: two nodes along each axis, of which
-/// each is nearest in one half.
+/// A mask that is inside between `[lowest, highest]` corners. Along each axis it has two nodes that
+/// are inside, each nearest in one half, and one outside to each side: renderers look for the
+/// cells that a mask cuts by its nodes.
 fn whole_box([low, high]: [[f64; 3]; 2]) -> FreeSpace {
     let scale = [0, 1, 2].map(|axis| 2.0 * (1.0 - ON_FACE) / (high[axis] - low[axis]));
-    let shift = [0, 1, 2].map(|axis| ON_FACE - 0.5 - low[axis] * scale[axis]);
-    FreeSpace { nodes: Nodes([2; 3]), scale, shift, lookup: Lookup::Nearest(vec![true; 8]) }
+    let shift = [0, 1, 2].map(|axis| 0.5 + ON_FACE - low[axis] * scale[axis]);
+    let inside =
+        |node: usize| [node / 16, node / 4 % 4, node % 4].iter().all(|at| [1, 2].contains(at));
+    let lookup = Lookup::Nearest((0..64).map(inside).collect());
+    FreeSpace { nodes: Nodes([4; 3]), scale, shift, lookup }
 }
 
-/// The part of a mask that positions between the corners can look at.
+/// The part of a mask that positions between the corners can look at, with nodes outside around it.
 fn cropped(mask: &FreeSpace, [low, high]: [[f64; 3]; 2]) -> FreeSpace {
     let is_nearest = matches!(mask.lookup, Lookup::Nearest(_));
-    // First and last node that are looked at, and those that the part has: at least two.
+    // The node before the first one that is looked at, and the nodes to the one after the last.
     let axis = |axis: usize| {
-        let end = mask.nodes.0[axis] as f64 - 1.0;
         let at = |world: f64| world * mask.scale[axis] + mask.shift[axis];
         let (a, b) = (at(low[axis]), at(high[axis]));
         let (from, to) = (a.min(b) - ON_FACE, a.max(b) + ON_FACE);
@@ -98,31 +101,38 @@ fn cropped(mask: &FreeSpace, [low, high]: [[f64; 3]; 2]) -> FreeSpace {
             true => [libm::rint(from), libm::rint(to)],
             false => [from.floor(), to.ceil()],
         };
-        let looked_at = from.max(0.0)..=to.min(end);
-        let first = from.clamp(0.0, end - 1.0) as usize;
-        let last = (to.clamp(1.0, end) as usize).max(first + 1);
-        (looked_at, first, last)
+        let end = mask.nodes.0[axis] as f64;
+        let [from, to] = [from, to].map(|node| node.clamp(-1.0, end) as isize);
+        (from - 1, (to - from + 3) as usize)
     };
     let axes = [0, 1, 2].map(axis);
-    let nodes = [0, 1, 2].map(|axis| axes[axis].2 - axes[axis].1 + 1);
-    let places = (0..nodes.iter().product::<usize>()).map(|node| {
+    let nodes = axes.map(|(_, count)| count);
+    // The node of the whole mask, where there is one that is looked at.
+    let own = |node: usize| {
         let inside = [node / (nodes[1] * nodes[2]), node / nodes[2] % nodes[1], node % nodes[2]];
-        let at = [0, 1, 2].map(|axis| axes[axis].1 + inside[axis]);
-        let own = (at[0] * mask.nodes.0[1] + at[1]) * mask.nodes.0[2] + at[2];
-        let seen = (0..3).all(|axis| axes[axis].0.contains(&(at[axis] as f64)));
-        (own, seen)
-    });
+        let mut own = 0;
+        for axis in 0..3 {
+            let is_ring = inside[axis] == 0 || inside[axis] + 1 == nodes[axis];
+            let at = usize::try_from(axes[axis].0 + inside[axis] as isize).ok();
+            let at = at.filter(|&at| !is_ring && at < mask.nodes.0[axis])?;
+            own = own * mask.nodes.0[axis] + at;
+        }
+        Some(own)
+    };
+    let all = 0..nodes.iter().product::<usize>();
     let lookup = match &mask.lookup {
         Lookup::Nearest(inside) => {
-            Lookup::Nearest(places.map(|(own, seen)| seen && inside[own]).collect())
+            Lookup::Nearest(all.map(|node| own(node).is_some_and(|own| inside[own])).collect())
         }
         Lookup::Trilinear { values, threshold } => {
-            // Below the threshold as far as the lowest value is.
-            let lowest = values.iter().copied().fold(*threshold - 1.0, f32::min);
-            let value = |(own, seen): (usize, bool)| if seen { values[own] } else { lowest };
-            Lookup::Trilinear { values: places.map(value).collect(), threshold: *threshold }
+            // So low that a position a hundredth of a cell beyond a kept node is outside.
+            let lowest = values.iter().copied().fold(*threshold, f32::min);
+            let highest = values.iter().copied().fold(*threshold, f32::max);
+            let outside = lowest - 100.0 * (highest - lowest) - 1.0;
+            let value = |node: usize| own(node).map_or(outside, |own| values[own]);
+            Lookup::Trilinear { values: all.map(value).collect(), threshold: *threshold }
         }
     };
-    let shift = [0, 1, 2].map(|axis| mask.shift[axis] - axes[axis].1 as f64);
+    let shift = [0, 1, 2].map(|axis| mask.shift[axis] - axes[axis].0 as f64);
     FreeSpace { nodes: Nodes(nodes), scale: mask.scale, shift, lookup }
 }

@@ -54,7 +54,8 @@ pub fn drop_islands(unpacked: &mut Unpacked, fewest: u64) -> Result<IslandReport
             continue;
         }
         let grid = unpacked.levels[number].table.grid();
-        let touched = emptied.blocks(grid.edge)?;
+        // Blocks hold the nodes around visible ones too.
+        let touched = around(&emptied)?.blocks(grid.edge)?;
         unpacked.levels[number].emptied = Some(emptied);
         let needed = around(&visible_nodes(unpacked, number)?)?.blocks(grid.edge)?;
         let [_, rows, length] = grid.counts();

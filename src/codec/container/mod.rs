@@ -28,5 +28,5 @@ mod write;
 pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
 pub use rules::{LARGEST_BLOCK, check_metadata};
-pub use runs::{CompressedRun, EncodedAtlas, frames_per_run};
+pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};
 pub use write::{EncodedLevel, Head, write};

@@ -27,7 +27,7 @@ use crate::model::baked::{Codes, Encoding, with_codes};
 
 /// Bytes of codes in a full run, about: small enough for many at once, large enough for several
 /// modes.
-const RUN_BYTES: usize = 512 << 10;
+pub const RUN_BYTES: usize = 512 << 10;
 /// First bytes of a zstd frame.
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Top bit of a run's length: the run is stored, not compressed.

@@ -7,10 +7,10 @@ use serde_json::Value as Json;
 use super::planes::fill_plane;
 use super::tensors::digest_of_tensors;
 use crate::base::bytes::Storage;
-use crate::base::error::Result;
+use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::Container;
-use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata, Table};
+use crate::model::baked::{BakedLevel, DensityDomain, Group, LevelMetadata, Metadata, Table};
 use crate::model::field::{FreeSpace, RadianceField, Scene, Volume};
 use crate::model::grid::{Element, NodeMask, row};
 use crate::model::view_mlp::ViewMlp;
@@ -86,12 +86,18 @@ impl Unpacked {
     ///
     /// # Errors
     ///
-    /// None of its own.
+    /// [`ErrorKind::Unsupported`](crate::base::error::ErrorKind::Unsupported) where level 0 was a
+    /// coarser one, whose densities are no logits.
     pub fn field(&self) -> Result<Option<RadianceField>> {
         let metadata = &self.metadata;
         let (Some(finest), Some(stated)) = (self.levels.first(), metadata.levels.first()) else {
             return Ok(None);
         };
+        if stated.density_domain() != DensityDomain::Raw {
+            let found = "a container whose trained level 0 was dropped";
+            let expected = "one with it, or the checkpoint, to bake anew";
+            return Err(Error::unsupported(Place::File, found, expected));
+        }
         let volume = |group| finest.volume(group, stated, metadata.features);
         let Some(density) = volume(Group::Density)? else { return Ok(None) };
         let color = [volume(Group::Diffuse)?, volume(Group::Features)?];

@@ -24,7 +24,7 @@ pub fn dry_run(
     let bar = Bar::new(common);
     let forecast = forecast(&source.field, &options, &bar)?;
     drop(bar);
-    let memory = peak_memory_bytes().map(|bytes| bytes + forecast.more_memory_bytes);
+    let memory = peak_memory_bytes().zip(forecast.more_memory_bytes).map(|(own, more)| own + more);
     let mut json = json!({
         "input": arguments.input.to_string_lossy(),
         "output": arguments.output.to_string_lossy(),
@@ -41,15 +41,19 @@ pub fn dry_run(
     {
         json.extend(report);
     }
-    let unknown = || "unknown".to_owned();
-    let mut text = format!(
-        "{}: about {} in {:.1} s, {} of memory; the least --memory is {}\n",
-        arguments.output.display(),
-        readable(forecast.report.output_bytes),
-        forecast.seconds,
-        memory.map_or_else(unknown, readable),
-        forecast.least_memory_bytes.map_or_else(|| "none".to_owned(), readable),
-    );
+    if let Some(steps) = forecast.fit_steps {
+        json["fit_steps"] = steps.into();
+    }
+    let mut text =
+        format!("{}: about {}", arguments.output.display(), readable(forecast.report.output_bytes));
+    text += &match (forecast.seconds, forecast.fit_steps) {
+        (Some(seconds), _) => format!(" in {seconds:.1} s"),
+        (None, steps) => format!(" after a fit of up to {} steps", steps.unwrap_or(0)),
+    };
+    text += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
+    let least = forecast.least_memory_bytes;
+    text += &least.map_or_else(String::new, |bytes| format!("; least --memory {bytes}"));
+    text.push('\n');
     text += &levels_text(&forecast.report.levels);
     Outcome::new("bake", &json, text)
 }
