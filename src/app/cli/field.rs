@@ -22,6 +22,7 @@ use crate::view::render::{Renderer, TrainedLevels};
 
 /// The user's settings for a scene, beside those of its file.
 #[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Scene")]
 pub struct SceneArguments {
     /// Step length in voxels [default: the container's; 0.5 for checkpoints, with a warning]
     #[arg(long, value_name = "VOXELS")]
