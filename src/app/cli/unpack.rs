@@ -12,6 +12,7 @@ use super::output::create as create_output;
 use super::progress::Bar;
 use crate::base::bytes::{ByteSink, remove_stale};
 use crate::base::error::{Error, Place, Result};
+use crate::base::progress::Step;
 use crate::codec::unpack::{SliceFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
@@ -66,7 +67,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         return Outcome::new("unpack", &report, text);
     }
     let mut tensors = create_output(output, arguments.force)?;
-    write_tensors(&container, levels, &mut tensors, &Bar::new(common))?;
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Decode, 1.0)]);
+    write_tensors(&container, levels, &mut tensors, &bar)?;
+    drop(bar);
     let bytes = tensors.length();
     tensors.finish()?;
     let report = json!({
