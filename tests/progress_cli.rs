@@ -45,7 +45,7 @@ fn every_verb_names_its_steps_and_its_share_only_grows() {
     let fit = ["bake", &tiny, "-o", "a.mipvog", "--filter", "fit", "--fit-steps", "60"];
     let fit = lines(&fit);
     assert_grows(&fit);
-    for start in ["prune", "render reference pictures, ", "fit, "] {
+    for start in ["prune", "reference pictures, ", "fit, "] {
         assert!(fit.iter().any(|line| line.starts_with(start)), "no {start} in {fit:?}");
     }
     assert_grows(&lines(&[&["render", &baked, "-o", "x"], &view[..]].concat()));
@@ -71,7 +71,7 @@ fn parts_of_long_steps_are_named() {
     };
     let fit = said(&[&bake[..], &["--filter", "fit", "--fit-seconds", "14"]].concat());
     // Of 192 pictures and of some hundred steps, one a second is told.
-    assert!(fit.contains("render reference pictures: picture ") && fit.contains("/192, "), "{fit}");
+    assert!(fit.contains("reference pictures: picture ") && fit.contains("/192, "), "{fit}");
     assert!(fit.contains("fit: level 1 of 4, step ") && fit.contains("/150, "), "{fit}");
     assert!(fit.contains(" dB, ") && fit.contains(" left"), "{fit}");
     // Time is up before the second level.

@@ -58,7 +58,7 @@ impl Bar {
             false => ProgressDrawTarget::hidden(),
         };
         let bar = ProgressBar::with_draw_target(Some(LENGTH), target);
-        let template = "{percent:>3}% {bar:24} {left:13} {wide_msg}";
+        let template = "{percent:>3}% {bar:16} {left:12} {wide_msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn Write| {
                 text.write_str(&left(state.elapsed(), state.fraction().into())).ok();
