@@ -32,7 +32,7 @@ impl Step {
         match self {
             Self::Prune => "prune",
             Self::Cover => "look from the cameras",
-            Self::Targets => "render reference pictures",
+            Self::Targets => "reference pictures",
             Self::Fit => "fit",
             Self::Ranges => "find ranges",
             Self::Encode => "encode",

@@ -121,6 +121,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut references = if arguments.difference { references.alike() } else { references };
     let heat = |frame: &FrameErrors| arguments.write_heat_map(frame, &mut made);
     let errors = references.compare(&field, &bar, heat)?;
+    bar.check()?;
     made.keep();
     drop(bar);
     let report = Report {

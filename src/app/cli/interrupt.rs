@@ -19,6 +19,8 @@ use crate::base::error::Error;
 const SIGNALLED: i32 = 128;
 /// Time that work has to end by itself. With the removal of files the end comes within a second.
 const GRACE: Duration = Duration::from_millis(600);
+/// Time for the report of work that is done.
+const LAST_WORDS: Duration = Duration::from_millis(100);
 /// Time between two looks at the signals.
 const LOOK: Duration = Duration::from_millis(40);
 
@@ -62,15 +64,17 @@ pub fn watch() {
 
 /// Ends the program where no work looks at the wish, or none obeys it in time.
 fn guard(signals: &Signals) {
-    let mut since = None;
+    let (mut asked, mut idle) = (None, None);
     loop {
         std::thread::sleep(LOOK);
-        if !signals.want_end() {
-            since = None;
-            continue;
-        }
-        let since: Instant = *since.get_or_insert_with(Instant::now);
-        if signals.works.load(Ordering::Relaxed) > 0 && since.elapsed() < GRACE {
+        let since = |start: &mut Option<Instant>, holds: bool| -> Duration {
+            *start = start.filter(|_| holds).or_else(|| holds.then(Instant::now));
+            start.map_or(Duration::ZERO, |start| start.elapsed())
+        };
+        let wanted = signals.want_end();
+        let asked = since(&mut asked, wanted);
+        let idle = since(&mut idle, wanted && signals.works.load(Ordering::Relaxed) == 0);
+        if asked < GRACE && idle < LAST_WORDS {
             continue;
         }
         remove_unfinished();

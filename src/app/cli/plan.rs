@@ -81,7 +81,9 @@ pub fn of_bake(options: &BakeOptions, nodes: Nodes, judges: &[Camera]) -> Vec<(S
     }
     if options.filter.is_fitted() {
         let levels = options.filter.level_count(nodes).saturating_sub(1) as f64;
-        stages.extend([(Step::Targets, TARGETS * count), (Step::Fit, FIT * count * levels)]);
+        let most = options.fit_seconds.unwrap_or(f64::INFINITY);
+        let fit = (FIT * count * levels).min(most);
+        stages.extend([(Step::Targets, TARGETS * count), (Step::Fit, fit)]);
     }
     if options.max_error.is_some() {
         stages.push((Step::Ranges, RANGES * count));

@@ -11,6 +11,7 @@ use super::common::{Common, When};
 use super::interrupt::Work;
 use super::outcome::{drawn, say};
 use super::plan::Plan;
+use crate::base::error::{Error, Result};
 use crate::base::progress::{Progress, Step};
 
 /// Parts of the bar: finer than any terminal shows.
@@ -57,7 +58,7 @@ impl Bar {
             false => ProgressDrawTarget::hidden(),
         };
         let bar = ProgressBar::with_draw_target(Some(LENGTH), target);
-        let template = "{percent:>3}% {bar:24} {left:13} {wide_msg}";
+        let template = "{percent:>3}% {bar:16} {left:12} {wide_msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.with_key("left", |state: &ProgressState, text: &mut dyn Write| {
                 text.write_str(&left(state.elapsed(), state.fraction().into())).ok();
@@ -88,6 +89,14 @@ impl Bar {
     /// of what is left of the bar.
     pub fn plan(&self, stages: Vec<(Step, f64)>) {
         self.current().plan = Plan::new(stages);
+    }
+
+    /// Asks for the last time, before outputs get their names.
+    ///
+    /// # Errors
+    /// `Cancelled` if the work should end.
+    pub fn check(&self) -> Result<()> {
+        if self.cancelled() { Err(Error::cancelled()) } else { Ok(()) }
     }
 
     fn current(&self) -> MutexGuard<'_, Current> {

@@ -156,6 +156,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             files,
         });
     }
+    bar.check()?;
     let output_bytes = pictures.finish()?;
     drop(bar);
     let report = Report {

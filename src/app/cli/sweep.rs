@@ -30,7 +30,7 @@ use crate::input::tensor;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8,10 -o sweep/
+  mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8 -o sweep/
   mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/")]
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names
@@ -38,36 +38,6 @@ pub struct Arguments {
     /// The folder for containers, their results, and sweep.html, sweep.csv and sweep.json
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Filters to try, as `bake --filter`
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
-    filter: Vec<Filter>,
-    /// Bits to try: 4 to 16, f16 or f32
-    #[arg(long, value_name = "BITS,...", value_delimiter = ',')]
-    bits: Vec<Bits>,
-    /// Errors to try beside the bits, as `bake --max-error`
-    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
-    max_error: Vec<MaxErrors>,
-    /// Opacities to try, over one interval up to which blocks are dropped
-    #[arg(long, value_name = "OPACITY,...", value_delimiter = ',')]
-    alpha_threshold: Vec<f32>,
-    /// Numbers of levels to try
-    #[arg(long, value_name = "N,...", value_delimiter = ',')]
-    levels: Vec<usize>,
-    /// Nodes along a block's edge to try
-    #[arg(long, value_name = "NODES,...", value_delimiter = ',')]
-    block_size: Vec<usize>,
-    /// Compression levels of zstd to try, 1 to 22
-    #[arg(long, value_name = "LEVEL,...", value_delimiter = ',')]
-    zstd_level: Vec<i32>,
-    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all
-    #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',')]
-    min_weight: Vec<f32>,
-    /// Coarseness of colours to try, as `bake --coarseness`
-    #[arg(long, value_name = "CODES,...", value_delimiter = ',')]
-    coarseness: Vec<f32>,
-    /// Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all
-    #[arg(long, value_name = "ERROR,...", value_delimiter = ',')]
-    fill_error: Vec<f32>,
     /// Presets to try beside the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
@@ -82,6 +52,41 @@ pub struct Arguments {
     /// Overwrite files that no sweep wrote
     #[arg(long)]
     force: bool,
+    /// Filters to try, as `bake --filter`
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', help_heading = "Levels")]
+    filter: Vec<Filter>,
+    /// Bits to try: 4 to 16, f16 or f32
+    #[arg(long, value_name = "BITS,...", value_delimiter = ',', help_heading = "Size and error")]
+    bits: Vec<Bits>,
+    /// Errors to try beside the bits, as `bake --max-error`
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',', help_heading = "Size and error")]
+    max_error: Vec<MaxErrors>,
+    /// Opacities to try, over one interval up to which blocks are dropped
+    #[arg(
+        long,
+        value_name = "OPACITY,...",
+        value_delimiter = ',',
+        help_heading = "Size and error"
+    )]
+    alpha_threshold: Vec<f32>,
+    /// Numbers of levels to try
+    #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Levels")]
+    levels: Vec<usize>,
+    /// Nodes along a block's edge to try
+    #[arg(long, value_name = "NODES,...", value_delimiter = ',', help_heading = "Size and error")]
+    block_size: Vec<usize>,
+    /// Compression levels of zstd to try, 1 to 22
+    #[arg(long, value_name = "LEVEL,...", value_delimiter = ',', help_heading = "Size and error")]
+    zstd_level: Vec<i32>,
+    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all
+    #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',', help_heading = "Size and error")]
+    min_weight: Vec<f32>,
+    /// Coarseness of colours to try, as `bake --coarseness`
+    #[arg(long, value_name = "CODES,...", value_delimiter = ',', help_heading = "Size and error")]
+    coarseness: Vec<f32>,
+    /// Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all
+    #[arg(long, value_name = "ERROR,...", value_delimiter = ',', help_heading = "Size and error")]
+    fill_error: Vec<f32>,
     #[command(flatten)]
     cameras: CameraArguments,
     #[command(flatten)]

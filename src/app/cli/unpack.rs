@@ -6,13 +6,13 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::common::Common;
-use super::field::FieldArguments;
-use super::field::wrong_kind;
+use super::field::{FieldArguments, wrong_kind};
 use super::outcome::{Outcome, counted, readable};
 use super::output::{STANDARD_STREAM, create as create_output};
 use super::progress::Bar;
 use crate::base::bytes::{ByteSink, remove_stale};
 use crate::base::error::{Error, Result};
+use crate::base::progress::Step;
 use crate::codec::unpack::{SliceFormat, TensorFormat, write_slices, write_tensors};
 
 /// Turn a container back into dense arrays
@@ -73,7 +73,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let format = format_of(output)?;
     let mut tensors = create_output(output, arguments.force)?;
-    write_tensors(&container, levels, format, &mut tensors, &Bar::new(common))?;
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Decode, 1.0)]);
+    write_tensors(&container, levels, format, &mut tensors, &bar)?;
+    drop(bar);
     let bytes = tensors.length();
     tensors.finish()?;
     let report = json!({

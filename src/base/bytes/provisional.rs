@@ -24,6 +24,12 @@ impl Provisional {
             .ancestors()
             .take_while(|path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err());
         let missing: Vec<&Path> = missing.collect();
+        let is_folder = |path: &&Path| path.as_os_str().is_empty() || path.is_dir();
+        let there = folder.ancestors().find(|path| !missing.contains(path));
+        if let Some(file) = there.filter(|path| !is_folder(path)) {
+            let message = "a file is in a folder's place";
+            return Err(Error::io(std::io::Error::other(message), file));
+        }
         std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
         stale::remove(folder);
         self.made.extend(missing.into_iter().rev().map(Unfinished::note));
@@ -89,6 +95,11 @@ mod tests {
         assert_eq!(std::fs::read(root.join("old")).expect("there"), b"new");
         run(true);
         assert_eq!(std::fs::read(root.join("a/b/new")).expect("there"), b"1");
+        for taken in ["old", "old/a/b"] {
+            let refused = Provisional::default().create_folder(&root.join(taken));
+            let message = refused.expect_err("a file").to_string();
+            assert!(message.ends_with("old: a file is in a folder's place"), "{message}");
+        }
         // A folder with a stranger's file stays.
         std::fs::remove_file(root.join("a/b/new")).expect("own");
         let mut made = Provisional::default();

@@ -123,3 +123,60 @@ impl Camera {
         Self { name, to_world, lens, picture: None }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOX: Bounds = Bounds { min: [-1.0, -0.5, 0.25], max: [1.5, 2.0, 1.0] };
+
+    fn place(camera: &Camera) -> DVec3 {
+        camera.to_world.w_axis.truncate()
+    }
+
+    #[test]
+    fn a_plain_turntable_is_the_same_to_the_last_bit() {
+        // Stored values depend on these places.
+        let (middle, radius) = sphere(&BOX);
+        for (i, camera) in turntable(&BOX, 7, [40, 30]).iter().enumerate() {
+            let around = TAU * i as f64 / 7.0;
+            let back = DVec3::new(
+                libm::cos(around) * libm::cos(FRAC_PI_6),
+                libm::sin(around) * libm::cos(FRAC_PI_6),
+                libm::sin(FRAC_PI_6),
+            );
+            assert_eq!(place(camera), middle + radius / libm::sin(0.35) * back);
+            assert_eq!(camera.lens.focal, [15.0 / libm::tan(0.35); 2]);
+            assert_eq!(camera.name, format!("turn_00{i}"));
+        }
+    }
+
+    #[test]
+    fn orbits_keep_to_their_angles_and_distances() {
+        let (middle, radius) = sphere(&BOX);
+        let orbit = Orbit {
+            elevation: -0.3,
+            radius: Some(2.5),
+            field_of_view: 1.0,
+            start: std::f64::consts::FRAC_PI_2,
+        };
+        let circle = orbit.circle(&BOX, 4, [50, 20]);
+        let spiral = orbit.spiral(&BOX, 50, [50, 20]);
+        for camera in circle.iter().chain(&spiral) {
+            assert!((place(camera).distance(middle) / radius - 2.5).abs() < 1e-12);
+            let half = libm::atan(10.0 / camera.lens.focal[1]);
+            assert!((half - 0.5).abs() < 1e-12, "the shorter side");
+        }
+        assert!(circle.iter().all(|camera| {
+            ((place(camera) - middle).z / (2.5 * radius) - libm::sin(-0.3)).abs() < 1e-12
+        }));
+        // A quarter turn from x is y.
+        let first = place(&circle[0]) - middle;
+        assert!(first.x.abs() < 1e-9 && first.y > 0.0);
+        // A spiral rises in equal steps, and stays above the middle.
+        let heights: Vec<f64> = spiral.iter().map(|camera| (place(camera) - middle).z).collect();
+        assert!(heights.is_sorted() && heights[0] > 0.0);
+        let steps = heights.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(steps.clone().all(|step| (step - 2.5 * radius * 0.9 / 50.0).abs() < 1e-9));
+    }
+}

@@ -1,0 +1,181 @@
+//! Signals at any moment: a verb ends within a second, leaves nothing half or in the way, and the
+//! same command runs again.
+
+#![cfg(all(unix, feature = "cli"))]
+
+mod common;
+
+use std::path::Path;
+use std::process::{Child, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{Random, fixture, folder, program};
+
+/// A run has this much time to end after a signal. Machines of tests are busy.
+const END: Duration = Duration::from_millis(1500);
+
+fn start(here: &Path, line: &str) -> Child {
+    let words = line.split(' ').map(|word| match word {
+        "SCENE" => fixture("trained/lego64/fine_last.tar").display().to_string(),
+        "TINY" => fixture("trained/tiny/fine_last.tar").display().to_string(),
+        "BAKED" => fixture("baked/tiny.rate.mipvog").display().to_string(),
+        word => word.to_owned(),
+    });
+    let mut command = program();
+    command.current_dir(here).args(words).stdin(Stdio::null()).stdout(Stdio::null());
+    command.stderr(Stdio::piped()).spawn().expect("starts")
+}
+
+/// Sends a signal and waits; the time until the end is asserted.
+fn signalled(child: Child, signal: &str) -> Output {
+    let clock = Instant::now();
+    let id = child.id().to_string();
+    let sent = std::process::Command::new("kill").args([signal, &id]).status();
+    assert!(sent.expect("kill is there").success());
+    let output = child.wait_with_output().expect("ends");
+    let took = clock.elapsed();
+    assert!(took < END, "{took:?}: {}", message(&output));
+    output
+}
+
+fn message(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn wait_for(holds: impl Fn() -> bool) {
+    let clock = Instant::now();
+    while !holds() {
+        assert!(clock.elapsed() < Duration::from_secs(60), "it never comes");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The first time that a folder of this name has so many files.
+fn wait_for_files(folder: &Path, count: usize) {
+    wait_for(|| names(folder).iter().filter(|name| name.ends_with(".png")).count() >= count);
+}
+
+#[test]
+fn pictures_of_an_interrupted_run_go_and_it_runs_again() {
+    let folder = folder();
+    let here = folder.path();
+    let render = "render BAKED --turntable 300 --size 60 -o new/pictures";
+    let compare = "compare BAKED BAKED --turntable 300 --size 60 --scales 1 -o new/pictures";
+    for (line, signal, code) in
+        [(render, "-INT", 130), (compare, "-TERM", 143), (render, "-TERM", 143)]
+    {
+        let child = start(here, line);
+        wait_for_files(&here.join("new/pictures"), 3);
+        let output = signalled(child, signal);
+        assert_eq!(output.status.code(), Some(code), "{line}: {}", message(&output));
+        assert!(message(&output).contains("run again"), "{}", message(&output));
+        // The folder was its own too.
+        assert!(names(here).is_empty(), "{line}: {:?}", names(here));
+    }
+    // Files of others stay, and so do pictures that were to be replaced.
+    std::fs::create_dir_all(here.join("new/pictures")).expect("writable");
+    std::fs::write(here.join("new/pictures/mine.txt"), b"mine").expect("writable");
+    std::fs::write(here.join("new/pictures/turn_001.s1.png"), b"old").expect("writable");
+    let forced = format!("{render} --force");
+    let child = start(here, &forced);
+    wait_for_files(&here.join("new/pictures"), 4);
+    assert_eq!(signalled(child, "-INT").status.code(), Some(130));
+    assert_eq!(names(&here.join("new/pictures")), ["mine.txt", "turn_001.s1.png"]);
+    let replaced = std::fs::read(here.join("new/pictures/turn_001.s1.png")).expect("there");
+    assert!(replaced.starts_with(b"\x89PNG") && replaced.ends_with(b"IEND\xaeB`\x82"));
+    let short = forced.replace("300", "3");
+    let output = start(here, &short).wait_with_output().expect("ends");
+    assert!(output.status.success(), "{}", message(&output));
+}
+
+#[test]
+fn any_verb_ends_soon_after_a_signal_at_any_moment() {
+    let mut random = Random::new(11);
+    let lines = [
+        "render SCENE --turntable 40 --size 200 -o x.webp",
+        "render SCENE --size 1500 --supersample 3 -o x.png",
+        "compare SCENE SCENE --turntable 4 --size 300 --scales 1,2 -o x",
+        "bake SCENE --stepsize 0.5 -o x.mipvog --zstd-level 22",
+        "bake SCENE --stepsize 0.5 -o x.mipvog --turntable 9 --size 400",
+        "inspect SCENE",
+        "validate SCENE",
+        "unpack BAKED -o x.safetensors",
+        "view BAKED --no-open",
+    ];
+    for line in lines {
+        for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+            let folder = folder();
+            let here = folder.path();
+            let child = start(here, line);
+            let wait = random.between(0.03, 0.7);
+            std::thread::sleep(Duration::from_secs_f32(wait));
+            let output = signalled(child, signal);
+            // Short ones were done.
+            let ended = output.status.code();
+            assert!([Some(code), Some(0)].contains(&ended), "{line}: {}", message(&output));
+            if ended != Some(0) {
+                assert!(names(here).is_empty(), "{line} after {wait} s: {:?}", names(here));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sweep_goes_on_after_a_signal_at_any_moment() {
+    let mut random = Random::new(12);
+    let folder = folder();
+    let here = folder.path();
+    let line = "sweep TINY --turntable 2 --size 40 --bits 6,8,10,12 --repeat 1 -o x";
+    let clock = Instant::now();
+    assert!(start(here, line).wait().expect("ends").success());
+    let time = clock.elapsed();
+    let whole = names(&here.join("x"));
+    for number in 0..16 {
+        if number % 4 == 0 {
+            std::fs::remove_dir_all(here.join("x")).expect("own");
+        }
+        let child = start(here, line);
+        std::thread::sleep(time.mul_f32(random.between(0.05, 0.9)));
+        let signal = if number % 2 == 0 { "-INT" } else { "-TERM" };
+        let output = signalled(child, signal);
+        let code = output.status.code();
+        assert!([Some(0), Some(130), Some(143)].contains(&code), "{}", message(&output));
+        let left = names(&here.join("x"));
+        assert!(left.iter().all(|name| whole.contains(name)), "{left:?}");
+    }
+    let output = start(here, line).wait_with_output().expect("ends");
+    assert!(output.status.success(), "{}", message(&output));
+    assert_eq!(names(&here.join("x")), whole);
+}
+
+#[test]
+fn a_fit_that_has_not_begun_says_so() {
+    let folder = folder();
+    let here = folder.path();
+    let line = "bake SCENE --stepsize 0.5 --filter fit -o x.mipvog --progress always";
+    let mut child = start(here, line);
+    let mut stderr = child.stderr.take().expect("a pipe");
+    let (mut seen, mut buffer) = (Vec::new(), [0; 256]);
+    while !String::from_utf8_lossy(&seen).contains("reference pictures") {
+        let count = std::io::Read::read(&mut stderr, &mut buffer).expect("readable");
+        assert!(count > 0, "it ended: {}", String::from_utf8_lossy(&seen));
+        seen.extend_from_slice(&buffer[..count]);
+    }
+    child.stderr = Some(stderr);
+    let output = signalled(child, "-INT");
+    assert_eq!(output.status.code(), Some(130));
+    assert!(
+        message(&output).contains("nothing is fitted, nothing written"),
+        "{}",
+        message(&output)
+    );
+    assert!(names(here).is_empty());
+}
