@@ -69,11 +69,12 @@ fn parts_of_long_steps_are_named() {
             .expect("starts");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    let fit = said(&[&bake[..], &["--filter", "fit", "--fit-seconds", "14"]].concat());
+    let fit =
+        said(&[&bake[..], &["--filter", "fit", "--fit-steps", "30", "--levels", "3"]].concat());
     // Of 192 pictures and of some hundred steps, one a second is told.
     assert!(fit.contains("reference pictures: picture ") && fit.contains("/192, "), "{fit}");
-    assert!(fit.contains("fit: level 1 of 4, step ") && fit.contains("/150, "), "{fit}");
-    assert!(fit.contains(" dB, ") && fit.contains(" left"), "{fit}");
+    assert!(fit.contains("fit: level ") && fit.contains(" of 2, step "), "{fit}");
+    assert!(fit.contains("/30, ") && fit.contains(" dB, ") && fit.contains(" left"), "{fit}");
     // Time is up before the second level.
     let tiny = fixture("trained/tiny/fine_last.tar").display().to_string();
     let short =

@@ -80,7 +80,8 @@ pub fn of_bake(options: &BakeOptions, nodes: Nodes, judges: &[Camera]) -> Vec<(S
         stages.push((Step::Cover, PIXEL * pixels(judges)));
     }
     if options.filter.is_fitted() {
-        let levels = options.filter.level_count(nodes).saturating_sub(1) as f64;
+        let levels = options.filter.level_count(nodes).min(options.levels.unwrap_or(usize::MAX));
+        let levels = levels.saturating_sub(1) as f64;
         let most = options.fit_seconds.unwrap_or(f64::INFINITY);
         let fit = (FIT * count * levels).min(most);
         stages.extend([(Step::Targets, TARGETS * count), (Step::Fit, fit)]);

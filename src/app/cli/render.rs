@@ -11,7 +11,7 @@ use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::destination::Destination;
 use super::field::FieldArguments;
-use super::outcome::Outcome;
+use super::outcome::{Outcome, readable};
 use super::pictures::{PictureOptions, Pictures};
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -212,7 +212,7 @@ impl Report {
             let (name, pixels) = (format!("{frame}.s{scale}"), format!("{w} x {h}"));
             writeln!(text, "  {name:width$} {pixels:>13} {seconds:>9.3}").ok();
         }
-        let bytes = super::outcome::readable(self.output_bytes);
+        let bytes = readable(self.output_bytes);
         writeln!(text, "{}: {bytes} in {:.2} s", self.output, self.seconds).ok();
         let share = 100.0 * self.skipped_share;
         let (rays, samples) = (self.rays_per_second, self.samples_per_ray);
