@@ -146,6 +146,8 @@ impl Needs<'_> {
         let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
         let level_bytes = |level: usize| {
+            // No level has more planes than these.
+            let count = self.sizes[level].0[0] as u64;
             // Planes at work in each thread; with alpha, also the weights of a slab's colours.
             let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
@@ -153,12 +155,14 @@ impl Needs<'_> {
                 (true, _) => (1 + channels) * self.threads,
             };
             // Half as long along y.
-            let ring = rising * (thickness + self.window()).div_ceil(2);
+            let ring = rising * (thickness + self.window()).min(count).div_ceil(2);
             // A slab that waits for the plane after it, and the plane before it.
+            let slab_planes = (1 + slabs) * thickness + 1;
             let waiting =
-                if premultiplies && level > 0 { rising * ((1 + slabs) * thickness + 1) } else { 0 };
+                if premultiplies && level > 0 { rising * slab_planes.min(count) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
-            let codes = slabs * thickness * channels * plane / 4 * self.bytes_per_code();
+            let codes =
+                (slabs * thickness).min(count) * channels * plane / 4 * self.bytes_per_code();
             codes + (at_work + ring + waiting) * plane
         };
         let levels = 0..self.sizes.len();

@@ -14,6 +14,7 @@ pub mod stress;
 pub mod stress_field;
 pub mod stress_ray;
 pub mod stress_scalar;
+pub mod transcoded;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -24,11 +24,11 @@ const SCALES: [usize; 4] = [1, 2, 4, 8];
 /// From where, and how much error is allowed.
 #[derive(Debug, Args)]
 pub struct GateArguments {
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Cameras")]
     cameras: CameraArguments,
     /// Write nothing and exit with 1 if the PSNR against the unbaked scene, at full size and as the
     /// mean over the cameras, is below this
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_psnr: Option<f64>,
 }
 

@@ -51,9 +51,9 @@ pub struct UnpackedLevel {
 #[derive(Debug, Clone)]
 pub enum LevelValues {
     /// Dense arrays.
-    Volumes([Option<Volume>; 3]),
+    Volumes(Box<[Option<Volume>; 3]>),
     /// A container's codes, and the encodings that they have there.
-    Codes(Box<(BakedLevel, LevelMetadata)>),
+    Codes(Arc<(BakedLevel, LevelMetadata)>),
 }
 
 impl Unpacked {
@@ -69,7 +69,7 @@ impl Unpacked {
         let levels = field.levels.into_iter().zip(&field.metadata.levels);
         let levels = levels.map(|(level, metadata)| {
             let table = level.table.clone();
-            UnpackedLevel::new(table, LevelValues::Codes(Box::new((level, metadata.clone()))))
+            UnpackedLevel::new(table, LevelValues::Codes(Arc::new((level, metadata.clone()))))
         });
         Ok(Self {
             levels: levels.collect(),

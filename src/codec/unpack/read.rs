@@ -80,7 +80,7 @@ impl Unpacked {
                 let expected = counts(level.blocks_stored, level.blocks_filled);
                 return Err(Error::malformed(place_of(occupied), found, expected));
             }
-            levels.push(UnpackedLevel::new(table, LevelValues::Volumes(volumes)));
+            levels.push(UnpackedLevel::new(table, LevelValues::Volumes(Box::new(volumes))));
         }
         let view_mlp = network(file, &metadata, &mut budget)?;
         let free_space = match metadata.free_space {
