@@ -13,11 +13,9 @@ use super::output::create_container;
 use super::progress::Bar;
 use super::values::parse_bytes;
 use crate::bake::{Changes, MaxErrors, repack};
-use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::codec::quantize::Bits;
 use crate::codec::unpack::Unpacked;
-use crate::input::tensor::is_tensors;
 use crate::model::grid::Bounds;
 
 /// Turn a container into another one, without the checkpoint: other bits, fewer levels, a part
@@ -84,7 +82,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     let container = arguments.which.container(&arguments.file, &limits)?;
-    let container = container.ok_or_else(|| no_container(arguments))?;
+    let container = container.ok_or_else(|| {
+        wrong_kind(&arguments.file, "a .mipvog container, or a glTF asset with one")
+    })?;
     let changes = Changes {
         bits: arguments.bits,
         max_error: arguments.max_error,
@@ -114,18 +114,4 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         bytes_read: container.file().bytes_read(),
     };
     baked.outcome("transcode", &work, None, common)
-}
-
-/// Says what a file of another kind is for.
-fn no_container(arguments: &Arguments) -> Error {
-    let is_baked = SourceFile::open(&arguments.file).and_then(|file| is_tensors(&file));
-    let error = match is_baked {
-        Ok(true) => Error::usage("transcode takes a container: bake makes one of this file"),
-        Ok(false) => {
-            let found = "a file of another kind";
-            Error::malformed(Place::File, found, "a container, or a glTF asset with one")
-        }
-        Err(error) => error,
-    };
-    error.in_file(&arguments.file)
 }
