@@ -39,7 +39,6 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         ErrorKind::IsInput => {
             "choose another name for the output; --force does not replace an input".into()
         }
-        ErrorKind::Cancelled => "run the same command again to start over".into(),
         ErrorKind::WrongKind { .. } => {
             error.file().and_then(next_command).map_or_else(|| error.remedy(), Into::into)
         }
