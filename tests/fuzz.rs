@@ -1,7 +1,8 @@
-//! The fuzz targets of `fuzz/` on seeded mutants of the fixtures: no panic, no memory beyond the
-//! limit.
+//! The fuzz targets of `fuzz/` on seeded mutants of the fixtures: no panic, no hang, no memory
+//! beyond the limit.
 //!
-//! `MIPVOG_FUZZ_RUNS` sets the number of mutants of each target; `MIPVOG_FUZZ_SEED` picks others. A
+//! `MIPVOG_FUZZ_RUNS` sets the number of mutants of each target; `MIPVOG_FUZZ_SEED` picks others,
+//! and `MIPVOG_FUZZ_TARGET` one target. A
 //! failing input is written to `target/fuzz/` and belongs into `fuzz/found/TARGET/`, whose files
 //! are run too. `MIPVOG_FUZZ_CORPUS` names a folder that gets the seeds, as cargo-fuzz takes them.
 
@@ -12,6 +13,7 @@ mod targets;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
@@ -30,6 +32,14 @@ static MEMORY: PeakAlloc = PeakAlloc;
 const MAX_MEMORY: usize = 256 << 20;
 /// Longer files are no seeds: mutants of them would mostly be hashed and copied.
 const LONGEST_SEED: u64 = 24 << 10;
+
+/// Any input is handled in this time, though a machine of tests is busy.
+const MAX_TIME: Duration = Duration::from_secs(20);
+/// Settings of scenes in both syntaxes.
+const SETTINGS: [&str; 2] = [
+    r#"{"stepsize": 0.5, "near": 2, "far": 6.5, "background": [0, 0.5, 1], "color_threshold": 0}"#,
+    "# trained with\nstepsize = 0.25\nnear = 2\nfar = 6e0\nbackground = 1\ncolor_threshold = 1e-4\n",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -58,9 +68,10 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
-        "container" => &["mipvog"],
+        "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "cameras" => &["json"],
+        "settings" => &["json", "toml"],
         _ => &["png"],
     };
     let folders = [fixture(""), root().join("docs/pictures")];
@@ -78,6 +89,9 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             _ => vec![std::fs::read(path).expect("a fixture")],
         })
         .collect();
+    if target == "settings" {
+        seeds.extend(SETTINGS.map(|text| text.as_bytes().to_vec()));
+    }
     seeds.push(Vec::new());
     seeds
 }
@@ -163,14 +177,16 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, seeds: &[Vec<u8>], tokens: &
 fn run((name, target): Target, bytes: &[u8]) {
     MEMORY.reset_peak_usage();
     let before = MEMORY.current_usage();
+    let clock = Instant::now();
     let outcome = catch_unwind(|| target(bytes));
+    let took = clock.elapsed();
     let held = MEMORY.peak_usage().saturating_sub(before);
-    if outcome.is_err() || held > MAX_MEMORY + bytes.len() {
+    if outcome.is_err() || held > MAX_MEMORY + bytes.len() || took > MAX_TIME {
         let path =
             root().join("target/fuzz").join(format!("{name}-{:08x}", crc32fast::hash(bytes)));
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
         std::fs::write(&path, bytes).expect("writable");
-        panic!("{name} fails on {} (it held {held} bytes)", path.display());
+        panic!("{name} fails on {} (it held {held} bytes and took {took:?})", path.display());
     }
 }
 
@@ -221,7 +237,9 @@ fn targets_stand_mutants_of_the_fixtures() {
     hostile_files_take_little_memory();
     let runs = number("MIPVOG_FUZZ_RUNS", 2000);
     let seed = number("MIPVOG_FUZZ_SEED", 1);
-    for target in TARGETS {
+    let only = std::env::var("MIPVOG_FUZZ_TARGET").ok();
+    for target in TARGETS.into_iter().filter(|(name, _)| only.as_deref().is_none_or(|o| o == *name))
+    {
         let name = target.0;
         for path in files(&root().join("fuzz/found").join(name)) {
             run(target, &std::fs::read(path).expect("a file"));
@@ -238,7 +256,7 @@ fn targets_stand_mutants_of_the_fixtures() {
         }
         let tokens = match name {
             "zip" | "pickle" | "npy" => tokens("pickle"),
-            "safetensors" | "gltf" | "cameras" => tokens("json"),
+            "safetensors" | "gltf" | "cameras" | "settings" => tokens("json"),
             _ => tokens("container"),
         };
         seeds.iter().for_each(|seed| run(target, seed));

@@ -10,27 +10,35 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
-use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::bake::{Changes, repack as pack_again};
+use mipvog_bake::unstable::base::bytes::{SourceFile, WriterSink};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::picture;
+use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::input::SceneSettings;
 use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
 use mipvog_bake::unstable::input::tensor;
 use mipvog_bake::unstable::model::camera;
+use mipvog_bake::unstable::view::render::Renderer;
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 11] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
     ("safetensors", safetensors),
     ("container", container),
+    ("render", render),
+    ("repack", repack),
     ("gltf", gltf),
     ("cameras", cameras),
+    ("settings", settings),
     ("png", png),
 ];
 
@@ -91,6 +99,51 @@ pub fn container(bytes: &[u8]) {
     let fits =
         !matches!(&strict, Err(error) if matches!(error.kind(), ErrorKind::OverLimit { .. }));
     assert!(strict.is_ok() == valid || !fits, "{:?}", strict.err());
+}
+
+/// A container, as [`container`] mends it, shown by a few rays and read at a few places.
+pub fn render(bytes: &[u8]) {
+    let Some(container) = opened(bytes) else { return };
+    let Ok(renderer) = Renderer::of_container(&container) else { return };
+    let bounds = renderer.view().bounds;
+    for camera in camera::turntable(&bounds, 2, [2, 2]) {
+        renderer.picture(&camera).ok();
+    }
+    for level in 0..=renderer.levels() {
+        for corner in [bounds.min, bounds.max] {
+            renderer.sample(corner.map(Into::into), level).ok();
+        }
+    }
+}
+
+/// A container, as [`container`] mends it, unpacked and packed again: as it is, and with other
+/// bits. The result must be valid.
+pub fn repack(bytes: &[u8]) {
+    let Some(container) = opened(bytes) else { return };
+    let Ok(unpacked) = Unpacked::of_container(&container) else { return };
+    let coarser = Changes { max_error: "0.1".parse().ok(), ..Changes::default() };
+    for changes in [Changes::default(), coarser] {
+        let mut packed = Vec::new();
+        let mut sink = WriterSink::new(&mut packed);
+        if pack_again(&unpacked, &changes, &limits(), &mut sink, &Silent).is_err() {
+            continue;
+        }
+        let read = Container::from_bytes(packed, &limits()).and_then(|container| container.read());
+        assert!(read.is_ok(), "{:?}", read.err());
+    }
+}
+
+fn opened(bytes: &[u8]) -> Option<Container> {
+    let mut bytes = bytes.to_vec();
+    mend_checksums(&mut bytes);
+    Container::open(file(bytes), &limits()).ok()
+}
+
+/// Settings of a scene, in both syntaxes.
+pub fn settings(bytes: &[u8]) {
+    for name in ["scene.json", "scene.toml"] {
+        SceneSettings::parse(bytes, Path::new(name)).ok();
+    }
 }
 
 /// A glTF asset, text or binary.

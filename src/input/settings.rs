@@ -52,11 +52,19 @@ impl SceneSettings {
     /// As [`Self::beside`].
     pub fn read(path: &Path, limits: &Limits) -> Result<Self> {
         let file = SourceFile::open(path)?;
-        let bytes = file.read(0, file.length(), limits.header_bytes)?;
+        Self::parse(&file.read(0, file.length(), limits.header_bytes)?, path)
+    }
+
+    /// The settings that the bytes of the file `path` state.
+    ///
+    /// # Errors
+    ///
+    /// Bytes that are no TOML or JSON; a setting of another type or out of range.
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let is_toml = path.extension().is_some_and(|extension| extension == "toml");
         let options = match is_toml {
-            true => parse_toml(&bytes),
-            false => parse_json(&bytes),
+            true => parse_toml(bytes),
+            false => parse_json(bytes),
         };
         let options = options.and_then(|document| settings(&document));
         let options = options.map_err(|error| error.in_file(path))?;

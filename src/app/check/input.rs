@@ -29,6 +29,13 @@ pub fn check(
     };
     match opened {
         Ok(field) => health::check(&field, report),
+        // Another file, which an option names, is no fault of this one.
+        Err(error)
+            if matches!(error.kind(), ErrorKind::Io(_))
+                && error.file().is_some_and(|path| path != file.path()) =>
+        {
+            Err(error)
+        }
         Err(error) => {
             // An unreadable file has the code of its syntax; a readable file may still be no scene.
             let code = match error.kind() {

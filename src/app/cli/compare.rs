@@ -1,5 +1,6 @@
 //! `compare`.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -214,11 +215,17 @@ impl Arguments {
     fn prepare(&self, cameras: &[Camera], scales: &[usize], made: &mut Provisional) -> Result<()> {
         let Some(folder) = &self.output else { return Ok(()) };
         let names = cameras.iter().flat_map(|camera| scales.iter().map(|&s| (&camera.name, s)));
-        let mut maps = names.filter_map(|(name, scale)| self.heat_map(name, scale));
-        match maps.find(|map| !self.force && map.symlink_metadata().is_ok()) {
-            Some(map) => Err(Error::new(ErrorKind::Exists, Place::File).in_file(&map)),
-            None => made.create_folder(folder),
+        let mut maps = BTreeSet::new();
+        for map in names.filter_map(|(name, scale)| self.heat_map(name, scale)) {
+            if !self.force && map.symlink_metadata().is_ok() {
+                return Err(Error::new(ErrorKind::Exists, Place::File).in_file(&map));
+            }
+            if !maps.insert(map.clone()) {
+                let message = "two heat maps would have this name: pick each frame once";
+                return Err(Error::usage(message).in_file(&map));
+            }
         }
+        made.create_folder(folder)
     }
 
     fn write_heat_map(&self, errors: &FrameErrors, made: &mut Provisional) -> Result<()> {

@@ -6,17 +6,30 @@ use std::sync::Arc;
 
 use super::interrupt;
 use super::outcome::readable;
+use super::stdin::named;
 use crate::base::bytes::SourceFile;
-use crate::base::error::{Error, ErrorKind};
+use crate::base::error::{Error, ErrorKind, Place};
 use crate::base::limits::Limits;
 use crate::input::tensor;
-use crate::output::gltf::asset::Asset;
+use crate::output::gltf::asset::{Asset, EXTENSION};
 use crate::output::gltf::attach::companions;
+
+/// The place of a JSON text's fault that is no glTF asset.
+const NO_ASSET: &str = "/asset/version";
+/// The use of JSON texts of other kinds.
+const OTHER_JSON: &str = "a camera file belongs to --cameras, settings to scene.json";
+
+/// The place of the fault of an asset without fields.
+fn no_field() -> Place {
+    Place::Pointer(format!("/extensions/{EXTENSION}"))
+}
 
 /// The error by the names of the command line: the library's options have flags here.
 pub(super) fn message(error: &Error) -> String {
-    let ErrorKind::InvalidOption { option, .. } = error.kind() else { return error.to_string() };
-    error.to_string().replacen(
+    let ErrorKind::InvalidOption { option, .. } = error.kind() else {
+        return named(&error.to_string());
+    };
+    named(&error.to_string()).replacen(
         &format!("option {option}: "),
         &format!("--{}: ", option.replace('_', "-")),
         1,
@@ -39,19 +52,26 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         ErrorKind::IsInput => {
             "choose another name for the output; --force does not replace an input".into()
         }
-        ErrorKind::WrongKind { .. } => {
-            error.file().and_then(next_command).map_or_else(|| error.remedy(), Into::into)
+        ErrorKind::WrongKind { found, .. } => {
+            let next = error.file().and_then(|path| next_command(path, found));
+            next.map_or_else(|| error.remedy(), |next| named(&next).into())
+        }
+        ErrorKind::Malformed { .. } if *error.place() == Place::Pointer(NO_ASSET.to_owned()) => {
+            format!("if this is no glTF asset: {OTHER_JSON}").into()
+        }
+        ErrorKind::Malformed { .. } if *error.place() == no_field() => {
+            "put a container in with mipvog-bake attach, or name a container".into()
         }
         _ => error.remedy(),
     }
 }
 
 /// The command for a file of a kind that the verb does not take.
-fn next_command(path: &Path) -> Option<String> {
+fn next_command(path: &Path, found: &str) -> Option<String> {
     let file = Arc::new(SourceFile::open(path).ok()?);
     let shown = path.display();
-    let found = tensor::describe(&file).ok()?;
-    Some(match found {
+    let kind = tensor::describe(&file).ok()?;
+    Some(match kind {
         "a .mipvog container" => format!(
             "mipvog-bake view {shown} shows it, mipvog-bake unpack {shown} -o {} takes it apart",
             path.with_extension("safetensors").display()
@@ -65,14 +85,16 @@ fn next_command(path: &Path) -> Option<String> {
                 Some(name) => {
                     format!("name its container, {}", path.with_file_name(name).display())
                 }
-                None => "a camera file belongs to --cameras, settings to scene.json".to_owned(),
+                None => OTHER_JSON.to_owned(),
             }
         }
+        // The verb took the file for what it is, and found the wrong tensors.
+        _ if found != kind => return None,
         _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => format!(
             "if this is a trained scene, bake it first: mipvog-bake bake {shown} -o {}",
             path.with_extension("mipvog").display()
         ),
-        _ if found.contains("unpack it first") => format!("unpack {shown}, then name the result"),
+        _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
         _ => return None,
     })
 }

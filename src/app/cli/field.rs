@@ -20,6 +20,7 @@ use crate::input;
 use crate::input::checkpoint::MlpChoice;
 use crate::input::tensor::describe;
 use crate::model::baked::BakedField;
+use crate::model::field::March;
 use crate::output::gltf::asset::{Asset, is_asset};
 use crate::view::render::{Renderer, TrainedLevels};
 
@@ -117,6 +118,12 @@ impl SceneArguments {
         }
         let mut renderer = Renderer::baked(field, limits)?;
         self.override_container(&mut renderer);
+        if let Some(stepsize) = self.stepsize {
+            renderer.view().check().map_err(|_| {
+                let expected = format!("steps of which a ray takes at most {}", March::MAX_SAMPLES);
+                Error::invalid_option("stepsize", stepsize.to_string(), expected)
+            })?;
+        }
         Ok(renderer)
     }
 

@@ -48,6 +48,11 @@ pub fn is_glb(path: &Path) -> Result<bool> {
 }
 
 impl GltfArguments {
+    /// The asset, if one is asked for.
+    pub fn path(&self) -> Option<&Path> {
+        self.gltf.as_deref()
+    }
+
     /// Starts writing, if an asset is asked for. This comes before the work, so that a name that is
     /// taken is an error at once.
     pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {

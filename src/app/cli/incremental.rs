@@ -14,6 +14,9 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::model::field::RadianceField;
 
+/// Bytes that the target of a rule has at most: longer paths are none.
+const LONGEST_TARGET: u64 = 8192;
+
 /// Conditions of a bake, and outputs for build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
@@ -38,13 +41,18 @@ impl IncrementalArguments {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
     }
 
-    /// Starts writing the dependency file, if there is to be one. It is always replaced: build
-    /// systems do not ask either.
-    pub fn create_depfile(&self) -> Result<Option<Output>> {
-        if let Some(path) = &self.depfile {
-            refuse_stdout(path, "a dependency file is read by its name")?;
-        }
-        self.depfile.as_deref().map(|path| create_output(path, true)).transpose()
+    /// Starts writing the dependency file of `output`, if there is to be one. A former one is
+    /// always replaced, because build systems do not ask either. Another file is not, unless
+    /// `force`.
+    pub fn create_depfile(&self, output: &Path, force: bool) -> Result<Option<Output>> {
+        let Some(path) = &self.depfile else { return Ok(None) };
+        refuse_stdout(path, "a dependency file is read by its name")?;
+        create_output(path, force || is_depfile(path, output)).map(Some)
+    }
+
+    /// The dependency file, if there is to be one.
+    pub fn depfile(&self) -> Option<&Path> {
+        self.depfile.as_deref()
     }
 
     /// The existing container's figures, if nothing has changed since it was baked.
@@ -70,23 +78,37 @@ impl IncrementalArguments {
     }
 }
 
+/// True for an empty file, and for a rule of a container or of `output`.
+fn is_depfile(path: &Path, output: &Path) -> bool {
+    let Ok(file) = SourceFile::open(path) else { return false };
+    let start = file.read(0, file.length().min(LONGEST_TARGET), LONGEST_TARGET);
+    let Ok(start) = start else { return false };
+    let start = String::from_utf8_lossy(&start);
+    let target = start.split_once(": ").map(|(target, _)| target);
+    file.length() == 0
+        || target.is_some_and(|target| {
+            target == escaped(output) || (target.ends_with(".mipvog") && !target.contains('\n'))
+        })
+}
+
 /// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as
 /// Make and Ninja read them.
 pub fn depfile_rule(output: &Path, inputs: &[PathBuf]) -> String {
-    let escaped = |path: &Path| {
-        let mut escaped = String::new();
-        for character in path.to_string_lossy().chars() {
-            match character {
-                ' ' | '#' => escaped.push('\\'),
-                '$' => escaped.push('$'),
-                _ => {}
-            }
-            escaped.push(character);
-        }
-        escaped
-    };
     let inputs: Vec<String> = inputs.iter().map(|path| escaped(path)).collect();
     format!("{}: {}\n", escaped(output), inputs.join(" "))
+}
+
+fn escaped(path: &Path) -> String {
+    let mut escaped = String::new();
+    for character in path.to_string_lossy().chars() {
+        match character {
+            ' ' | '#' => escaped.push('\\'),
+            '$' => escaped.push('$'),
+            _ => {}
+        }
+        escaped.push(character);
+    }
+    escaped
 }
 
 #[cfg(test)]

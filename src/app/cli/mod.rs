@@ -19,6 +19,7 @@ mod fit;
 mod gate;
 mod gltf;
 mod incremental;
+mod inputs;
 mod inspect;
 mod interrupt;
 mod outcome;

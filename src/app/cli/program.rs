@@ -1,13 +1,14 @@
 //! Parses the arguments and runs the verb.
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::common::{Common, Format, When};
 use super::failure::{exit_code, message, remedy};
+use super::inputs::guards;
 use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
@@ -165,7 +166,7 @@ impl FileNames {
                         names.to_stdout |= value == Path::new(STANDARD_STREAM);
                         names.outputs.push(value.to_owned());
                     }
-                    false => names._inputs.extend(Guard::of(value)),
+                    false => names._inputs.extend(guards(value)),
                 }
             }
         }
@@ -177,8 +178,7 @@ impl FileNames {
         let place = |path: &PathBuf| {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             let folder = folder.unwrap_or(Path::new("."));
-            let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-            (folder, path.file_name().map(ToOwned::to_owned))
+            (canonical(folder), path.file_name().map(ToOwned::to_owned))
         };
         for (number, path) in self.outputs.iter().enumerate() {
             if self.outputs[..number].iter().any(|other| place(other) == place(path)) {
@@ -188,4 +188,19 @@ impl FileNames {
         }
         Ok(())
     }
+}
+
+/// A folder by its one name, though it may be missing until the outputs are made.
+fn canonical(folder: &Path) -> PathBuf {
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let mut place = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => drop(place.pop()),
+            part => place.push(part),
+        }
+        // Links above `..` lead elsewhere.
+        place = place.canonicalize().unwrap_or(place);
+    }
+    place
 }

@@ -9,6 +9,7 @@ use super::record::{self, Basis, SettingRecord};
 use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
 use super::{csv, page};
 use crate::bake::Origin;
+use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
@@ -88,7 +89,9 @@ fn results(
     let reference = Renderer::trained(&source.field, None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
-    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+    // A folder that stays empty goes again.
+    let mut made = Provisional::default();
+    made.create_folder(folder)?;
     let references = References::new(&reference, cameras, &options.scales, 1).keep(&options.limits);
     let origin = Origin::of_source(source);
     // A bake counts as much as all pictures of a setting: which takes longer depends on both.

@@ -15,7 +15,7 @@ mod unfinished;
 
 pub use digest::{hex, sha256};
 pub use file::SourceFile;
-pub use guard::Guard;
+pub use guard::{Guard, is_guarded};
 pub use output::Output;
 pub use provisional::Provisional;
 pub use reader::ByteReader;
@@ -23,4 +23,4 @@ pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
 pub use stale::remove as remove_stale;
 pub use storage::Storage;
-pub use unfinished::remove_all as remove_unfinished;
+pub use unfinished::{Unfinished, remove_all as remove_unfinished};

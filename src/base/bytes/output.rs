@@ -42,9 +42,13 @@ impl NewFolders {
     /// Makes a folder and those above it that are missing.
     fn make(folder: &Path) -> std::io::Result<Self> {
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let made: Vec<&Path> = folder.ancestors().take_while(missing).collect();
+        let made = Self(folder.ancestors().take_while(missing).map(Unfinished::note).collect());
+        let there = folder.ancestors().nth(made.0.len());
+        if there.is_some_and(|path| path.exists() && !path.is_dir()) {
+            return Err(std::io::Error::other("a file is in a folder's place"));
+        }
         std::fs::create_dir_all(folder)?;
-        Ok(Self(made.into_iter().map(Unfinished::note).collect()))
+        Ok(made)
     }
 }
 
@@ -101,7 +105,8 @@ impl Output {
     pub fn stdout() -> Result<Self> {
         let folder = std::env::temp_dir();
         let stdout = Path::new("standard output");
-        Self::in_folder(&folder, stdout, Destination::Stdout, NewFolders::default())
+        let output = Self::in_folder(&folder, stdout, Destination::Stdout, NewFolders::default());
+        output.map_err(|error| Error::new(error.into_kind(), Place::File).in_file(&folder))
     }
 
     fn in_folder(

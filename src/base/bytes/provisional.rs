@@ -20,19 +20,22 @@ impl Provisional {
     /// # Errors
     /// Those of the operating system.
     pub fn create_folder(&mut self, folder: &Path) -> Result<()> {
+        // A slash at the end would hide a file in the folder's place.
+        let folder = folder.components().as_path();
         let missing = folder
             .ancestors()
             .take_while(|path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err());
         let missing: Vec<&Path> = missing.collect();
         let is_folder = |path: &&Path| path.as_os_str().is_empty() || path.is_dir();
-        let there = folder.ancestors().find(|path| !missing.contains(path));
+        let there = folder.ancestors().nth(missing.len());
         if let Some(file) = there.filter(|path| !is_folder(path)) {
             let message = "a file is in a folder's place";
             return Err(Error::io(std::io::Error::other(message), file));
         }
+        // Noted first: making the last of them may fail.
+        self.made.extend(missing.into_iter().rev().map(Unfinished::note));
         std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
         stale::remove(folder);
-        self.made.extend(missing.into_iter().rev().map(Unfinished::note));
         Ok(())
     }
 

@@ -1,9 +1,10 @@
 //! Pictures of the x planes of a container's levels: y runs down, z to the right.
 
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use super::{check_levels, fill_plane};
-use crate::base::bytes::{ByteSink, Output};
+use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::picture;
@@ -24,7 +25,8 @@ pub enum SliceFormat {
 /// into `folder`. No `levels` stand for all; 0 is the finest.
 ///
 /// # Errors
-/// Levels that the container lacks; damaged containers; existing files, unless `overwrite`.
+/// Levels that the container lacks; damaged containers; existing files, unless `overwrite`. Files and
+/// folders that were made before an error go again.
 pub fn write_slices(
     container: &Container,
     levels: &[usize],
@@ -38,7 +40,6 @@ pub fn write_slices(
     // A damaged container is refused before the first file is written.
     container.read_head()?;
     container.for_each_level(|_, _| Ok(()))?;
-    std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
     let path = |number: usize, name: &str| folder.join(format!("level{number}.{name}"));
     for (number, level) in metadata.levels.iter().enumerate().filter(|(n, _)| wanted(*n)) {
         for name in (0..level.dimensions[0]).flat_map(|x| names(level, format, x)) {
@@ -48,6 +49,9 @@ pub fn write_slices(
             }
         }
     }
+    let mut made = Provisional::default();
+    made.create_folder(folder)?;
+    let made = Mutex::new(made);
     container.for_each_level(|number, level| {
         let Some(level_metadata) = metadata.levels.get(number).filter(|_| wanted(number)) else {
             return Ok(());
@@ -55,14 +59,15 @@ pub fn write_slices(
         parallel::map(level_metadata.dimensions[0], |x| {
             let files = slice(level, level_metadata, metadata, format, x)?;
             for (name, bytes) in names(level_metadata, format, x).iter().zip(files) {
-                let mut output = Output::create(&path(number, name), overwrite)?;
-                output.append(&bytes)?;
-                output.finish()?;
+                let mut made = made.lock().unwrap_or_else(PoisonError::into_inner);
+                made.write(&path(number, name), &bytes, overwrite)?;
             }
             Ok(())
         })
         .map(|_| ())
-    })
+    })?;
+    made.into_inner().unwrap_or_else(PoisonError::into_inner).keep();
+    Ok(())
 }
 
 /// The names of a plane's files, after the level's number.

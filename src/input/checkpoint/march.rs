@@ -78,7 +78,14 @@ pub(super) fn find(
         // Mip-VoG keeps faint samples, for their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
     };
-    march.check(nodes)?;
+    march.check(nodes).map_err(|error| match options.stepsize {
+        Some(given) if *error.place() == Place::Key("march.stepsize".to_owned()) => {
+            let most = March::MAX_SAMPLES;
+            let expected = format!("steps of which a ray takes at most {most}");
+            Error::invalid_option("stepsize", given.to_string(), expected)
+        }
+        _ => error,
+    })?;
     Ok((Activation { shift, interval, order }, march))
 }
 

@@ -12,6 +12,8 @@ use crate::base::limits::{self, Limits};
 
 /// Picture size where neither the file nor its pictures say one.
 const DEFAULT_SIDE: usize = 800;
+/// The start of a parser's message.
+const NO_FRAMES: &str = "missing field `frames`";
 /// Names of frames that an error lists, at most.
 const NAMES_SHOWN: usize = 5;
 
@@ -78,6 +80,12 @@ pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<Ca
 /// The cameras of a file's text, whose pictures are relative to `folder`.
 pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<CameraFile> {
     let document: Document = serde_json::from_str(text).map_err(|error| {
+        // Another file was named by mistake: nothing is wrong with it.
+        let is_object = text.trim_start().starts_with('{');
+        if !is_object || error.is_data() && error.to_string().starts_with(NO_FRAMES) {
+            let found = if is_object { "JSON without frames" } else { "another file" };
+            return Error::wrong_kind(found, "a camera file: JSON with frames");
+        }
         let place = Place::Key(format!("line {}", error.line()));
         let expected = "frames with transform_matrix, and camera_angle_x or fl_x";
         Error::malformed(place, error.to_string(), expected)
@@ -97,8 +105,8 @@ fn read_text(path: &Path, limits: &Limits) -> Result<String> {
     let file = crate::base::bytes::SourceFile::open(path)?;
     let bytes = file.read(0, file.length(), limits.header_bytes)?;
     String::from_utf8(bytes).map_err(|_| {
-        let found = "bytes that are no UTF-8";
-        Error::malformed(Place::File, found, "a JSON file of cameras").in_file(path)
+        let expected = "a camera file: JSON with frames";
+        Error::wrong_kind("bytes that are no text", expected).in_file(path)
     })
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::metrics::Picture;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::base::picture;
 use crate::base::progress::Progress;
@@ -88,9 +88,10 @@ fn photograph(
     let (width, height) = (camera.lens.width, camera.lens.height);
     let factor = file.width / width.max(1);
     if factor == 0 || file.width != factor * width || file.height != factor * height {
-        let found = format!("a picture of {} x {} pixels", file.width, file.height);
-        let expected = format!("a multiple of {width} x {height}; option size sets the size");
-        return Err(Error::malformed(Place::File, found, expected).in_file(&path));
+        let expected =
+            format!("a whole part of the picture's {} x {} pixels", file.width, file.height);
+        let found = format!("{width} x {height}");
+        return Err(Error::invalid_option("size", found, expected).in_file(&path));
     }
     let pixels = file.bytes.as_chunks::<4>().0;
     let share = |byte: u8| f32::from(byte) / 255.0;

@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;
     let mut asset = arguments.gltf.create(&arguments.output, replace)?;
-    let mut depfile = arguments.incremental.create_depfile()?;
+    let mut depfile = arguments.incremental.create_depfile(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
     let baked = match &input.content {
         Content::Stored(unpacked) => bake_again(arguments, unpacked, &options, &mut output, &bar),

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::super::common::Common;
 use super::super::fit::check_judges;
+use super::super::inputs::refuse_inputs;
 use super::super::outcome::warn;
 use super::super::plan;
 use super::super::progress::Bar;
@@ -32,6 +33,11 @@ pub fn bake_trained(
 ) -> Result<Baked> {
     let limits = &options.limits;
     let (source, settings) = open(arguments, file, options, common)?;
+    let mut inputs = vec![arguments.input.clone()];
+    inputs.extend(settings.files.iter().cloned());
+    inputs.extend(source.companions.iter().map(|companion| companion.path.clone()));
+    let outputs = [arguments.gltf.path(), arguments.incremental.depfile()];
+    refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
     let origin = Origin::of_source(&source);
     let cameras = match arguments.gate.measures()? {
         true => Some(arguments.gate.cameras(&source.field, limits)?),
@@ -74,9 +80,6 @@ pub fn bake_trained(
         "mlp": source.field.view_mlp.as_ref().map(ViewMlp::widths),
     });
     let reported = settings.report(&source);
-    let mut inputs = vec![arguments.input.clone()];
-    inputs.extend(settings.files);
-    inputs.extend(source.companions.into_iter().map(|companion| companion.path));
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
     inputs.extend(cameras.into_iter().flatten());
     Ok(Baked { report, resolved, settings: reported, gate, inputs })

@@ -1,6 +1,6 @@
 //! URIs of glTF documents: `data:` and relative references to files.
 
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use base64::Engine as _;
@@ -52,6 +52,12 @@ pub fn open(uri: &str, base: &Path, place: &Place) -> Result<Arc<SourceFile>> {
     }
     let folder = base.parent().unwrap_or(Path::new(""));
     SourceFile::open(&folder.join(path)).map(Arc::new)
+}
+
+/// The path that a relative URI names from the folder of the file `base`. `None` if it is no text.
+pub fn path(uri: &str, base: &Path) -> Option<PathBuf> {
+    let name = percent_decode_str(uri).decode_utf8().ok()?;
+    Some(base.parent().unwrap_or(Path::new("")).join(Path::new(name.as_ref())))
 }
 
 /// The relative reference by which a file in the folder of `from` names the file `to`; neither

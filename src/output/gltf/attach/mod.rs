@@ -31,4 +31,4 @@ mod write;
 pub use fallback::write_fallback;
 pub use insert::{AttachOptions, Attached, NodeChoice, attach};
 pub use remove::{Detached, detach};
-pub use write::companions;
+pub use write::{companion_paths, companions};

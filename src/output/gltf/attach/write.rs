@@ -1,5 +1,7 @@
 //! An edited asset, written as the kind that it is.
 
+use std::path::PathBuf;
+
 use super::tree::Tree;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::Result;
@@ -29,6 +31,15 @@ pub(super) fn write_edited(
         }
         None => output.append(text.as_bytes()),
     }
+}
+
+/// Paths of the files that the document names by relative URIs.
+///
+/// # Errors
+/// Documents that break their rules.
+pub fn companion_paths(asset: &Asset) -> Result<Vec<PathBuf>> {
+    let names = companions(asset)?;
+    Ok(names.iter().filter_map(|name| uri::path(name, asset.path())).collect())
 }
 
 /// Files that the document names by relative URIs: they do not go with the asset to another folder.
