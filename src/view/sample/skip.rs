@@ -68,6 +68,10 @@ impl OccupiedMacroCells {
         if density <= self.limit {
             return;
         }
+        // A block may overhang the level. Its nodes there are no corners, whatever they hold.
+        if (0..3).any(|axis| at[axis] > end[axis]) {
+            return;
+        }
         let (edge, [_, by, bz]) = (self.grid.edge, self.grid.counts());
         // The node is a corner of the cells at and below it.
         let range = |axis: usize| {
