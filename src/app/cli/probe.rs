@@ -31,11 +31,11 @@ const CHUNK: usize = 64;
 
 /// Write the colours of given rays, and the values at given points
 ///
-/// The file of rays holds `origins` and `directions`, float32 [n, 3], of unit length and pointing
-/// into the scene. With --positions it also holds `positions` [m, 3] and `view_directions` [d, 3].
-/// The output holds `rgb` [n, 3] over the background and not clamped, `transmittance` [n] and
-/// `depth` [n] along the ray; with --positions also `density` [m], optical depth per world unit,
-/// and `color` [m, d, 3].
+/// The file of rays holds `origins` and `directions`, float32 of n x 3; directions have unit length
+/// and point into the scene. With --positions it also holds `positions`, m x 3, and
+/// `view_directions`, d x 3. The output holds `rgb`, n x 3, over the background and not clamped, and
+/// `transmittance` and `depth` of each ray; with --positions also `density`, optical depth per
+/// world unit of each position, and `color`, m x d x 3.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
