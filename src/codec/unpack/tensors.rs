@@ -166,7 +166,7 @@ fn append_small(
     output.append(&map.as_flattened().iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>())?;
     match &free_space.lookup {
         Lookup::Nearest(inside) => {
-            output.append(&inside.iter().map(|&inside| inside.into()).collect::<Vec<u8>>())
+            output.append(&inside.iter().map(|&inside| u8::from(inside)).collect::<Vec<u8>>())
         }
         Lookup::Trilinear { values, .. } => output.append(&float_bytes(values)),
     }
