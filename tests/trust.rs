@@ -183,10 +183,12 @@ fn standard_streams_are_files_too() {
         let input = std::fs::File::open(here.join(input)).expect("a file");
         // A pipe, which cannot be read by position.
         let mut feeder = Command::new("cat");
-        let feeder = feeder.stdin(input).stdout(Stdio::piped()).spawn().expect("cat");
+        let mut feeder = feeder.stdin(input).stdout(Stdio::piped()).spawn().expect("cat");
         let mut program = program();
-        program.current_dir(here).args(arguments).stdin(feeder.stdout.expect("a pipe"));
-        program.output().expect("starts")
+        program.current_dir(here).args(arguments).stdin(feeder.stdout.take().expect("a pipe"));
+        let output = program.output().expect("starts");
+        feeder.wait().expect("ends");
+        output
     };
     let baked = pipe(&["bake", "-", "--stepsize", "0.5", "-o", "-"], "fine_last.tar");
     assert!(baked.status.success(), "{}", text(&baked.stderr));
