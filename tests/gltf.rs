@@ -364,7 +364,7 @@ fn what_cannot_be_has_its_exit_code() {
     let bake = ["bake", &scene, "-o", "x.mipvog", "--gltf"];
     let cases: [(Vec<&str>, i32, &str); 14] = [
         ([&bake[..], &["x.obj"]].concat(), 2, ".glb or .gltf"),
-        ([&bake[..], &["taken.glb"]].concat(), 5, "--force"),
+        ([&bake[..], &["taken.glb"]].concat(), 7, "--force"),
         ([&bake[..], &["x.mipvog"]].concat(), 2, "x.mipvog"),
         ([&bake[..], &["x.glb", "--fallback-triangles", "3"]].concat(), 2, "--fallback-triangles"),
         (vec!["bake", &scene, "-o", "x.mipvog", "--external"], 2, "--gltf"),

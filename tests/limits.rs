@@ -138,15 +138,17 @@ fn limits_are_set_on_the_command_line() {
     };
     let scene = fixture("trained/dvgo/flat.safetensors").display().to_string();
     let container = fixture("baked/dvgo.mask.mipvog").display().to_string();
-    for (verb, file) in [("bake", &scene), ("unpack", &container)] {
-        let arguments = [verb, file.as_str(), "-o", "x.safetensors"];
+    for (verb, file, output) in
+        [("bake", &scene, "x.mipvog"), ("unpack", &container, "x.safetensors")]
+    {
+        let arguments = [verb, file.as_str(), "-o", output];
         let (code, message) = run(&[&arguments[..], &["--limit", "nodes=314"]].concat());
         assert!(code == Some(6) && message.contains("see --limit"), "{message}");
-        assert!(!folder.path().join("x.safetensors").exists());
+        assert!(!folder.path().join(output).exists());
     }
-    let (code, message) = run(&["unpack", &container, "-o", "x", "--limit", "memory=100"]);
+    let (code, message) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=100"]);
     assert!(code == Some(6) && message.contains("see --limit"), "{message}");
-    let (code, _) = run(&["unpack", &container, "-o", "x", "--limit", "memory=1000000"]);
+    let (code, _) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=1000000"]);
     assert_eq!(code, Some(0));
     for wrong in ["size=3", "nodes", "nodes=many"] {
         let (code, message) = run(&["inspect", &container, "--limit", wrong]);

@@ -1,22 +1,28 @@
-//! `docs/manual.md`: its commands run, and its options are those of `--help`. The lines of Rust in
-//! `README.md` are those of the crate's page, which is compiled.
+//! The manual, `docs/`: its commands run, and its options are those of `--help`. The lines of Rust
+//! in `README.md` are those of the crate's page, which is compiled.
 
 #![cfg(all(feature = "cli", unix))]
 
 mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{fixture, folder, program};
+use common::{fixture, folder, pages, program};
 
-const MANUAL: &str = include_str!("../docs/manual.md");
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
 
+/// The pages of the manual, in the order of the book.
+fn manual() -> Vec<(PathBuf, String)> {
+    let pages = pages::listed().into_iter().filter(|page| page.starts_with("docs"));
+    let pages = pages.filter(|page| !page.starts_with("docs/pictures"));
+    pages.map(|page| (page.clone(), pages::text(&page))).collect()
+}
+
 /// Fenced blocks: the words behind the fence, and the lines within.
-fn blocks() -> Vec<(&'static str, &'static str)> {
-    let mut parts = MANUAL.split("\n```");
+fn blocks(page: &str) -> Vec<(&str, &str)> {
+    let mut parts = page.split("\n```");
     parts.next();
     let mut blocks = Vec::new();
     while let (Some(block), Some(_)) = (parts.next(), parts.next()) {
@@ -51,8 +57,15 @@ fn every_command_of_the_manual_runs() {
     let own = Path::new(PROGRAM).parent().expect("a folder").display().to_string();
     let path = format!("{own}:{}", std::env::var("PATH").expect("a search path"));
     let mut ran = BTreeSet::new();
-    for (fence, lines) in blocks() {
+    let pages = manual();
+    let blocks = pages.iter().flat_map(|(page, text)| {
+        blocks(text).into_iter().map(move |(fence, lines)| (page, fence, lines))
+    });
+    for (page, fence, lines) in blocks {
         let (language, more) = fence.split_once(' ').unwrap_or((fence, ""));
+        if language == "text" {
+            continue;
+        }
         if language != "sh" {
             // A file under the name behind its language.
             assert!(!more.is_empty(), "a block of {language} without a name");
@@ -67,12 +80,13 @@ fn every_command_of_the_manual_runs() {
         command.args(["-euc", lines]).current_dir(folder.path()).env("PATH", &path);
         let output = command.output().expect("a shell");
         let message = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{lines}\n{message}");
+        assert!(output.status.success(), "{}: {lines}\n{message}", page.display());
         let words = lines.split_whitespace().collect::<Vec<_>>();
         ran.extend(words.windows(2).filter(|two| two[0] == "mipvog-bake").map(|two| two[1]));
     }
-    let verbs: BTreeSet<&str> = verbs().into_iter().collect();
-    assert_eq!(ran, verbs, "verbs with a command in the manual");
+    for verb in sections().into_keys().filter(|name| name.starts_with('`')) {
+        assert!(ran.contains(verb.trim_matches('`')), "no command of {verb} in the manual");
+    }
     // Files that are held to a schema elsewhere exist, and outputs that failed on purpose do not.
     for name in ["scene.sarif", "cut.sarif", "health.json", "out/chair.mipvog", "sweep/sweep.html"]
     {
@@ -80,23 +94,25 @@ fn every_command_of_the_manual_runs() {
     }
 }
 
-fn verbs() -> Vec<&'static str> {
-    let heads = MANUAL.lines().filter_map(|line| line.strip_prefix("### `"));
-    heads.map(|head| head.trim_end_matches('`')).collect()
-}
-
-/// Long options in the first cells of the tables under each heading of the chapter of options, and
-/// other headings that the text links to.
-fn sections() -> BTreeMap<&'static str, (BTreeSet<&'static str>, Vec<&'static str>)> {
-    let chapter = MANUAL.split("\n## Options\n").nth(1).expect("the chapter of options");
+/// Under each heading of the rules and of the pages of verbs: long options in the first cells of its
+/// tables, and headings of the rules that the text links to. Names of verbs are in backquotes.
+fn sections() -> BTreeMap<String, (BTreeSet<String>, Vec<String>)> {
     let mut sections = BTreeMap::new();
-    for section in chapter.split("\n### ").skip(1) {
-        let (head, text) = section.split_once('\n').expect("text");
-        let cells = text.lines().filter_map(|line| line.strip_prefix("| `")?.split(" | ").next());
-        let options = cells.filter_map(|cell| cell.split('`').next());
-        let links = text.split("](#").skip(1).filter_map(|link| link.split(')').next());
-        let found = (options.collect(), links.collect());
-        sections.insert(head.trim_matches('`'), found);
+    let is_of_verbs = |page: &Path| page.starts_with("docs/verbs");
+    let pages = manual().into_iter();
+    let pages = pages.filter(|(page, _)| is_of_verbs(page) || page.ends_with("manual.md"));
+    for (_, text) in pages {
+        // Only headings that are the name of a verb, or stand in the rules, begin a section.
+        for section in format!("\n{text}").split("\n#").skip(1) {
+            let (head, text) = section.split_once('\n').expect("text");
+            let cells =
+                text.lines().filter_map(|line| line.strip_prefix("| `-")?.split(" | ").next());
+            let options = cells.filter_map(|cell| cell.split('`').next());
+            let options = options.map(|option| format!("-{option}"));
+            let links = text.split("manual.md#").skip(1).filter_map(|link| link.split(')').next());
+            let found = (options.collect(), links.map(str::to_owned).collect());
+            sections.insert(head.trim_start_matches('#').trim().to_owned(), found);
+        }
     }
     sections
 }
@@ -117,21 +133,24 @@ fn the_manual_has_every_option_and_no_other() {
         .filter_map(|line| line.split_whitespace().next().map(str::to_owned))
         .filter(|verb| verb != "help")
         .collect();
-    assert_eq!(listed, verbs().into_iter().map(str::to_owned).collect());
     let sections = sections();
+    let described = sections.keys().filter_map(|head| head.strip_prefix('`')?.strip_suffix('`'));
+    assert_eq!(listed, described.map(str::to_owned).collect());
     for verb in listed {
         let text = help(&[&verb, "--help"]);
-        let options: BTreeSet<&str> = text
+        let options: BTreeSet<String> = text
             .lines()
             .map(str::trim_start)
             .filter(|line| line.starts_with('-'))
             .filter_map(|line| line.split([' ', ',']).find(|word| word.starts_with("--")))
+            .map(str::to_owned)
             .collect();
-        let (own, links) = &sections[verb.as_str()];
+        let (own, links) = &sections[&format!("`{verb}`")];
         let mut told = own.clone();
-        for head in links.iter().chain(&["all verbs"]) {
-            let shared = sections.iter().find(|(name, _)| name.to_lowercase() == *head);
-            told.extend(&shared.unwrap_or_else(|| panic!("no section {head}")).1.0);
+        for head in links.iter().map(String::as_str).chain(["all-verbs"]) {
+            let shared =
+                sections.iter().find(|(name, _)| name.to_lowercase().replace(' ', "-") == head);
+            told.extend(shared.unwrap_or_else(|| panic!("no section {head}")).1.0.clone());
         }
         assert_eq!(told, options, "{verb}");
     }

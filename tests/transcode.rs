@@ -3,7 +3,7 @@
 mod common;
 
 use common::transcoded::{baked, changed, changed_bytes, difference, from_afar, picture};
-use common::{baked_bytes, field, open_bytes, trained, unpack};
+use common::{baked_bytes, chunks, field, open_bytes, trained, unpack};
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
@@ -206,4 +206,39 @@ fn errors_add_up() {
             }
         }
     }
+}
+
+#[test]
+fn unknown_ancillary_chunks_stay_with_their_levels() {
+    let scene = trained("tiny/fine_last.tar");
+    let bytes = baked_bytes(&scene, &BakeOptions::default()).expect("bakes");
+    let mut parts = chunks::chunks(&bytes);
+    let note = |level: Option<u32>, text: &str| chunks::Chunk {
+        kind: *b"note",
+        level,
+        bytes: text.as_bytes().to_vec(),
+    };
+    for (level, text) in [(None, "all"), (Some(0), "fine"), (Some(1), "half"), (Some(3), "last")] {
+        parts.push(note(level, text));
+    }
+    let container = open_bytes(&chunks::container(&parts)).expect("a container");
+    let notes = |changes: &Changes| {
+        let changed =
+            open_bytes(&changed_bytes(&container, changes).expect("packs")).expect("a container");
+        let others = changed.other_chunks().expect("sound");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let mut notes: Vec<_> =
+            others.iter().map(|chunk| (chunk.level, text(&chunk.bytes))).collect();
+        notes.sort();
+        notes
+    };
+    let all = [(None, "all"), (Some(0), "fine"), (Some(1), "half"), (Some(3), "last")];
+    let owned = |notes: &[(Option<u32>, &str)]| -> Vec<_> {
+        notes.iter().map(|&(level, text)| (level, text.to_owned())).collect()
+    };
+    assert_eq!(notes(&Changes::default()), owned(&all));
+    let fewer = Changes { without_finest: 1, ..Changes::default() };
+    assert_eq!(notes(&fewer), owned(&[(None, "all"), (Some(0), "half"), (Some(2), "last")]));
+    let two = Changes { levels: Some(2), ..Changes::default() };
+    assert_eq!(notes(&two), owned(&all[..3]));
 }

@@ -27,7 +27,7 @@ use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
-use crate::codec::container::{self, EncodedLevel, Head};
+use crate::codec::container::{self, EncodedLevel, Head, OtherChunk};
 use crate::codec::unpack::Unpacked;
 use crate::model::baked::{Encoding, Group, Metadata, Table};
 use crate::model::grid::{BlockGrid, NodeMask, row};
@@ -74,12 +74,13 @@ pub fn repack(
         }
         None => (repacking.pack(&edited, changes.max_error)?, None),
     };
-    let Packed { metadata, encoded, provenance } = packed;
+    let Packed { metadata, encoded, provenance, others } = packed;
     let head = Head {
         metadata: &metadata,
         view_mlp: edited.view_mlp.as_ref(),
         free_space: edited.free_space.as_ref(),
         provenance: &provenance,
+        others: &others,
         zstd_level,
         limits,
     };
@@ -127,6 +128,7 @@ struct Packed {
     metadata: Metadata,
     encoded: Vec<EncodedLevel>,
     provenance: Value,
+    others: Vec<OtherChunk>,
 }
 
 impl Repacking<'_> {
@@ -157,7 +159,8 @@ impl Repacking<'_> {
         let (encoded, _) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
         add_errors(&mut metadata, &edited.metadata);
         let provenance = self.provenance(edited, &metadata);
-        Ok(Packed { metadata, encoded, provenance })
+        let others = edited.others.clone();
+        Ok(Packed { metadata, encoded, provenance, others })
     }
 
     /// That of the container, if it is the same one.
@@ -204,6 +207,7 @@ impl Repacking<'_> {
             view_mlp: edited.view_mlp.as_ref(),
             free_space: edited.free_space.as_ref(),
             provenance: &packed.provenance,
+            others: &packed.others,
             zstd_level: self.zstd_level,
             limits: self.limits,
         };

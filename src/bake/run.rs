@@ -89,6 +89,7 @@ pub fn bake(
         view_mlp: field.view_mlp.as_ref(),
         free_space: field.free_space.as_ref().filter(|_| visible.mask_is_required),
         provenance: &provenance,
+        others: &[],
         zstd_level: options.zstd_level,
         limits: &options.limits,
     };

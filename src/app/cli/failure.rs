@@ -52,7 +52,6 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         ErrorKind::IsInput => {
             "choose another name for the output; --force does not replace an input".into()
         }
-        ErrorKind::Cancelled => "run the same command again to start over".into(),
         ErrorKind::WrongKind { found, .. } => {
             let next = error.file().and_then(|path| next_command(path, found));
             next.map_or_else(|| error.remedy(), |next| named(&next).into())

@@ -96,7 +96,11 @@ impl GateArguments {
 impl GateReport {
     /// For people.
     pub fn text(&self) -> String {
-        errors_text(&self.errors)
+        let mut text = errors_text(&self.errors);
+        if let Some(least) = self.required_psnr.filter(|_| self.passed) {
+            text += &format!("  the gate is passed: at least {least} dB at full size\n");
+        }
+        text
     }
 
     /// The reason why the container at `output` was not written, if the gate was missed.

@@ -28,6 +28,7 @@ mod paint;
 mod picture;
 mod pictures;
 mod plan;
+mod probe;
 mod program;
 mod progress;
 mod render;

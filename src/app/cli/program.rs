@@ -13,8 +13,8 @@ use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, inspect, interrupt, render, stdin, sweep, transcode,
-    unpack, validate, view,
+    attach, bake, compare, detach, document, inspect, interrupt, probe, render, stdin, sweep,
+    transcode, unpack, validate, view,
 };
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
@@ -52,6 +52,7 @@ enum Verb {
     Render(render::Arguments),
     #[command(visible_alias = "diff")]
     Compare(compare::Arguments),
+    Probe(probe::Arguments),
     Sweep(Box<sweep::Arguments>),
     Attach(attach::Arguments),
     Detach(detach::Arguments),
@@ -130,6 +131,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
+        Verb::Probe(arguments) => probe::run(arguments, common).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
         Verb::Attach(arguments) => attach::run(arguments, common).map(Some),
         Verb::Detach(arguments) => detach::run(arguments, common).map(Some),

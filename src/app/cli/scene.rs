@@ -10,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::output::STANDARD_STREAM;
 use super::values::{Background, parse_background, parse_mlp};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -106,7 +107,11 @@ impl SceneArguments {
             origins.insert(name, "command line".to_owned());
         }
         let mut files = Vec::new();
-        let beside = SceneSettings::beside(input, limits)?;
+        // The standard input lies beside nothing.
+        let beside = match input == Path::new(STANDARD_STREAM) {
+            true => None,
+            false => SceneSettings::beside(input, limits)?,
+        };
         // A camera file that cannot be read is told by the reader of cameras.
         let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {
@@ -146,11 +151,18 @@ impl FoundSettings {
 /// The settings in a line for people.
 pub fn settings_text(settings: &[SettingReport]) -> String {
     let shown = settings.iter().map(|SettingReport { name, value, from }| {
-        let value = match value {
-            Value::Null => "without bound".to_owned(),
-            value => value.to_string(),
-        };
+        let value = plain(value);
         format!("{} {value} ({from})", name.replace('_', " "))
     });
     format!("  {}\n", shown.collect::<Vec<_>>().join(", "))
+}
+
+/// A setting as its option takes it, without the digits that float32 does not have.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => "without bound".to_owned(),
+        Value::Array(values) => values.iter().map(plain).collect::<Vec<_>>().join(","),
+        #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
+        value => value.as_f64().map_or_else(String::new, |number| (number as f32).to_string()),
+    }
 }

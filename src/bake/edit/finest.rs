@@ -13,6 +13,7 @@
 //! The opacity of blocks that were dropped was counted over the step of each level, and stays.
 
 use crate::base::error::{Error, Result};
+use crate::codec::container::OtherChunk;
 use crate::codec::quantize::{Bits, density_encoding};
 use crate::codec::unpack::Unpacked;
 use crate::model::baked::{DensityDomain, Encoding, Metadata, NumberType, StepRule};
@@ -33,10 +34,18 @@ const ROUNDING: f64 = 2.5e-7;
 pub fn drop_finest(unpacked: &mut Unpacked, count: usize) -> Result<()> {
     let scales = drop_from_metadata(&mut unpacked.metadata, count)?;
     unpacked.levels.drain(..count);
+    keep_from(&mut unpacked.others, count);
     for (level, scale) in unpacked.levels.iter_mut().zip(scales) {
         level.density_scale *= scale;
     }
     Ok(())
+}
+
+/// Drops unknown chunks of the first `count` levels, and numbers those of the others anew.
+fn keep_from(chunks: &mut Vec<OtherChunk>, count: usize) {
+    let Ok(count) = u32::try_from(count) else { return chunks.clear() };
+    chunks.retain(|chunk| chunk.level.is_none_or(|level| level >= count));
+    chunks.iter_mut().filter_map(|chunk| chunk.level.as_mut()).for_each(|level| *level -= count);
 }
 
 /// As [`drop_finest`], of the metadata alone. Returns the scale of each remaining level's densities.

@@ -1,5 +1,5 @@
 //! Changes to what an unpacked container holds, before it is packed again: parts that become empty
-//! ([`crop`], [`islands`]), and finest levels that go ([`finest`]).
+//! (`crop`, `islands`), and finest levels that go (`finest`).
 //!
 //! Values of stored nodes stay as they are. Emptied blocks lose their frames, emptied nodes read as
 //! the level's empty value.

@@ -16,7 +16,9 @@ use crate::model::grid::Nodes;
 /// The chunk's bytes.
 pub fn to_bytes(mask: &FreeSpace, level: i32) -> Result<Vec<u8>> {
     let (id, threshold, values): (u32, f32, Vec<u8>) = match &mask.lookup {
-        Lookup::Nearest(inside) => (0, 0.0, inside.iter().map(|&inside| inside.into()).collect()),
+        Lookup::Nearest(inside) => {
+            (0, 0.0, inside.iter().map(|&inside| u8::from(inside)).collect())
+        }
         Lookup::Trilinear { values, threshold } => {
             (1, *threshold, values.iter().flat_map(|value| value.to_le_bytes()).collect())
         }

@@ -29,4 +29,4 @@ pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
 pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};
-pub use write::{EncodedLevel, Head, write};
+pub use write::{EncodedLevel, Head, OtherChunk, write};

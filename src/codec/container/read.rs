@@ -3,6 +3,7 @@
 use super::Container;
 use super::json::from_canonical;
 use super::layout::{ATLASES, ChunkKind, Entry, MASK, PROVENANCE, TABLE, VMLP};
+use super::write::OtherChunk;
 use super::{mask, network, rules, runs};
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
@@ -102,6 +103,17 @@ impl Container {
         let Some(entry) = self.entry(PROVENANCE, None) else { return Ok(None) };
         let bytes = self.in_file(self.chunk(entry, &mut strict))?;
         self.in_file(bytes.map(|bytes| from_canonical(&bytes, &entry.place())).transpose())
+    }
+
+    /// The ancillary chunks that this version does not know, in the order of the file. A program
+    /// that writes the container again keeps them.
+    pub fn other_chunks(&self) -> Result<Vec<OtherChunk>> {
+        let unknown = |entry: &&Entry| !entry.is_critical() && entry.kind != PROVENANCE;
+        let chunks = self.entries.iter().filter(unknown).map(|entry| {
+            let bytes = self.chunk(entry, &mut strict)?.unwrap_or_default();
+            Ok(OtherChunk { kind: entry.kind, level: entry.level, bytes })
+        });
+        self.in_file(chunks.collect())
     }
 
     fn head(

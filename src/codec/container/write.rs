@@ -24,6 +24,17 @@ pub struct EncodedLevel {
     pub atlases: [Option<EncodedAtlas>; 3],
 }
 
+/// An ancillary chunk that this version does not know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OtherChunk {
+    /// Four letters.
+    pub kind: ChunkKind,
+    /// The level that it belongs to, if any; 0 is the finest.
+    pub level: Option<u32>,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
 /// The container's parts beside the levels.
 #[derive(Debug)]
 pub struct Head<'a> {
@@ -35,6 +46,8 @@ pub struct Head<'a> {
     pub free_space: Option<&'a FreeSpace>,
     /// Origin of the content.
     pub provenance: &'a serde_json::Value,
+    /// Chunks of a former container, kept as they are.
+    pub others: &'a [OtherChunk],
     /// Compression level of zstd.
     pub zstd_level: i32,
     /// Limits that the metadata must keep.
@@ -137,6 +150,15 @@ fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>>
         chunks.push(global(MASK, mask::to_bytes(free_space, head.zstd_level)?));
     }
     chunks.push(global(PROVENANCE, to_canonical(head.provenance)?.into_bytes()));
+    let others = |level: Option<u32>| {
+        let own = head.others.iter().filter(move |chunk| chunk.level == level);
+        own.map(|OtherChunk { kind, level, bytes }| Chunk {
+            kind: *kind,
+            level: *level,
+            content: Content::Bytes(bytes.clone()),
+        })
+    };
+    chunks.extend(others(None));
     for (number, level) in levels.iter().enumerate().rev() {
         let number = u32::try_from(number)
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
@@ -148,6 +170,7 @@ fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>>
                 chunks.push(level_chunk(kind, Content::Atlas(atlas)));
             }
         }
+        chunks.extend(others(Some(number)));
     }
     Ok(chunks)
 }

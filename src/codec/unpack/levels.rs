@@ -9,7 +9,7 @@ use super::tensors::digest_of_tensors;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
-use crate::codec::container::Container;
+use crate::codec::container::{Container, OtherChunk};
 use crate::model::baked::{BakedLevel, DensityDomain, Group, LevelMetadata, Metadata, Table};
 use crate::model::field::{FreeSpace, RadianceField, Scene, Volume};
 use crate::model::grid::{Element, NodeMask, row};
@@ -29,6 +29,8 @@ pub struct Unpacked {
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, if there is one.
     pub free_space: Option<FreeSpace>,
+    /// Ancillary chunks that this version does not know; a file of dense arrays has none.
+    pub others: Vec<OtherChunk>,
     /// SHA-256 of the header of the file of dense arrays. It identifies the content, but not its
     /// values.
     pub digest: [u8; 32],
@@ -77,6 +79,7 @@ impl Unpacked {
             provenance,
             view_mlp: field.view_mlp,
             free_space: field.free_space,
+            others: container.other_chunks()?,
             digest,
         })
     }

@@ -11,7 +11,6 @@ mod levels;
 mod npz;
 mod planes;
 mod read;
-mod row;
 mod slices;
 mod tensors;
 

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
-use super::row::Row;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
+use crate::input::tensor::Row;
 
 /// Bytes of a member from which its directory entry needs 64-bit sizes.
 const LARGE: u64 = u32::MAX as u64;

@@ -87,7 +87,15 @@ impl Unpacked {
             true => Some(free_space(file, limits, &mut budget)?),
             false => None,
         };
-        Ok(Self { metadata, provenance, levels, view_mlp, free_space, digest: file.digest })
+        Ok(Self {
+            metadata,
+            provenance,
+            levels,
+            view_mlp,
+            free_space,
+            others: Vec::new(),
+            digest: file.digest,
+        })
     }
 }
 

@@ -14,10 +14,7 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::{Value, json};
-
 use super::npz::NpzSink;
-use super::row::Row;
 use super::{check_levels, fill_plane};
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
@@ -25,7 +22,7 @@ use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::codec::container::json::to_canonical;
-use crate::input::tensor;
+use crate::input::tensor::{self, Row, safetensors_header};
 use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
@@ -169,7 +166,7 @@ fn append_small(
     output.append(&map.as_flattened().iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>())?;
     match &free_space.lookup {
         Lookup::Nearest(inside) => {
-            output.append(&inside.iter().map(|&inside| inside.into()).collect::<Vec<u8>>())
+            output.append(&inside.iter().map(|&inside| u8::from(inside)).collect::<Vec<u8>>())
         }
         Lookup::Trilinear { values, .. } => output.append(&float_bytes(values)),
     }
@@ -201,19 +198,7 @@ fn append_level(
 }
 
 fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Result<String> {
-    let mut entries = serde_json::Map::new();
-    entries.insert("__metadata__".to_owned(), json!(texts(container, metadata)?));
-    let mut at = 0;
-    for row in rows {
-        let offsets = [at, at + row.bytes];
-        at += row.bytes;
-        let entry = json!({ "dtype": row.dtype, "shape": row.shape, "data_offsets": offsets });
-        entries.insert(row.name.clone(), entry);
-    }
-    let mut text = Value::Object(entries).to_string();
-    // Readers expect the data at a multiple of 8; the format pads with spaces.
-    text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
-    Ok(text)
+    Ok(safetensors_header(&texts(container, metadata)?, rows))
 }
 
 /// The texts that make a file of tensors an unpacked container.

@@ -4,13 +4,13 @@ use glam::DVec3;
 
 use super::march::{Gathered, march};
 use super::renderer::{Renderer, with_values};
+use super::shade::view_colors;
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::picture::box_means;
 use crate::base::progress::{Progress, Silent, Step};
 use crate::model::camera::{Camera, Lens};
-use crate::model::view_mlp::RAYS;
 use crate::view::sample::Sample;
 
 /// Pixels along a tile's edge. Neighbouring rays read the same blocks.
@@ -180,17 +180,7 @@ fn render_tile<const C: usize>(
             directions.push(unit(ray.direction));
         }
     }
-    let mut specular = Vec::with_capacity(gathered.len());
-    if let Some(network) = &view.view_mlp {
-        let channels = 3 + view.features;
-        for (rays, directions) in gathered.chunks(RAYS).zip(directions.chunks(RAYS)) {
-            let accumulated: Vec<&[f32]> = rays.iter().map(|ray| &ray.color[..channels]).collect();
-            let colors = network.colors(directions, &accumulated);
-            specular.extend_from_slice(&colors[..rays.len()]);
-        }
-    } else {
-        specular.resize(gathered.len(), [0.0; 3]);
-    }
+    let specular = view_colors(view, &gathered, &directions);
     Ok(Tile { origin, size, gathered, specular })
 }
 
@@ -203,13 +193,9 @@ impl<const C: usize> Tile<C> {
         for (i, (ray, specular)) in self.gathered.iter().zip(&self.specular).enumerate() {
             let [x, y] = [self.origin[0] + i % self.size[0], self.origin[1] + i / self.size[0]];
             let pixel = y * frame.width + x;
-            frame.color[pixel] = [0, 1, 2].map(|channel| {
-                let behind = ray.transmittance * view.background[channel];
-                ray.color[channel] + specular[channel] + behind
-            });
-            let far = view.march.far.unwrap_or(0.0);
+            frame.color[pixel] = ray.over_background(view, *specular);
             frame.transmittance[pixel] = ray.transmittance;
-            frame.distance[pixel] = ray.distance + ray.transmittance * far;
+            frame.distance[pixel] = ray.expected_distance(view);
             frame.level[pixel] = ray.level;
             let channels = frame.channels;
             frame.accumulated[pixel * channels..][..channels]

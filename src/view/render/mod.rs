@@ -13,13 +13,16 @@ mod frame;
 mod march;
 mod packet;
 mod path;
+mod rays;
 mod renderer;
 mod route;
 mod sample;
+mod shade;
 mod view;
 
 pub use coverage::{CameraCoverage, camera_coverage};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
+pub use rays::RayColor;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;

@@ -28,6 +28,13 @@ impl Renderer {
         with_values!(self, values => values.levels())
     }
 
+    /// Refuses a level that the field does not have.
+    pub(super) fn check_level(&self, level: usize) -> Result<()> {
+        let levels = self.levels();
+        let expected = format!("a level below {levels}");
+        Error::require_option(level < levels, "level", level, &expected)
+    }
+
     /// The field's values at a `position` in world units, interpolated in one level. Outside the
     /// box, outside the free-space mask and where nothing is stored, opacity is 0.
     ///
@@ -47,11 +54,7 @@ impl Renderer {
     ///
     /// A level that the field does not have, or a position that is not finite.
     pub fn sample(&self, position: [f64; 3], level: usize) -> Result<Sample> {
-        let levels = self.levels();
-        if level >= levels {
-            let expected = format!("a level below {levels}");
-            return Err(Error::invalid_option("level", level.to_string(), expected));
-        }
+        self.check_level(level)?;
         if position.iter().any(|value| !value.is_finite()) {
             let found = format!("{position:?}");
             return Err(Error::invalid_option("position", found, "finite numbers"));

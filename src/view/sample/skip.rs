@@ -257,6 +257,8 @@ impl MaskedCells {
             (0..=counts[axis]).map(|i| min + node(i) * spacing).collect()
         });
         let touched = free_space::touched_cells(free_space, &faces)?;
+        let beyond = [0, 1, 2].map(|axis| beyond_nodes(free_space, axis, &faces[axis]));
+        let is_beyond = |at: [usize; 3]| (0..3).any(|axis| beyond[axis][at[axis]]);
         let outside = free_space::touched_cells(&free_space_complement(free_space), &faces)?;
         let cells = |get: &dyn Fn([usize; 3]) -> bool| {
             let [nx, ny, nz] = counts;
@@ -264,9 +266,25 @@ impl MaskedCells {
         };
         Ok(Self {
             touched: cells(&|at| touched.contains(at)),
-            partly: cells(&|at| touched.contains(at) && outside.contains(at)),
+            partly: cells(&|at| touched.contains(at) && (outside.contains(at) || is_beyond(at))),
         })
     }
+}
+
+/// For each range between `faces` along an axis, whether it reaches beyond the mask's nodes, where
+/// everything is outside.
+fn beyond_nodes(free_space: &FreeSpace, axis: usize, faces: &[f64]) -> Vec<bool> {
+    // The nearest node's share of space ends half a node further.
+    let margin = match free_space.lookup {
+        Lookup::Nearest(_) => 0.5,
+        Lookup::Trilinear { .. } => 0.0,
+    };
+    let last = (free_space.nodes.0[axis] - 1) as f64 + margin;
+    let is_within = |face: &f64| {
+        let at = face * free_space.scale[axis] + free_space.shift[axis];
+        (-margin..=last).contains(&at)
+    };
+    faces.windows(2).map(|range| !range.iter().all(is_within)).collect()
 }
 
 /// The mask whose inside is the other's outside, at its nodes.
@@ -284,6 +302,38 @@ fn free_space_complement(free_space: &FreeSpace) -> FreeSpace {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cells_that_reach_beyond_a_mask_are_divided_by_it() {
+        let bounds = Bounds { min: [0.0; 3], max: [8.0; 3] };
+        let nodes = Nodes([9; 3]);
+        // Nodes at 1, 3, 5 and 7 along x; at the faces of the box along the other axes.
+        for (lookup, divided) in [
+            (Lookup::Nearest(vec![true; 16]), [false; 4]),
+            (
+                Lookup::Trilinear { values: vec![1.0; 16], threshold: 0.5 },
+                [true, false, false, true],
+            ),
+        ] {
+            let mask = FreeSpace {
+                nodes: Nodes([4, 2, 2]),
+                scale: [0.5, 0.125, 0.125],
+                shift: [-0.5, 0.0, 0.0],
+                lookup,
+            };
+            let edge = macro_edge(nodes);
+            assert_eq!(edge, 2);
+            let cells = MaskedCells::new(&mask, &bounds, nodes).expect("no error");
+            for (i, partly) in cells.partly.iter().enumerate() {
+                let [x, y, z] = [i / 16, i / 4 % 4, i % 4];
+                let share = |at: usize, by: f64| (at as f64 + by) * edge as f64;
+                let inside = [0.01, 0.5, 0.99]
+                    .map(|by| mask.contains([share(x, by), share(y, 0.5), share(z, 0.5)]));
+                assert_eq!(inside.contains(&false), divided[x], "{x}");
+                assert_eq!(*partly, divided[x], "{x} {y} {z}");
+            }
+        }
+    }
 
     #[test]
     fn distances_are_to_the_nearest_marked_cell() {

@@ -1,8 +1,13 @@
-//! The tensors of an unpacked file.
+//! Tensors to be written, and the header of a safetensors file of them.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
-/// A tensor of the header, in the order of its bytes.
+/// A tensor to be written, in the order of its bytes.
+#[derive(Debug, Clone)]
 pub struct Row {
     /// Its name.
     pub name: String,
@@ -41,4 +46,22 @@ impl Row {
             _ => "<f4",
         }
     }
+}
+
+/// The header of a safetensors file that holds `texts` and then the bytes of `rows`. The file
+/// starts with the number of its bytes, in eight bytes of its own.
+pub fn safetensors_header(texts: &BTreeMap<&str, String>, rows: &[Row]) -> String {
+    let mut entries = serde_json::Map::new();
+    entries.insert("__metadata__".to_owned(), json!(texts));
+    let mut at = 0;
+    for row in rows {
+        let offsets = [at, at + row.bytes];
+        at += row.bytes;
+        let entry = json!({ "dtype": row.dtype, "shape": row.shape, "data_offsets": offsets });
+        entries.insert(row.name.clone(), entry);
+    }
+    let mut text = Value::Object(entries).to_string();
+    // Readers expect the data at a multiple of 8; the format pads with spaces.
+    text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(8) - text.len()));
+    text
 }

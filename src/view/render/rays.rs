@@ -1,0 +1,98 @@
+//! Colours along given rays, and colours of points along given directions.
+
+use super::march::march;
+use super::renderer::{Renderer, with_values};
+use super::shade::view_colors;
+use super::view::View;
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::model::camera::Ray;
+use crate::view::sample::Sample;
+
+/// Rays that a thread takes at once.
+const CHUNK: usize = 256;
+
+/// The light that comes along a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayColor {
+    /// Colour over the field's background, not clamped.
+    pub color: [f32; 3],
+    /// Light left behind the field, 0 to 1.
+    pub transmittance: f32,
+    /// Expected distance in world units; light that passes the field counts at `far`, if there is
+    /// one.
+    pub distance: f32,
+}
+
+impl Renderer {
+    /// The light along rays, all samples read from one `level`. [`Step::Render`] advances by rays.
+    ///
+    /// # Errors
+    ///
+    /// A level that the field does not have, rules out of range, and a request to stop.
+    pub fn ray_colors(
+        &self,
+        rays: &[Ray],
+        level: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<RayColor>> {
+        self.check_level(level)?;
+        self.view().check()?;
+        with_values!(self, values => follow(self.view(), values, rays, level, progress))
+    }
+
+    /// The colours of the matter at a `position` seen along unit `directions`, 0 to 1 and more
+    /// where the view network adds light.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::sample`].
+    pub fn point_colors(
+        &self,
+        position: [f64; 3],
+        directions: &[[f64; 3]],
+        level: usize,
+    ) -> Result<Vec<[f32; 3]>> {
+        let sample = self.sample(position, level)?;
+        let Some(network) = &self.view().view_mlp else {
+            return Ok(vec![sample.color; directions.len()]);
+        };
+        let values = [&sample.color[..], &sample.features].concat();
+        let added = directions.iter().map(|&direction| network.colors(&[direction], &[&values])[0]);
+        let sum = |added: [f32; 3]| [0, 1, 2].map(|channel| sample.color[channel] + added[channel]);
+        Ok(added.map(sum).collect())
+    }
+}
+
+fn follow<const C: usize>(
+    view: &View,
+    values: &impl Sample<C>,
+    rays: &[Ray],
+    level: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<RayColor>> {
+    let chunks: Vec<&[Ray]> = rays.chunks(CHUNK).collect();
+    let colors = parallel::map(chunks.len(), |number| {
+        let rays = chunks[number];
+        let mut gathered = Vec::with_capacity(rays.len());
+        for ray in rays {
+            // A ray may have a million samples.
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            gathered.push(march(view, values, ray, None, Some(level)));
+        }
+        let unit = |ray: &Ray| (ray.direction / ray.direction.length()).to_array();
+        let directions: Vec<[f64; 3]> = rays.iter().map(unit).collect();
+        let view_colors = view_colors(view, &gathered, &directions);
+        progress.advance(Step::Render, rays.len() as u64);
+        let colors = gathered.iter().zip(view_colors).map(|(ray, view_color)| RayColor {
+            color: ray.over_background(view, view_color),
+            transmittance: ray.transmittance,
+            distance: ray.expected_distance(view),
+        });
+        Ok(colors.collect::<Vec<_>>())
+    })?;
+    Ok(colors.concat())
+}
