@@ -519,7 +519,7 @@ fn cameras_that_cannot_be_are_refused() {
     std::fs::copy(here.join("out/a.s1.png"), here.join("pictures/a.png")).expect("copied");
     report(here, &[&["compare", "pictures", &field], &missing[..]].concat());
     let other = [&["compare", "pictures", &field, "--size", "5x5"], &missing[..]].concat();
-    refused(here, &other, 3, &["multiple"]);
+    refused(here, &other, 2, &["--size"]);
 }
 
 #[test]

@@ -299,7 +299,7 @@ const SHELL: &[(&str, &str, &str)] = &[
     ),
     (
         "0",
-        "$B bake s/fine_last.tar -o x.mipvog --depfile x.d && $B bake s/fine_last.tar -o x.mipvog --depfile x.d --force",
+        "$B bake s/fine_last.tar -o x.mipvog --depfile x.d && $B bake s/fine_last.tar -o x.mipvog --if-changed --depfile x.d",
         "",
     ),
     (

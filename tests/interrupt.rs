@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::{Child, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use common::asset::glb;
 use common::{Random, fixture, folder, program};
 
 /// A run has this much time to end after a signal. Machines of tests are busy.
@@ -76,7 +77,7 @@ fn pictures_of_an_interrupted_run_go_and_it_runs_again() {
         wait_for_files(&here.join("new/pictures"), 3);
         let output = signalled(child, signal);
         assert_eq!(output.status.code(), Some(code), "{line}: {}", message(&output));
-        assert!(message(&output).contains("run again"), "{}", message(&output));
+        assert!(message(&output).contains("again to start over"), "{}", message(&output));
         // The folder was its own too.
         assert!(names(here).is_empty(), "{line}: {:?}", names(here));
     }
@@ -125,6 +126,76 @@ fn any_verb_ends_soon_after_a_signal_at_any_moment() {
                 assert!(names(here).is_empty(), "{line} after {wait} s: {:?}", names(here));
             }
         }
+    }
+}
+
+#[test]
+fn every_other_verb_ends_soon_too_and_runs_again() {
+    let inputs = folder();
+    let room = inputs.path().join("room.glb");
+    std::fs::write(&room, glb("{\"asset\":{\"version\":\"2.0\"}}", &[])).expect("writable");
+    let both = inputs.path().join("both.glb");
+    let attach = format!("attach {} BAKED -o", room.display());
+    let output = start(inputs.path(), &format!("{attach} {}", both.display()));
+    assert!(output.wait_with_output().expect("ends").status.success());
+    let lines = [
+        format!("{attach} new/x.glb"),
+        format!("detach {} -o new/x.glb", both.display()),
+        format!("inspect {} BAKED TINY", both.display()),
+        "bake TINY -o new/x.mipvog --gltf new/x.glb --depfile new/x.d".to_owned(),
+        "bake TINY -o x.mipvog --dry-run".to_owned(),
+        "bake BAKED -o new/x.mipvog --bits 6".to_owned(),
+        "transcode BAKED -o new/x.mipvog --max-bytes 20kB".to_owned(),
+        "unpack BAKED -o new/slices/".to_owned(),
+        "unpack BAKED -o new/x.npz".to_owned(),
+        "render BAKED --spiral 3 --size 90 --scales 1,2 --exr --sheet -o new/pictures".to_owned(),
+        "render BAKED --turntable 5 --size 90 -o new/x.gif".to_owned(),
+        "compare BAKED TINY --turntable 2 --size 90 --scales 1,2 -o new/errors".to_owned(),
+        "sweep TINY --turntable 1 --size 20 --bits 8 --scales 1 --repeat 1 -o new/x".to_owned(),
+        "man".to_owned(),
+        "completions bash".to_owned(),
+        "version".to_owned(),
+    ];
+    let mut random = Random::new(13);
+    for line in &lines {
+        let folder = folder();
+        let here = folder.path();
+        let clock = Instant::now();
+        assert!(start(here, line).wait().expect("ends").success(), "{line}");
+        let time = clock.elapsed();
+        for (signal, code) in [("-INT", 130), ("-TERM", 143), ("-INT", 130), ("-TERM", 143)] {
+            std::fs::remove_dir_all(here.join("new")).ok();
+            let child = start(here, line);
+            // Before the first thing it does a program has no handlers; then a signal ends it.
+            let share = random.between(0.1, 1.0);
+            std::thread::sleep(time.mul_f32(share).max(Duration::from_millis(8)));
+            let output = signalled(child, signal);
+            let ended = output.status.code();
+            assert!([Some(code), Some(0), None].contains(&ended), "{line}: {}", message(&output));
+            if ended != Some(0) && !line.starts_with("sweep") {
+                assert!(names(here).is_empty(), "{line} at {share}: {:?}", names(here));
+            }
+        }
+        std::fs::remove_dir_all(here.join("new")).ok();
+        let output = start(here, line).wait_with_output().expect("ends");
+        assert!(output.status.success(), "{line}: {}", message(&output));
+    }
+}
+
+#[test]
+fn a_standard_input_that_never_ends_leaves_no_copy() {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        let folder = folder();
+        let here = folder.path();
+        let mut command = program();
+        command.env("TMPDIR", here).current_dir(here).args(["bake", "-", "-o", "x.mipvog"]);
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("starts");
+        let _held = child.stdin.take();
+        wait_for(|| !names(here).is_empty());
+        let output = signalled(child, signal);
+        assert_eq!(output.status.code(), Some(code), "{}", message(&output));
+        assert!(names(here).is_empty(), "{:?}", names(here));
     }
 }
 

@@ -5,7 +5,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::guard::is_guarded;
-use super::unfinished::Unfinished;
+use super::unfinished::{Unfinished, made_and_noted};
 use super::{ByteSink, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -47,7 +47,7 @@ impl NewFolders {
         if there.is_some_and(|path| path.exists() && !path.is_dir()) {
             return Err(std::io::Error::other("a file is in a folder's place"));
         }
-        std::fs::create_dir_all(folder)?;
+        made_and_noted(|| std::fs::create_dir_all(folder))?;
         Ok(made)
     }
 }
@@ -122,12 +122,16 @@ impl Output {
         // The mode that a plain `File::create` would ask for; the umask still applies.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut temporary = builder.tempfile_in(folder).map_err(io)?;
+        let make = || {
+            let temporary = builder.tempfile_in(folder).map_err(io)?;
+            let unfinished = Unfinished::note(temporary.path());
+            Ok((temporary, unfinished))
+        };
+        let (mut temporary, mut unfinished) = made_and_noted(make)?;
         // Between its creation and its lock another run may have taken it for stale.
         while !stale::claim(&temporary) {
-            temporary = builder.tempfile_in(folder).map_err(io)?;
+            (temporary, unfinished) = made_and_noted(make)?;
         }
-        let unfinished = Unfinished::note(temporary.path());
         let path = path.to_owned();
         Ok(Self {
             temporary,

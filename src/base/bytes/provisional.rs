@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::unfinished::Unfinished;
+use super::unfinished::{Unfinished, made_and_noted};
 use super::{ByteSink, Output, stale};
 use crate::base::error::{Error, Result};
 
@@ -34,7 +34,8 @@ impl Provisional {
         }
         // Noted first: making the last of them may fail.
         self.made.extend(missing.into_iter().rev().map(Unfinished::note));
-        std::fs::create_dir_all(folder).map_err(|error| Error::io(error, folder))?;
+        let made = made_and_noted(|| std::fs::create_dir_all(folder));
+        made.map_err(|error| Error::io(error, folder))?;
         stale::remove(folder);
         Ok(())
     }
@@ -47,11 +48,12 @@ impl Provisional {
         let mut output = Output::create(path, overwrite)?;
         output.append(bytes)?;
         let is_new = path.symlink_metadata().is_err();
-        output.finish()?;
+        let noted = made_and_noted(|| {
+            output.finish()?;
+            Ok(is_new.then(|| Unfinished::note(path)))
+        })?;
         self.bytes += bytes.len() as u64;
-        if is_new {
-            self.made.push(Unfinished::note(path));
-        }
+        self.made.extend(noted);
         Ok(())
     }
 

@@ -5,7 +5,10 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock};
+
+/// Locked for good by the end of the program.
+static ENDS: RwLock<()> = RwLock::new(());
 
 fn noted() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     static NOTED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -37,8 +40,17 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes everything that is unfinished in this process, for its end.
+/// Makes something and notes it, with no end of the program in between. The work is short and makes
+/// nothing else this way.
+pub fn made_and_noted<T>(work: impl FnOnce() -> T) -> T {
+    let _goes_on = ENDS.read().unwrap_or_else(PoisonError::into_inner);
+    work()
+}
+
+/// Removes everything that is unfinished in this process, for its end. From then on nothing is made
+/// any more: threads that would make something wait for the end.
 pub fn remove_all() {
+    std::mem::forget(ENDS.write().unwrap_or_else(PoisonError::into_inner));
     // Names inside a folder sort behind its own.
     noted().iter().rev().for_each(|path| remove(path));
 }
