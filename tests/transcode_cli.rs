@@ -78,8 +78,8 @@ fn transcoding_reports_as_a_bake_does() {
     let taken = run(here, &["transcode", "a.mipvog", "-o", "b.mipvog"]);
     assert!(!taken.status.success());
     let other = run(here, &["transcode", &scene, "-o", "c.mipvog"]);
-    assert_eq!(other.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&other.stderr).contains("bake makes one"));
+    assert_eq!(other.status.code(), Some(3));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("bake it first"));
     for wrong in [&["--crop", "1,2,3"][..], &["--levels", "0"], &["--max-bytes", "many"]] {
         let verb = ["transcode", "a.mipvog", "-o", "c.mipvog"];
         let refused = run(here, &[&verb[..], wrong].concat());
