@@ -213,6 +213,8 @@ fn standard_streams_are_files_too() {
         &["attach", "mesh.glb", "a.mipvog", "-o", "-"],
         &["detach", "a.glb", "-o", "-"],
         &["render", "a.mipvog", "-o", "-", "--turntable", "1"],
+        &["compare", "a.mipvog", "a.mipvog", "-o", "-", "--turntable", "1"],
+        &["sweep", "fine_last.tar", "-o", "-", "--turntable", "1"],
     ] {
         says(here, arguments, 2, &["-"]);
     }

@@ -103,8 +103,7 @@ fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f
         weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
     while let Some(first) = weighted.next() {
         // Four at once, as many as the default filter has: sums then stay in registers.
-        let [second, third, fourth] = [(); 3].map(|()| weighted.next());
-        match (second, third, fourth) {
+        match (weighted.next(), weighted.next(), weighted.next()) {
             (Some(second), Some(third), Some(fourth)) => {
                 add_scaled([first, second, third, fourth], sums);
             }

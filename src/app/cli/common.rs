@@ -23,7 +23,7 @@ pub(super) struct Common {
     /// Print no report, no progress and no warnings
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
-    /// Print more: every stage, every block statistic
+    /// Print more, such as the time of every stage
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     pub(super) verbose: bool,
     /// Colour in error messages

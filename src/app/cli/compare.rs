@@ -11,6 +11,7 @@ use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::field::FieldArguments;
 use super::outcome::{Outcome, warn};
+use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::settings::Settings;
@@ -93,6 +94,9 @@ struct Report {
 
 /// Compares.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    if let Some(folder) = &arguments.output {
+        refuse_stdout(folder, "heat maps go into a folder")?;
+    }
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;

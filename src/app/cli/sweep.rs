@@ -9,6 +9,7 @@ use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::compare::checked_scales;
 use super::outcome::{Outcome, readable, warn};
+use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
@@ -95,6 +96,7 @@ pub struct Arguments {
 
 /// Sweeps.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    refuse_stdout(&arguments.output, "sweep writes a folder")?;
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Sweep, 1.0)]);
     let mut settings = arguments.grid().settings();
