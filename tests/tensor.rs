@@ -208,8 +208,12 @@ fn every_prefix_is_refused() {
         for end in (0..whole.len()).rev() {
             file.as_file().set_len(end as u64).expect("cut");
             let error = tensor::open(file.path(), &limits()).expect_err("a prefix");
-            let typed =
-                matches!(error.kind(), ErrorKind::Malformed { .. } | ErrorKind::Truncated { .. });
+            let typed = match error.kind() {
+                ErrorKind::Malformed { .. } | ErrorKind::Truncated { .. } => true,
+                // A few bytes do not tell a kind.
+                ErrorKind::WrongKind { .. } => end < 9,
+                _ => false,
+            };
             assert!(typed, "{name}: {end} bytes of {}: {error}", whole.len());
         }
     }
