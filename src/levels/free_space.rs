@@ -163,7 +163,9 @@ fn mask_ranges(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> [Vec<(usize, us
             Lookup::Trilinear { .. } => (clip(low.floor()), clip(high.ceil() + 1.0)),
         };
         let cells = faces[axis].windows(2);
-        cells.map(|pair| reach(at(pair[0]) - SLACK, at(pair[1]) + SLACK)).collect()
+        // The mask may run against the axis.
+        let ends = cells.map(|pair| (at(pair[0]), at(pair[1])));
+        ends.map(|(a, b)| reach(a.min(b) - SLACK, a.max(b) + SLACK)).collect()
     })
 }
 

@@ -315,22 +315,24 @@ mod tests {
                 [true, false, false, true],
             ),
         ] {
-            let mask = FreeSpace {
-                nodes: Nodes([4, 2, 2]),
-                scale: [0.5, 0.125, 0.125],
-                shift: [-0.5, 0.0, 0.0],
-                lookup,
-            };
-            let edge = macro_edge(nodes);
-            assert_eq!(edge, 2);
-            let cells = MaskedCells::new(&mask, &bounds, nodes).expect("no error");
-            for (i, partly) in cells.partly.iter().enumerate() {
-                let [x, y, z] = [i / 16, i / 4 % 4, i % 4];
-                let share = |at: usize, by: f64| (at as f64 + by) * edge as f64;
-                let inside = [0.01, 0.5, 0.99]
-                    .map(|by| mask.contains([share(x, by), share(y, 0.5), share(z, 0.5)]));
-                assert_eq!(inside.contains(&false), divided[x], "{x}");
-                assert_eq!(*partly, divided[x], "{x} {y} {z}");
+            for (scale, shift) in [(0.5, -0.5), (-0.5, 3.5)] {
+                let mask = FreeSpace {
+                    nodes: Nodes([4, 2, 2]),
+                    scale: [scale, 0.125, 0.125],
+                    shift: [shift, 0.0, 0.0],
+                    lookup: lookup.clone(),
+                };
+                let edge = macro_edge(nodes);
+                assert_eq!(edge, 2);
+                let cells = MaskedCells::new(&mask, &bounds, nodes).expect("no error");
+                for (i, partly) in cells.partly.iter().enumerate() {
+                    let [x, y, z] = [i / 16, i / 4 % 4, i % 4];
+                    let share = |at: usize, by: f64| (at as f64 + by) * edge as f64;
+                    let inside = [0.01, 0.5, 0.99]
+                        .map(|by| mask.contains([share(x, by), share(y, 0.5), share(z, 0.5)]));
+                    assert_eq!(inside.contains(&false), divided[x], "{x}");
+                    assert_eq!(*partly, divided[x], "{x} {y} {z}");
+                }
             }
         }
     }
