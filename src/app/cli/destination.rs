@@ -5,6 +5,12 @@ use std::path::{Path, PathBuf};
 use super::animation::FilmFormat;
 use crate::base::error::{Error, Result};
 
+/// Extensions of files that `render` does not write. A folder may have any other one.
+const OTHER_FILES: [&str; 16] = [
+    "apng", "avi", "bmp", "glb", "gltf", "html", "jpeg", "jpg", "json", "mipvog", "mkv", "npz",
+    "ply", "tif", "tiff", "txt",
+];
+
 /// The output of `render`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Destination {
@@ -40,6 +46,7 @@ impl Destination {
             ("png", _) => Ok(Self::Png(path.to_owned())),
             ("exr", _) => Ok(Self::Exr(path.to_owned())),
             (_, Some(format)) => Ok(Self::Film(path.to_owned(), format)),
+            (other, None) if !OTHER_FILES.contains(&other) => Ok(Self::Folder(path.to_owned())),
             (other, None) => Err(Error::usage(format!(
                 "--output: .{other} is no output of render: .png and .exr are one picture, .{} are \
                  films, and a name without extension or with a slash at its end is a folder of \
