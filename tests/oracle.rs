@@ -29,11 +29,11 @@ fn golden(file: &str, name: &str) -> Vec<f32> {
 }
 
 fn density_of(field: &RadianceField) -> Vec<f32> {
-    common::volume_values(&field.density)
+    common::grid_values(&field.density)
 }
 
 fn color_of(field: &RadianceField) -> Vec<f32> {
-    field.color.iter().flat_map(common::volume_values).collect()
+    field.color.iter().flat_map(common::grid_values).collect()
 }
 
 fn opaque(field: &RadianceField, density: &[f32], threshold: f64) -> Vec<bool> {

@@ -16,6 +16,7 @@ use mipvog_bake::unstable::model::baked::{BakedField, Blend, FootprintNeighbour,
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
 use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
+use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
 use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
@@ -81,7 +82,7 @@ fn random_scene(random: &mut Random) -> RadianceField {
     scene.march.alpha_threshold = [0.0, 0.0, 1e-4, 1e-2][random.below(4)];
     scene.background = [0; 3].map(|_: usize| random.between(0.0, 1.0));
     if random.below(3) > 0 {
-        field.view_mlp = Some(random_network(random, features));
+        field.view = Some(ViewDependence::Network(random_network(random, features)));
     }
     if random.below(2) == 0 {
         let mask = random_mask(random, &field.scene.bounds);
@@ -354,7 +355,7 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
     for features in [13, 14, 29, 30, 61] {
         let mut random = Random::new(5000 + features as u64);
         let mut field = random_field(&mut random, [7, 6, 8], 3 + features);
-        field.view_mlp = Some(random_network(&mut random, features));
+        field.view = Some(ViewDependence::Network(random_network(&mut random, features)));
         let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
         let plain = PlainField::new(dense.view(), finest_level(&field));
         // Fitted levels too: a fit differentiates by every feature.

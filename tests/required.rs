@@ -56,7 +56,7 @@ fn hold(got: &[Channels], want: &[Channels], nodes: &[NodeMask], is_zero_elsewhe
 
 #[test]
 fn empty_nodes_are_left_out_where_alpha_is_averaged() {
-    let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
+    let activation = Activation::logits(-4.6, 0.5);
     let filter: &dyn LevelFilter = &Filter::RateTent;
     let domain = filter.alpha(&activation).expect("a filter of alpha");
     let weights = &filter.weights();

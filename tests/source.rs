@@ -60,10 +60,10 @@ fn every_spelling_gives_one_scene() {
     for name in names {
         let found = open(&format!("dvgo/{name}"));
         assert_eq!(found.field.density.nodes, Nodes([9, 7, 5]), "{name}");
-        assert_eq!(common::volume_values(&found.field.density), expected(315, 1), "{name}");
-        assert_eq!(common::volume_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
+        assert_eq!(common::grid_values(&found.field.density), expected(315, 1), "{name}");
+        assert_eq!(common::grid_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
         assert_eq!(found.field.scene, first.field.scene, "{name}");
-        assert_eq!(found.field.view_mlp, first.field.view_mlp, "{name}");
+        assert_eq!(found.field.view, first.field.view, "{name}");
         assert_eq!(found.field.free_space, first.field.free_space, "{name}");
         assert_eq!((found.family, keys(&found)), (Family::Dvgo, vec!["stepsize"]), "{name}");
     }
@@ -84,7 +84,7 @@ fn settings_become_the_scene() {
     let dropped = 1.0 / 1024.0;
     assert_eq!((scene.march.alpha_threshold, scene.march.color_threshold), (dropped, dropped));
     assert_eq!(scene.background, [1.0; 3]);
-    let mlp = source.field.view_mlp.as_ref().expect("rgbnet");
+    let mlp = source.field.network().expect("rgbnet");
     assert_eq!((mlp.widths(), mlp.frequencies), (vec![34, 16, 16, 3], 4));
     assert_eq!(mlp.input, ViewInput::DiffuseAndFeatures);
     assert_eq!(mlp.layers[1].weights, expected(256, 11));
@@ -120,7 +120,7 @@ fn options_win() {
     let march = &source.field.scene.march;
     assert_eq!((march.stepsize, march.near, march.far), (0.25, 2.0, Some(6.0)));
     assert_eq!((march.color_threshold, march.alpha_threshold), (0.0, 1.0 / 1024.0));
-    assert!(source.field.view_mlp.is_none());
+    assert!(source.field.view.is_none());
     assert_eq!((source.field.color_channels(), keys(&source)), (3, vec!["mlp"]));
     for broken in [
         SourceOptions { stepsize: Some(0.0), ..SourceOptions::default() },
@@ -213,10 +213,10 @@ fn other_models_are_refused_with_the_reason() {
         ..SourceOptions::default()
     };
     let borrowed = input::open_with(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
-    assert!(borrowed.expect("a network").field.view_mlp.is_some());
+    assert!(borrowed.expect("a network").field.view.is_some());
     let diffuse = open("refused/diffuse.tar");
     assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
-    assert_eq!(common::volume_values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
+    assert_eq!(common::grid_values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
 }
 
 #[test]

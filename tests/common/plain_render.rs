@@ -4,6 +4,7 @@
 use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog_bake::unstable::model::camera::Camera;
 use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup};
+use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
 use mipvog_bake::unstable::view::render::{LevelChoice, View};
 
@@ -148,7 +149,7 @@ impl PlainField {
             }
         }
         let unit = ray.direction.map(|along| along / ray.length());
-        let network = self.view.view_mlp.as_ref();
+        let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
         let specular = network.map_or([0.0; 3], |network| specular(network, unit, &accumulated));
         let color = [0, 1, 2]
             .map(|c| accumulated[c] + specular[c] + left * f64::from(self.view.background[c]));

@@ -15,7 +15,7 @@ use mipvog_bake::unstable::view::render::{Frame, LevelChoice};
 
 use super::plain::{all_nodes, halved, index, next_level};
 use super::plain_render::{PlainField, PlainLevel, Pruned};
-use super::{plain_alpha, volume_values};
+use super::{grid_values, plain_alpha};
 
 /// Level 0 of a trained field, and the levels that a filter makes of it, at most so many in all.
 pub fn trained_levels(
@@ -24,10 +24,10 @@ pub fn trained_levels(
 ) -> Vec<PlainLevel> {
     let mut nodes = field.scene.nodes.0;
     let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
-    let mut density = wide(volume_values(&field.density));
+    let mut density = wide(grid_values(&field.density));
     let mut color: Vec<Vec<f64>> = Vec::new();
     for volume in &field.color {
-        let values = wide(volume_values(volume));
+        let values = wide(grid_values(volume));
         color.extend(values.chunks_exact(field.scene.nodes.count()).map(<[f64]>::to_vec));
     }
     let finest = PlainLevel {
@@ -99,14 +99,14 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
         level.table.stored().for_each(|place| stored[index(counts, place)] = true);
         let is_stored = |at: [usize; 3]| stored[index(counts, at.map(|node| node / grid.edge))];
         let channels = |group: Group| -> Vec<Vec<f64>> {
-            let count = group.channels(metadata.features);
+            let count = group.channels(metadata.layout());
             (0..count)
                 .map(|channel| dense(level, level_metadata, group, (channel, count)))
                 .collect()
         };
         let empty = |group: Group| level_metadata.encoding(group).map(|of| f64::from(of.empty));
         let empty_color = [Group::Diffuse, Group::Features]
-            .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.features)]);
+            .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.layout())]);
         PlainLevel {
             nodes,
             density: level_metadata.density.is_some().then(|| channels(Group::Density).remove(0)),
@@ -130,7 +130,7 @@ fn dense(
     (channel, channels): (usize, usize),
 ) -> Vec<f64> {
     let (grid, nodes) = (metadata.grid(), metadata.dimensions);
-    let (Some(encoding), Some(codes)) = (metadata.encoding(group), &level.atlases[group as usize])
+    let (Some(encoding), Some(codes)) = (metadata.encoding(group), &level.atlases[group.index()])
     else {
         return vec![0.0; grid.nodes.count()];
     };

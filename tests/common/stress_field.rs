@@ -12,6 +12,7 @@ use mipvog_bake::unstable::levels::{
     AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
 };
 use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, NumberType};
+use mipvog_bake::unstable::model::field::ColorDomain;
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
@@ -234,7 +235,8 @@ fn premultiplied(mut take: impl FnMut(usize, &AlphaDomain, &Channels, &[Vec<f64>
                 let visibility = visibility(nodes, &domain, weights, &channels[0]);
                 let required = everything(nodes, weights);
                 let retained = required.levels().iter().collect();
-                let content = Content::Colors { domain, visibility: &visibility, retained };
+                let colors = ColorDomain::Logit;
+                let content = Content::Colors { domain, colors, visibility: &visibility, retained };
                 let levels = levels(&channels, &required, content);
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
                 let extent = [EXTENT; 3];

@@ -12,6 +12,7 @@
 use super::target::Targets;
 use crate::model::activate::lanes;
 use crate::model::field::ActivationOrder;
+use crate::model::view_dependence::ViewDependence;
 use crate::view::render::{Route, View};
 use crate::view::sample::{Cell, Dense, Sample};
 
@@ -202,7 +203,7 @@ impl<const C: usize> Rays<'_, C> {
         let background = self.view.background;
         let channels = 3 + self.view.features;
         let unit = (ray.direction / ray.direction.length()).to_array();
-        let network = self.view.view_mlp.as_ref();
+        let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
         let mut by_color = [0.0; C];
         let error = |specular: [f32; 3]| {
             [0, 1, 2].map(|c| accumulated[c] + specular[c] + left * background[c] - target[c])

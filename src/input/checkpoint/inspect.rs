@@ -12,6 +12,7 @@ use crate::base::limits::{Budget, Limits};
 use crate::input::tensor::{self, FileKind, TensorFile, Value};
 use crate::model::field::{Activation, March};
 use crate::model::grid::Bounds;
+use crate::model::view_mlp::ViewMlp;
 
 /// Tensors of up to this many elements are listed with their values.
 const SHOWN: u64 = 16;
@@ -128,7 +129,7 @@ pub fn inspect_tensors(
                 channels: field.color_channels(),
                 activation: field.scene.activation,
                 march: field.scene.march,
-                mlp: field.view_mlp.map(|mlp| mlp.widths()),
+                mlp: field.network().map(ViewMlp::widths),
                 free_space: mask.map(|mask| mask.nodes.0),
             });
             inspection.assumptions = source.assumptions;

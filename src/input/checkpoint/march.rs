@@ -10,7 +10,7 @@ use super::names::NamedValues;
 use super::options::SourceOptions;
 use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
-use crate::model::field::{Activation, ActivationOrder, March};
+use crate::model::field::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 
 /// Step length in voxels where no option says another: DirectVoxGO's.
@@ -86,7 +86,8 @@ pub(super) fn find(
         }
         _ => error,
     })?;
-    Ok((Activation { shift, interval, order }, march))
+    let function = DensityFunction::Softplus;
+    Ok((Activation { shift, interval, order, function }, march))
 }
 
 /// Settings of rays that the checkpoint records.

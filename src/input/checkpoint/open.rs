@@ -12,7 +12,8 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::tensor::{self, TensorFile};
-use crate::model::field::{RadianceField, Scene};
+use crate::model::field::{ColorDomain, RadianceField, Scene};
+use crate::model::view_dependence::ViewDependence;
 
 /// Opacity that coarse stages start from, at most; fine ones start from 1e-2.
 const COARSE_ALPHA: f64 = 1e-5;
@@ -108,7 +109,14 @@ pub(super) fn assemble<'a>(
     }
     let background = options.background.or(recorded.background).unwrap_or([1.0; 3]);
     let scene = Scene { bounds, nodes, activation, march, background };
-    let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
+    let field = RadianceField {
+        scene,
+        density: density.into(),
+        color: vec![color.into()],
+        color_domain: ColorDomain::Logit,
+        view: view_mlp.map(ViewDependence::Network),
+        free_space: None,
+    };
     let source = Source {
         field,
         family,

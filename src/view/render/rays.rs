@@ -8,22 +8,13 @@ use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Ray;
+use crate::model::harmonics::basis;
+use crate::model::trained_model::RayColor;
+use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::Sample;
 
 /// Rays that a thread takes at once.
 const CHUNK: usize = 256;
-
-/// The light that comes along a ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RayColor {
-    /// Colour over the field's background, not clamped.
-    pub color: [f32; 3],
-    /// Light left behind the field, 0 to 1.
-    pub transmittance: f32,
-    /// Expected distance in world units; light that passes the field counts at `far`, if there is
-    /// one.
-    pub distance: f32,
-}
 
 impl Renderer {
     /// The light along rays, all samples read from one `level`. [`Step::Render`] advances by rays.
@@ -55,8 +46,13 @@ impl Renderer {
         level: usize,
     ) -> Result<Vec<[f32; 3]>> {
         let sample = self.sample(position, level)?;
-        let Some(network) = &self.view().view_mlp else {
-            return Ok(vec![sample.color; directions.len()]);
+        let network = match &self.view().view_dependence {
+            Some(ViewDependence::Network(network)) => network,
+            Some(ViewDependence::Harmonics(rules)) => {
+                let color = |&direction| rules.color(&basis(direction), &sample.coefficients);
+                return Ok(directions.iter().map(color).collect());
+            }
+            None => return Ok(vec![sample.color; directions.len()]),
         };
         let values = [&sample.color[..], &sample.features].concat();
         let added = directions.iter().map(|&direction| network.colors(&[direction], &[&values])[0]);

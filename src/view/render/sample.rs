@@ -6,6 +6,9 @@ use super::renderer::with_values;
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
+use crate::model::field::ColorDomain;
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::Sample as Values;
 
 /// A field's activated values at a point of one level.
@@ -16,10 +19,14 @@ pub struct Sample {
     pub opacity: f32,
     /// Optical depth per world unit, from 0.
     pub density: f32,
-    /// Diffuse colour, 0 to 1, in the colour space of training.
+    /// Diffuse colour in the colour space of training: 0 to 1 for logits. Of harmonics, that of
+    /// band 0 alone.
     pub color: [f32; 3],
-    /// Specular features, 0 to 1, as the view network takes them.
+    /// Specular features, 0 to 1, as the view network takes them; empty without one.
     pub features: Vec<f32>,
+    /// All coefficients of harmonics, function by function, each red, green and blue; empty without
+    /// them.
+    pub coefficients: Vec<f32>,
 }
 
 impl Renderer {
@@ -82,14 +89,27 @@ fn sample<const C: usize>(
         let density = values.density(owner, &cell);
         optical_depth(density, values.density_domain(owner), view)
     });
-    let raw =
+    let mut values =
         cell(level).map_or_else(|| values.empty_color(level), |cell| values.color(level, &cell));
-    let activated = raw.map(lanes::sigmoid);
+    let channels = 3 + view.features;
+    let harmonics = view.view_dependence.as_ref().and_then(ViewDependence::harmonics);
+    let coefficients = harmonics.map_or_else(Vec::new, |_| values[..channels].to_vec());
+    match (harmonics, view.color_domain) {
+        (Some(rules), _) => {
+            let band_0 = Harmonics { degree: 0, ..*rules };
+            let color = band_0.color(&[BAND_0; FUNCTIONS], &values[..3]);
+            values[..3].copy_from_slice(&color);
+        }
+        (None, ColorDomain::Linear) => {}
+        (None, ColorDomain::Logit) => values = values.map(lanes::sigmoid),
+    }
+    let features = if harmonics.is_some() { &[] } else { &values[3..channels] };
     let interval_world = view.march.stepsize * view.march.voxel_size;
     Sample {
         opacity: lanes::opacity(depth),
         density: depth / interval_world,
-        color: [activated[0], activated[1], activated[2]],
-        features: activated[3..3 + view.features].to_vec(),
+        color: [values[0], values[1], values[2]],
+        features: features.to_vec(),
+        coefficients,
     }
 }

@@ -77,7 +77,7 @@ pub fn bake_trained(
         "march": scene.march,
         "activation": scene.activation,
         "background": scene.background,
-        "mlp": source.field.view_mlp.as_ref().map(ViewMlp::widths),
+        "mlp": source.field.network().map(ViewMlp::widths),
     });
     let reported = settings.report(&source);
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];

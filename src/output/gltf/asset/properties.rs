@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::bytes::{hex, sha256};
 use crate::base::error::{Error, Place, Result};
 use crate::codec::container::Container;
-use crate::model::baked::{ColorSpace, DensityDomain};
+use crate::model::baked::{ColorSpace, DensityDomain, ViewMetadata};
 use crate::model::field::ActivationOrder;
 use crate::model::view_mlp::ViewInput;
 
@@ -122,7 +122,7 @@ impl RadianceField {
             },
             color_space: metadata.color_space,
             feature_count: metadata.features,
-            mlp: metadata.view.as_ref().map(|view| Mlp {
+            mlp: metadata.view.as_ref().and_then(ViewMetadata::network).map(|view| Mlp {
                 widths: view.widths.clone(),
                 frequencies: view.frequencies,
                 input: view.input,
