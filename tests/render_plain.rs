@@ -113,7 +113,13 @@ fn linear(random: &mut Random, scene: RadianceField) -> RadianceField {
     if random.below(3) > 0 {
         let order = [ActivationOrder::Raw, ActivationOrder::Density][random.below(2)];
         activation = Activation { order, ..Activation::relu(activation.interval) };
-        density.iter_mut().for_each(|raw| *raw = raw.max(-3.0));
+        // Levels that average alpha know the light that a nearly opaque node leaves to 3e-8. Where
+        // that is 1e-6 of the light, depths are off by percents: such nodes become opaque.
+        let depth = |raw: f32| raw * activation.interval;
+        for raw in &mut density {
+            let nearly_opaque = (2.4..4.0).contains(&depth(*raw));
+            *raw = if nearly_opaque { 8.0 / activation.interval } else { raw.max(-3.0) };
+        }
     }
     field = common::field(scene.scene.nodes.0, &density, &color);
     field.scene = scene.scene;
