@@ -10,6 +10,7 @@ use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
 use mipvog_bake::unstable::input::checkpoint::{Family, MlpChoice, Source, SourceOptions};
+use mipvog_bake::unstable::model::field::Volume;
 use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
 use mipvog_bake::unstable::model::grid::{Element, Nodes};
 use mipvog_bake::unstable::model::view_mlp::ViewInput;
@@ -59,7 +60,7 @@ fn every_spelling_gives_one_scene() {
     let first = open("dvgo/protocol2.tar");
     for name in names {
         let found = open(&format!("dvgo/{name}"));
-        assert_eq!(found.field.density.nodes, Nodes([9, 7, 5]), "{name}");
+        assert_eq!(found.field.density.nodes(), Nodes([9, 7, 5]), "{name}");
         assert_eq!(common::grid_values(&found.field.density), expected(315, 1), "{name}");
         assert_eq!(common::grid_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
         assert_eq!(found.field.scene, first.field.scene, "{name}");
@@ -67,7 +68,10 @@ fn every_spelling_gives_one_scene() {
         assert_eq!(found.field.free_space, first.field.free_space, "{name}");
         assert_eq!((found.family, keys(&found)), (Family::Dvgo, vec!["stepsize"]), "{name}");
     }
-    assert_eq!(open("dvgo/bfloat16.tar").field.color[0].element, Element::BF16);
+    assert_eq!(
+        open("dvgo/bfloat16.tar").field.color[0].array().expect("an array").element,
+        Element::BF16
+    );
 }
 
 #[test]
@@ -146,7 +150,7 @@ fn a_mip_vog_checkpoint_is_understood() {
     assert!((scene.activation.shift + 4.595_12).abs() < 1e-5);
     assert_eq!((scene.activation.interval, scene.march.alpha_threshold), (0.5, 0.0));
     assert_eq!(scene.march.color_threshold, 1e-4);
-    assert!(source.field.color[0].fills_storage() && source.field.density.fills_storage());
+    assert!(source.field.grids().all(|grid| grid.array().is_some_and(Volume::fills_storage)));
     let mask = source.field.free_space.expect("mask");
     let Lookup::Trilinear { values, threshold } = &mask.lookup else { panic!("{:?}", mask.nodes) };
     assert_eq!((mask.nodes, values.len()), (Nodes([16; 3]), 4096));

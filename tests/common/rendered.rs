@@ -50,14 +50,15 @@ pub fn trained_levels(
         let extent = plain_alpha::extent(&field.scene);
         let seen = plain_alpha::visibility(nodes, domain, weights, &density, extent);
         let channels = [vec![density.clone()], color.clone()].concat();
-        linear = plain_alpha::premultiply(domain, &channels, &seen);
+        linear = plain_alpha::premultiply(domain, field.color_domain, &channels, &seen);
     }
     while all.len() < count && halved(nodes) != nodes {
         let next = |values: &[f64]| next_level(nodes, values, weights);
         let mut kind = DensityDomain::Raw;
         if let Some(domain) = &domain {
             linear = linear.iter().map(|channel| next(channel)).collect();
-            let mut stored = plain_alpha::unpremultiply(halved(nodes), domain, &linear);
+            let mut stored =
+                plain_alpha::unpremultiply(halved(nodes), domain, field.color_domain, &linear);
             density = stored.remove(0);
             color = stored;
             kind = domain.stored;
@@ -105,13 +106,13 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
                 .collect()
         };
         let empty = |group: Group| level_metadata.encoding(group).map(|of| f64::from(of.empty));
-        let empty_color = [Group::Diffuse, Group::Features]
+        let empty_color = Group::COLORS
             .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.layout())]);
         PlainLevel {
             nodes,
             density: level_metadata.density.is_some().then(|| channels(Group::Density).remove(0)),
             domain: level_metadata.density_domain(),
-            color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
+            color: Group::COLORS.map(channels).concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),
                 density: empty(Group::Density).unwrap_or(0.0),

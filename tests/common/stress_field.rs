@@ -241,13 +241,13 @@ fn premultiplied(mut take: impl FnMut(usize, &AlphaDomain, &Channels, &[Vec<f64>
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
                 let extent = [EXTENT; 3];
                 let seen = plain_alpha::visibility(nodes, &domain, weights, &wide[0], extent);
-                let mut linear = plain_alpha::premultiply(&domain, &wide, &seen);
+                let mut linear = plain_alpha::premultiply(&domain, colors, &wide, &seen);
                 for (level, got) in levels.iter().enumerate().skip(1) {
                     for channel in &mut linear {
                         *channel = next_level(size, channel, weights);
                     }
                     size = halved(size);
-                    let want = plain_alpha::unpremultiply(size, &domain, &linear);
+                    let want = plain_alpha::unpremultiply(size, &domain, colors, &linear);
                     take(level, &domain, got, &want, &linear[0]);
                 }
             }

@@ -46,8 +46,12 @@ pub(super) fn colors_within(
     activation: &Activation,
     span: &ValueRange,
 ) -> Encoding {
-    // A hair less than the error: codes' borders are rounded.
-    let step = 2.0 * f64::from(max_error) * (1.0 - 1e-5);
+    // A hair less than the error: codes' values and borders are rounded, each by up to 2^-24 of
+    // the largest value.
+    let [low, high] = ends(span);
+    let largest = decode.activated(low.abs().max(high.abs()), activation);
+    let rounding = largest / f64::from(1u32 << 21);
+    let step = 2.0 * (f64::from(max_error) * (1.0 - 1e-5) - rounding).max(0.0);
     let laid = (4..=16).map(|bits| equal_steps(step, bits, decode, activation, span));
     let mut kept = laid.filter(|encoding| encoding.max_error <= max_error);
     kept.next().unwrap_or_else(|| as_numbers(Bits::F32, decode, activation, span))
