@@ -1,9 +1,9 @@
 //! The families of models, told by the keys of their files.
 
 use super::checkpoint::{self, Family, Source, SourceOptions};
-use super::plenoxels;
 use super::scale::rescale;
 use super::tensor::TensorFile;
+use super::{plenoxels, sampled};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 
@@ -17,11 +17,10 @@ struct Reader {
 }
 
 /// All but Mip-VoG and DirectVoxGO, to which every other file is held.
-const READERS: [Reader; 1] = [Reader {
-    family: Family::Plenoxels,
-    knows: plenoxels::knows,
-    open: plenoxels::open_tensors,
-}];
+const READERS: [Reader; 2] = [
+    Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
+    Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
+];
 
 fn reader(file: &TensorFile) -> Option<&'static Reader> {
     READERS.iter().find(|reader| (reader.knows)(file))

@@ -9,6 +9,7 @@ mod families;
 mod inspect;
 mod open;
 pub mod plenoxels;
+pub mod sampled;
 mod scale;
 mod settings;
 pub mod sparse;

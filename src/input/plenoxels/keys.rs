@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::input::sparse::{Index, RowArray};
+use crate::input::sparse::{CellBox, Index, RowArray};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 
 /// The number that svox2 gives to harmonics among its bases.
@@ -25,8 +25,7 @@ pub(super) struct Arrays {
     pub(super) columns: [usize; 2],
     /// Coefficients of a colour.
     pub(super) functions: usize,
-    pub(super) radius: [f64; 3],
-    pub(super) center: [f64; 3],
+    pub(super) cells: CellBox,
 }
 
 /// True for a file with the keys of svox2.
@@ -79,7 +78,8 @@ impl Arrays {
         if let &[x, _, DEVICE_Z] = links.shape()
             && x > DEVICE_X
         {
-            let found = format!("{:?} cells, a scene in normalised device coordinates", links.shape());
+            let found =
+                format!("{:?} cells, a scene in normalised device coordinates", links.shape());
             return Err(Error::unsupported(links.place(), found, "a scene in world coordinates"));
         }
         let index = Arc::new(Index::links(links, density.rows(), limits)?);
@@ -92,7 +92,8 @@ impl Arrays {
             },
         };
         let (radius, center) = (vector("radius", 1.0)?, vector("center", 0.0)?);
-        Ok(Self { index, density, color, columns, functions, radius, center })
+        let cells = CellBox { radius, center, cells: index.nodes() };
+        Ok(Self { index, density, color, columns, functions, cells })
     }
 }
 

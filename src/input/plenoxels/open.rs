@@ -8,12 +8,9 @@ use super::model::PlenoxelsFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{Assumption, Companion, Family, Source, SourceOptions, ViewChoice};
-use crate::input::sparse::{Channel, RowGrid};
+use crate::input::sparse::{CellBox, Channel, RowGrid};
 use crate::input::tensor::{FileKind, TensorFile};
-use crate::model::field::{
-    Activation, ColorDomain, FreeSpace, Grid, Lookup, March, RadianceField, Scene,
-};
-use crate::model::grid::{Bounds, Nodes};
+use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
 
@@ -41,10 +38,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             assumptions.push(Assumption {
                 key: "args",
                 value: "defaults".to_owned(),
-                message: "no args.json of the training lies beside the file: assuming steps of 0.5 \
+                message:
+                    "no args.json of the training lies beside the file: assuming steps of 0.5 \
                           voxels, a white background and the scene's own scale; options stepsize, \
                           background and scene-scale set them"
-                    .to_owned(),
+                        .to_owned(),
             });
         }
         None => {}
@@ -57,7 +55,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         });
     }
     run.step_size = options.stepsize.map_or(run.step_size, f64::from);
-    let (scene, free_space) = scene(&arrays, &run, options)?;
+    let scene = scene(&arrays.cells, &run, options)?;
+    let free_space = arrays.cells.free_space();
     let degree = arrays.functions.isqrt() - 1;
     let mut harmonics =
         Harmonics { degree, evaluation: Evaluation::Ray, offset: OFFSET, clamp: Clamp::Zero };
@@ -75,9 +74,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             Some(ViewDependence::Harmonics(harmonics)),
         ),
     };
-    let covered = file.kind != FileKind::Safetensors;
+    // The digest of an archive has the checksums of all values.
+    let unchecked = match file.kind {
+        FileKind::Safetensors => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
+        FileKind::Npz | FileKind::Torch => Vec::new(),
+    };
     let grid = |array, channels| {
-        Grid::Values(Arc::new(RowGrid::new(&arrays.index, array, channels, 1, covered)))
+        let index = &arrays.index;
+        Grid::Values(Arc::new(RowGrid::new(index, array, channels, 1, unchecked.clone())))
     };
     let field = RadianceField {
         scene,
@@ -104,34 +108,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// The scene of a field with a node more beyond each face, and the mask that cuts at the faces of
-/// the cells.
+/// The scene of the field.
 #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
-fn scene(
-    arrays: &Arrays,
-    run: &RunArguments,
-    options: &SourceOptions,
-) -> Result<(Scene, FreeSpace)> {
-    let Nodes(cells) = arrays.index.nodes();
-    let Arrays { radius, center, .. } = arrays;
-    let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
-    let (mut scale, mut shift) = ([0.0; 3], [0.0; 3]);
-    let mut volume = 1.0;
-    let corners = bounds.min.iter_mut().zip(&mut bounds.max);
-    let mapped = scale.iter_mut().zip(&mut shift);
-    for (((min, max), (scale, shift)), ((radius, center), count)) in
-        corners.zip(mapped).zip(radius.iter().zip(center).zip(cells))
-    {
-        let reach = radius * (1.0 + 1.0 / count as f64);
-        (*min, *max) = ((center - reach) as f32, (center + reach) as f32);
-        // The mask's two middle nodes reach from face to face of the cells.
-        *scale = 1.0 / radius;
-        *shift = 1.5 - center / radius;
-        volume *= 2.0 * radius / count as f64;
-    }
-    bounds.check(&Place::Tensor("radius".to_owned()))?;
-    let voxel_size = libm::cbrt(volume) as f32;
-    let stepsize = run.step_size as f32;
+fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result<Scene> {
+    let (stepsize, voxel_size) = (run.step_size as f32, cells.voxel_size());
     let march = March {
         stepsize,
         voxel_size,
@@ -140,19 +120,11 @@ fn scene(
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: 0.0,
     };
-    let scene = Scene {
-        bounds,
-        nodes: Nodes(cells.map(|size| size + 2)),
+    Ok(Scene {
+        bounds: cells.bounds(&Place::Tensor("radius".to_owned()))?,
+        nodes: cells.nodes(),
         activation: Activation::relu(stepsize * voxel_size),
         march,
         background: options.background.unwrap_or([run.background_brightness as f32; 3]),
-    };
-    Ok((scene, FreeSpace { nodes: Nodes([4; 3]), scale, shift, lookup: middle() }))
-}
-
-/// A mask of 4 x 4 x 4 nodes of which the middle ones are inside.
-fn middle() -> Lookup {
-    let is_inside = |node: &usize| (1..3).contains(node);
-    let nodes = (0..64usize).map(|at| [at / 16, at / 4 % 4, at % 4].iter().all(is_inside));
-    Lookup::Nearest(nodes.collect())
+    })
 }

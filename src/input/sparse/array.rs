@@ -118,7 +118,8 @@ impl RowArray {
             let count = left.iter().take_while(|(row, _)| {
                 let from = u64::from(*row) * size as u64;
                 let to = from + size as u64;
-                let joins = from <= end + BRIDGED_BYTES && (to - start <= READ_BYTES || end == start);
+                let joins =
+                    from <= end + BRIDGED_BYTES && (to - start <= READ_BYTES || end == start);
                 if joins {
                     end = to;
                 }

@@ -60,25 +60,25 @@ pub struct RowGrid {
     channels: Vec<Channel>,
     /// Nodes beyond each face of the index, which repeat the face's.
     border: usize,
-    /// True if the file's digest covers the values by their checksums.
-    covered: bool,
+    /// Arrays that the file's digest does not cover by their checksums.
+    unchecked: Vec<Arc<RowArray>>,
     slabs: Slabs,
 }
 
 impl RowGrid {
     /// Of `array`, whose rows hold the columns of all `channels`. The field has `border` more nodes
-    /// beyond each face, which repeat the face's. `covered` says that the file's digest holds
-    /// checksums of the values.
+    /// beyond each face, which repeat the face's. A digest samples the arrays `unchecked`: all that
+    /// the field is made of, where the file's own digest holds no checksums of values.
     pub fn new(
         index: &Arc<Index>,
         array: &Arc<RowArray>,
         channels: Vec<Channel>,
         border: usize,
-        covered: bool,
+        unchecked: Vec<Arc<RowArray>>,
     ) -> Self {
         let slabs = Slabs::new(index, array);
         let (index, array) = (Arc::clone(index), Arc::clone(array));
-        Self { index, array, channels, border, covered, slabs }
+        Self { index, array, channels, border, unchecked, slabs }
     }
 }
 
@@ -97,7 +97,10 @@ impl NodeValues for RowGrid {
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        if self.covered { Ok(()) } else { self.array.sample(see) }
+        if !self.unchecked.is_empty() {
+            self.index.digest(see)?;
+        }
+        self.unchecked.iter().try_for_each(|array| array.sample(see))
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

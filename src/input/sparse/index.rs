@@ -133,8 +133,12 @@ impl Index {
                 let beyond = |row: &u32| *row != NO_ROW && u64::from(*row) >= self.rows;
                 if let Some(at) = out.iter().position(beyond) {
                     let link = out.get(at).copied().unwrap_or_default();
-                    let found =
-                        format!("link {link} of node {x}, {}, {} in {} rows", at / nz, at % nz, self.rows);
+                    let found = format!(
+                        "link {link} of node {x}, {}, {} in {} rows",
+                        at / nz,
+                        at % nz,
+                        self.rows
+                    );
                     let expected = "links below the number of rows";
                     return Err(Error::malformed(tensor.place(), found, expected));
                 }
@@ -153,6 +157,17 @@ impl Index {
                     }
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Shows a table in memory, for a digest.
+    ///
+    /// # Errors
+    /// None of its own.
+    pub(super) fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+        if let Rule::Blocks { table, .. } = &self.rule {
+            table.iter().for_each(|number| see(&number.to_le_bytes()));
         }
         Ok(())
     }

@@ -78,6 +78,14 @@ impl LoadedRows {
         self.index.nodes()
     }
 
+    /// The nearest position that has nodes on all sides, of one in nodes.
+    pub fn clamped(&self, position: [f64; 3]) -> [f64; 3] {
+        let mut clamped = position;
+        let last = self.nodes().0.map(|count| (count - 1) as f64);
+        clamped.iter_mut().zip(last).for_each(|(at, last)| *at = at.clamp(0.0, last));
+        clamped
+    }
+
     /// The cell around a position in nodes, 0 to `N - 1` along each axis.
     pub fn cell(&self, position: [f64; 3]) -> Cell {
         let Nodes([nx, ny, nz]) = self.nodes();

@@ -9,12 +9,16 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod array;
+mod cells;
 mod grid;
 mod index;
 mod loaded;
+mod path;
 mod slab;
 
 pub use array::RowArray;
+pub use cells::CellBox;
 pub use grid::{Channel, RowGrid};
 pub use index::{Index, LoadedIndex};
 pub use loaded::{Cell, LoadedRows};
+pub use path::{GridPath, Lattice, Light};

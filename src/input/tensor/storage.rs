@@ -28,7 +28,15 @@ impl Tensor {
         match &self.data {
             Data::Stored(Storage::File { file, range, crc32 }) => {
                 if let Some(expected) = *crc32 {
-                    verify(&Storage::File { file: Arc::clone(file), range: range.clone(), crc32: None }, expected, &self.place())?;
+                    verify(
+                        &Storage::File {
+                            file: Arc::clone(file),
+                            range: range.clone(),
+                            crc32: None,
+                        },
+                        expected,
+                        &self.place(),
+                    )?;
                 }
                 let start = range.start + first;
                 let file = Arc::clone(file);

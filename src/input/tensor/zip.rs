@@ -228,8 +228,7 @@ impl Archive {
             file.write_all(bytes).map_err(|error| Error::io(error, &folder))?;
         }
         if left > 0 {
-            let kind =
-                ErrorKind::Truncated { wanted: entry.length, left: entry.length - left };
+            let kind = ErrorKind::Truncated { wanted: entry.length, left: entry.length - left };
             return Err(Error::new(kind, place()));
         }
         Ok(SourceFile::nameless(file, self.file.path(), entry.length))
