@@ -238,7 +238,7 @@ fn a_checkpoint_lists_everything() {
     assert_eq!(value("model_kwargs.alpha_init").value, Some(0.01.into()));
     assert_eq!(value("model_state_dict.viewfreq").value, Some(vec![1.0, 2.0, 4.0, 8.0].into()));
     assert_eq!(value("optimizer_state_dict.param_groups.0.lr").kind, "float");
-    assert_eq!(found.model.as_ref().and_then(|model| model.mlp.clone()), Some(vec![34, 16, 16, 3]));
+    assert_eq!(found.scene.as_ref().and_then(|scene| scene.mlp.clone()), Some(vec![34, 16, 16, 3]));
     let refused = fixture("refused/contracted.tar");
     let refused = input::inspect(&refused, &options, &Limits::default()).expect("still listed");
     assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));

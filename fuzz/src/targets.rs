@@ -18,9 +18,9 @@ use mipvog_bake::unstable::base::picture;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::input::SceneSettings;
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::input::{SceneSettings, inspect_tensors};
 use mipvog_bake::unstable::model::camera;
 use mipvog_bake::unstable::view::render::Renderer;
 
@@ -81,7 +81,7 @@ pub fn safetensors(bytes: &[u8]) {
 fn tensors(bytes: Vec<u8>) {
     let (file, limits) = (file(bytes), limits());
     if let Ok(tensors) = tensor::open_file(&file, &limits) {
-        checkpoint::inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+        inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
     }
     check_file(file, &CheckOptions::default(), &limits).ok();
 }

@@ -77,7 +77,7 @@ impl SceneArguments {
         }
         let scene = &source.field.scene;
         let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));
-        Renderer::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
+        Renderer::of_source(&source, levels, &limits).map_err(|error| error.in_file(path))
     }
 
     /// As [`Self::open`]; of a container that ends at a level, the levels that are there.

@@ -62,7 +62,7 @@ pub fn fit(
     progress.begin(Step::Fit, (coarser * options.steps) as u64);
     let start = levels.level_of_detail;
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };
-    let (view, values) = rendered.into_parts();
+    let (view, values) = rendered.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored))
 }
 

@@ -1,13 +1,13 @@
 //! A field's values at points of the world.
 
-use super::Renderer;
 use super::packet::optical_depth;
-use super::renderer::with_values;
+use super::renderer::{Content, Renderer, with_values};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
 use crate::model::field::ColorDomain;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::trained_model::TrainedModel;
 use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::Sample as Values;
 
@@ -20,7 +20,7 @@ pub struct Sample {
     /// Optical depth per world unit, from 0.
     pub density: f32,
     /// Diffuse colour in the colour space of training: 0 to 1 for logits. Of harmonics, that of
-    /// band 0 alone.
+    /// band 0 alone; of a model with rules of its own, that seen from above, along -z.
     pub color: [f32; 3],
     /// Specular features, 0 to 1, as the view network takes them; empty without one.
     pub features: Vec<f32>,
@@ -32,7 +32,7 @@ pub struct Sample {
 impl Renderer {
     /// Levels of the field; 0 is the finest.
     pub fn levels(&self) -> usize {
-        with_values!(self, values => values.levels())
+        self.level_count()
     }
 
     /// Refuses a level that the field does not have.
@@ -66,7 +66,24 @@ impl Renderer {
             let found = format!("{position:?}");
             return Err(Error::invalid_option("position", found, "finite numbers"));
         }
-        Ok(with_values!(self, values => sample(self.view(), values, position, level)))
+        let lanes = match self.content() {
+            Content::Values(lanes) => lanes,
+            Content::Model(model) => return Ok(of_model(&**model, self.view(), position)),
+        };
+        Ok(with_values!(lanes, values => sample(self.view(), values, position, level)))
+    }
+}
+
+/// Of a model that is evaluated by its own rules.
+fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample {
+    let density = model.density(position);
+    let seen = model.colors(position, &[[0.0, 0.0, -1.0]]);
+    Sample {
+        opacity: lanes::opacity(density * view.march.stepsize * view.march.voxel_size),
+        density,
+        color: seen.first().copied().unwrap_or_default(),
+        features: Vec::new(),
+        coefficients: Vec::new(),
     }
 }
 

@@ -5,6 +5,7 @@ use crate::levels::LevelFilter;
 use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::field::{Activation, ColorDomain, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
+use crate::model::trained_model::RayRules;
 use crate::model::view_dependence::ViewDependence;
 
 /// Everything but the values between nodes.
@@ -118,6 +119,12 @@ impl View {
             Some(view) => view.check(self.features, &Place::Key("view dependence".to_owned())),
             None => Ok(()),
         }
+    }
+
+    /// The rules that models with rules of their own take from a picture.
+    pub(super) fn ray_rules(&self) -> RayRules {
+        let March { near, far, .. } = self.march;
+        RayRules { near, far, background: self.background }
     }
 
     /// Takes another step length, in voxels; the interval goes with it.

@@ -64,7 +64,7 @@ pub fn bake_trained(
         Some(cameras) => {
             let clock = Instant::now();
             let written = if report.unchanged { &*arguments.output } else { output.written() };
-            let gate = arguments.gate.measure(&source.field, &cameras, written, limits, bar)?;
+            let gate = arguments.gate.measure(&source, &cameras, written, limits, bar)?;
             let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
             report.stages.push(StageReport { name: "compare", seconds, bytes });
             Some(gate)
