@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::common::Common;
-use super::outcome::warn;
+use super::outcome::{assumed, warn};
 use super::scene::SceneArguments;
 use super::stdin;
 use super::values::Background;
@@ -95,7 +95,7 @@ impl SceneArguments {
         let options = self.settings(path, cameras, &limits)?.options;
         let source = input::open_with(&stdin::resolve(path)?, &options, &limits)?;
         for assumption in &source.assumptions {
-            warn(&assumption.message, common);
+            warn(&assumed(&assumption.message), common);
         }
         let scene = &source.field.scene;
         let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));

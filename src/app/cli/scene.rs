@@ -137,8 +137,8 @@ impl FoundSettings {
         if near < far || near_from == far_from {
             return Ok(());
         }
-        let message = format!("near {near} ({near_from}) is not below far {far} ({far_from})");
-        Err(Error::usage(message))
+        let far = format!("far {far} ({far_from})");
+        Err(Error::usage(format!("near {near} ({near_from}): expected less than {far}")))
     }
 
     /// The settings that `source` was opened with.

@@ -8,7 +8,7 @@ use clap::Args;
 use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::compare::checked_scales;
-use super::outcome::{Outcome, counted, readable, warn};
+use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -119,7 +119,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let source = input::open_tensors(&file, &found.options, &limits)?;
     for assumption in &source.assumptions {
-        warn(&assumption.message, common);
+        warn(&assumed(&assumption.message), common);
     }
     let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
     check_memory(&cameras, 1, &limits)?;

@@ -54,12 +54,14 @@ impl LevelFit<'_> {
         let mut stalled = 0;
         let mut end = match end {
             End::Enough => End::Enough,
-            _ if first >= self.allowed() => End::OutOfTime,
+            // Where the measurement took all of its share, a level still has one step.
+            _ if options.seconds.is_some_and(|seconds| first >= seconds) => End::OutOfTime,
             _ => End::Reached,
         };
         while fitted.steps < steps && end == End::Reached && stalled < PATIENCE {
             self.tell(&fitted);
-            let by_seconds = (self.spent() - first) / (self.allowed() - first);
+            let share = self.allowed() - first;
+            let by_seconds = if share > 0.0 { (self.spent() - first) / share } else { 1.0 };
             let by_steps = fitted.steps as f64 / steps as f64;
             let rays = self.rays(field, adam.numbers());
             parallel::map_mut(&mut gradients, |part, gradient| {
