@@ -68,7 +68,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ViewChoice::None => harmonics.degree = 0,
     }
     let (channels, view) = match options.view {
-        ViewChoice::None => (Channel::of_band_0(color, stored, harmonics), None),
+        ViewChoice::None => {
+            (Channel::of_band_0(Channel::of_harmonics(color, stored, 1), harmonics), None)
+        }
         _ => (
             Channel::of_harmonics(color, stored, harmonics.functions()),
             Some(ViewDependence::Harmonics(harmonics)),
@@ -85,7 +87,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     let field = RadianceField {
         scene,
-        density: grid(&arrays.density, vec![Channel::Column(density)]),
+        density: grid(&arrays.density, vec![Channel::column(density)]),
         color: vec![grid(&arrays.color, channels)],
         color_domain: ColorDomain::Linear,
         view,

@@ -46,7 +46,11 @@ impl LoadedRows {
         let width = |array: Option<&&RowArray>| array.map_or(0, |array| array.width());
         let density = [0, width(arrays.first()), density];
         let color = [arrays.len().saturating_sub(1), width(arrays.last()), color];
-        let loaded: Result<Vec<_>> = arrays.iter().map(|array| array.values(budget)).collect();
+        let loaded = arrays.iter().map(|array| {
+            let values = array.values(budget)?;
+            array.check_finite(&values).map(|()| values)
+        });
+        let loaded: Result<Vec<_>> = loaded.collect();
         let cubes = index.nodes().0.map(|size| (size - 1).div_ceil(CUBE));
         let mut occupied = budget.zeroed(cubes.iter().product(), "cubes", &Place::File)?;
         let [nx, ny, nz] = index.nodes().0;
