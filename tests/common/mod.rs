@@ -5,6 +5,7 @@ pub mod asset;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
+pub mod grids;
 pub mod pages;
 pub mod plain;
 pub mod plain_alpha;
