@@ -159,6 +159,11 @@ fn inputs_are_validated_and_findings_told_in_every_form() {
     let output = run(here, &[&validate[..], &["text", "--max-findings", "0"]].concat());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("truncated: 1 ") && text.contains("not valid"), "{text}");
+    // Errors that are not listed count.
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(message.contains("not valid: 1 error\n"), "{message}");
+    let help = String::from_utf8_lossy(&run(here, &["bake", "-h"]).stdout).into_owned();
+    assert!(help.contains("sarif is for the findings of validate alone"), "{help}");
     refused(here, &["inspect", &scene(), "--format", "sarif"], 2, &["sarif", "validate"]);
 }
 

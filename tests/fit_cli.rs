@@ -50,6 +50,36 @@ fn seconds_end_a_fit_with_what_there_is() {
 }
 
 #[test]
+fn each_level_has_its_share_of_the_seconds() {
+    let folder = folder();
+    let here = folder.path();
+    // Small pictures take no time.
+    let cameras = std::fs::read(fixture("trained/lego64/transforms_test.json")).expect("cameras");
+    let mut cameras: Value = serde_json::from_slice(&cameras).expect("JSON");
+    (cameras["w"], cameras["h"]) = (24.into(), 24.into());
+    std::fs::write(here.join("small.json"), cameras.to_string()).expect("writable");
+    let mut command = long_fit(here);
+    command.args(["--fit-cameras", "small.json", "--fit-seconds", "10"]);
+    let report = report(&command.output().expect("starts"));
+    assert_cut_short(here, &report);
+    for level in report["fitted"]["levels"].as_array().expect("levels") {
+        assert!(level["steps"].as_u64() > Some(0), "{level}");
+    }
+}
+
+#[test]
+fn a_level_without_time_takes_no_step_and_is_named() {
+    let folder = folder();
+    let output = long_fit(folder.path()).args(["--fit-seconds", "1e-6"]).output().expect("starts");
+    let report = report(&output);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    for level in report["fitted"]["levels"].as_array().expect("levels") {
+        let idle = format!("level {} took no step before the fit was ended", level["level"]);
+        assert!(level["steps"] == 0 && message.contains(&idle), "{level}: {message}");
+    }
+}
+
+#[test]
 fn levels_are_not_judged_by_what_they_were_fitted_to() {
     let folder = folder();
     let cameras = fixture("trained/lego64/transforms_test.json").display().to_string();

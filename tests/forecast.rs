@@ -70,6 +70,44 @@ fn a_fit_is_forecast_by_its_steps() {
     assert!((0.9..1.1).contains(&ratio), "{ratio}");
 }
 
+/// The report of a sweep, or of its forecast.
+fn sweep(here: &Path, options: &[&str]) -> Value {
+    let scene = fixture("trained/lego64/fine_last.tar");
+    let mut command = common::program();
+    command.current_dir(here).arg("sweep").arg(scene).args(["--stepsize", "0.5", "-o", "out"]);
+    command.args(["--turntable", "1", "--size", "8", "--scales", "1", "--repeat", "2"]);
+    let output = command.args(["--block-size", "4", "--format", "json"]).args(options).output();
+    let output = output.expect("starts");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{message}");
+    serde_json::from_slice(&output.stdout).expect("a report")
+}
+
+#[test]
+fn a_sweep_is_forecast_setting_by_setting() {
+    let folder = folder();
+    let here = folder.path();
+    let forecast = sweep(here, &["--bits", "6,8", "--dry-run"]);
+    assert_schema("sweep-forecast", &forecast);
+    assert_eq!(std::fs::read_dir(here).expect("a folder").count(), 0);
+    let swept = sweep(here, &["--bits", "6"]);
+    let bytes = |report: &Value, i: usize| report["settings"][i]["output_bytes"].as_f64();
+    let ratio = bytes(&forecast, 0).expect("bytes") / bytes(&swept, 0).expect("bytes");
+    assert!((0.85..1.15).contains(&ratio), "{ratio}");
+    let seconds = |i: usize| forecast["settings"][i]["seconds"].as_f64().expect("seconds");
+    let total = forecast["seconds"].as_f64().expect("seconds");
+    assert!((total / (2.0 * (seconds(0) + seconds(1))) - 1.0).abs() < 1e-6);
+    let sum = bytes(&forecast, 0).zip(bytes(&forecast, 1)).map(|(a, b)| a + b);
+    assert_eq!(forecast["output_bytes"].as_f64(), sum);
+    // A result that is there is told, and costs nothing more.
+    let again = sweep(here, &["--bits", "6", "--dry-run"]);
+    assert_eq!((&again["settings"][0]["resumed"], &again["seconds"]), (&true.into(), &0.0.into()));
+    assert_eq!(bytes(&again, 0), bytes(&swept, 0));
+    // The end of a fit is not known.
+    let fit = sweep(here, &["--bits", "6,7", "--filter", "rate-tent,fit", "--dry-run"]);
+    assert!(fit["seconds"].is_null() && fit["settings"][3]["seconds"].is_null());
+}
+
 #[test]
 fn unknown_numbers_are_null() {
     let folder = folder();

@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use common::asset::glb;
 use common::{Random, fixture, folder, program};
 
-/// A run has this much time to end after a signal. Machines of tests are busy.
+/// A run has this much time to end after a signal: the second that is promised, of which the
+/// program takes 0.65 at most, and half of one more for a machine whose processors are all taken by
+/// other tests: there its threads, and the programs `kill` and this one, wait for their turn.
 const END: Duration = Duration::from_millis(1500);
 
 fn start(here: &Path, line: &str) -> Child {

@@ -239,7 +239,7 @@ fn values_mean_what_their_group_and_the_blend_allow() {
             }
             let fits = match blend {
                 Blend::BeforeActivation => decode == Decode::Density(DensityDomain::Raw),
-                Blend::AfterActivation => decode != Decode::Logit,
+                Blend::AfterActivation => decode.density().is_some(),
             };
             let wrong = (!fits).then_some("levels[0].density");
             assert_eq!(refused(&metadata).as_deref(), wrong, "{blend:?} {decode:?}");

@@ -51,6 +51,7 @@ fn no_output_replaces_an_input_under_any_name() {
     let inputs = ["fine_last.tar", "a.mipvog", "a.safetensors", "a.glb", "mesh.glb"];
     let before = inputs.map(|name| std::fs::read(here.join(name)).expect("a file"));
     for name in inputs {
+        #[cfg(unix)]
         std::os::unix::fs::symlink(name, here.join(format!("soft-{name}"))).expect("linked");
         std::fs::hard_link(here.join(name), here.join(format!("hard-{name}"))).expect("linked");
     }
@@ -59,7 +60,8 @@ fn no_output_replaces_an_input_under_any_name() {
             let arguments: Vec<&str> = arguments.iter().copied().chain(force).collect();
             says(here, &arguments, 7, &["is also an input", "another name"]);
         };
-        for prefix in ["", "./", "soft-", "hard-", "../HERE/"] {
+        let soft = cfg!(unix).then_some("soft-");
+        for prefix in ["", "./", "hard-", "../HERE/"].into_iter().chain(soft) {
             let own = here.file_name().expect("a name").to_string_lossy();
             let prefix = prefix.replace("HERE", &own);
             let output = |name: &str| format!("{prefix}{name}");
@@ -85,6 +87,10 @@ fn healthy_files_of_another_kind_are_not_called_damaged() {
     let folder = scene();
     let here = folder.path();
     std::fs::write(here.join("notes.txt"), "just some text").expect("written");
+    // Their signatures have much in common with a container's.
+    std::fs::write(here.join("p.png"), b"\x89PNG\r\n\x1a\n and more").expect("written");
+    std::fs::write(here.join("p.h5"), b"\x89HDF\r\n\x1a\n and more").expect("written");
+    says(here, &["validate", "p.png"], 1, &["found a PNG picture"]);
     for (arguments, parts) in [
         (&["view", "fine_last.tar"][..], &["trained scene", "mipvog-bake bake fine_last.tar"][..]),
         (&["view", "a.safetensors"], &["a .safetensors file", "bake"]),
@@ -93,6 +99,10 @@ fn healthy_files_of_another_kind_are_not_called_damaged() {
         (&["attach", "a.mipvog", "a.mipvog", "-o", "x.glb"], &["a .mipvog container"]),
         (&["bake", "notes.txt", "-o", "x.mipvog"], &["a text file"]),
         (&["unpack", "notes.txt", "-o", "x.safetensors"], &["a text file"]),
+        (&["unpack", "p.png", "-o", "x.safetensors"], &["a PNG picture"]),
+        (&["render", "p.h5", "-o", "x.png"], &["an HDF5 file"]),
+        (&["view", "p.png"], &["a PNG picture"]),
+        (&["inspect", "p.png"], &["a PNG picture"]),
     ] {
         let output = run(here, arguments);
         let message = text(&output.stderr);
@@ -102,6 +112,30 @@ fn healthy_files_of_another_kind_are_not_called_damaged() {
         }
         assert!(!message.contains("damaged"), "{arguments:?}: {message}");
     }
+}
+
+#[test]
+fn a_choice_of_a_field_needs_an_asset() {
+    let folder = scene();
+    let here = folder.path();
+    let lines: [&[&str]; 7] = [
+        &["bake", "fine_last.tar", "-o", "x.mipvog"],
+        &["bake", "a.mipvog", "-o", "x.mipvog"],
+        &["transcode", "a.mipvog", "-o", "x.mipvog"],
+        &["unpack", "a.safetensors", "-o", "x.npz"],
+        &["render", "a.mipvog", "-o", "x.png", "--size", "8"],
+        &["probe", "a.mipvog", "--rays", "rays.npz", "-o", "x.safetensors"],
+        &["compare", "fine_last.tar", "a.mipvog", "--turntable", "1", "--size", "8"],
+    ];
+    for line in lines {
+        let chosen: Vec<&str> = line.iter().copied().chain(["--field", "0"]).collect();
+        says(here, &chosen, 2, &["--field 0", "glTF asset"]);
+    }
+    let missing = ["bake", "nothing", "-o", "x.mipvog", "--field", "0"];
+    says(here, &missing, 5, &["nothing"]);
+    done(here, &["unpack", "a.glb", "-o", "x.npz", "--field", "0"]);
+    let measured = ["compare", "a.glb", "a.mipvog", "--turntable", "1", "--size", "8"];
+    done(here, &[&measured[..], &["--scales", "1", "--field", "0"]].concat());
 }
 
 #[test]
@@ -338,10 +372,19 @@ fn settings_come_from_the_nearest_place() {
         json!([march["stepsize"], march["near"], march["far"]])
     };
     assert_eq!(march(&[]), json!([0.5, 0.0, null]));
+    // Flags, not the library's options.
+    for verb in [&["inspect", "fine_last.tar"][..], &["bake", "fine_last.tar", "-o", "w.mipvog"]] {
+        let said = run(here, verb);
+        let said = text(&said.stdout) + &text(&said.stderr);
+        assert!(said.contains("; --stepsize sets the trained one"), "{said}");
+    }
     std::fs::write(here.join("scene.json"), r#"{"stepsize": 0.25, "near": 1, "far": 5}"#)
         .expect("written");
     assert_eq!(march(&[]), json!([0.25, 1.0, 5.0]));
     assert_eq!(march(&["--near", "2"]), json!([0.25, 2.0, 5.0]));
+    let near_beyond = ["bake", "fine_last.tar", "-o", "t.mipvog", "--near", "9"];
+    let places = ["near 9 (command line)", "far 5 (scene.json)"];
+    says(here, &near_beyond, 2, &places);
     std::fs::write(here.join("scene.toml"), "far = 7\n").expect("written");
     assert_eq!(march(&[]), json!([0.5, 0.0, 7.0]));
     std::fs::write(here.join("scene.toml"), "far = 'seven'\n").expect("written");

@@ -44,6 +44,42 @@ impl Served {
     }
 }
 
+/// The lines that `view` says on stderr until it serves.
+fn said(file: &std::path::Path) -> Vec<String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+    command.args(["view", "--no-open"]).arg(file).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program starts");
+    let lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+    let lines = lines.map(|line| line.expect("text"));
+    let said = lines.take_while(|line| !line.starts_with("serving")).collect();
+    child.kill().ok();
+    child.wait().ok();
+    said
+}
+
+#[test]
+fn a_container_that_was_cut_is_named() {
+    let folder = folder();
+    let whole = fixture("baked/tiny.rate.mipvog");
+    assert_eq!(said(&whole), Vec::<String>::new());
+    let bytes = std::fs::read(&whole).expect("a container");
+    let inspect = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"))
+        .args(["inspect", "--format", "json"])
+        .arg(&whole)
+        .output();
+    let report: serde_json::Value =
+        serde_json::from_slice(&inspect.expect("starts").stdout).expect("a report");
+    let levels = report["levels"].as_array().expect("levels");
+    let prefix = levels[1]["prefix_bytes"].as_u64().expect("bytes") as usize;
+    let cut = folder.path().join("cut.mipvog");
+    std::fs::write(&cut, &bytes[..prefix]).expect("writable");
+    let missing = format!("the finest 1 of {} levels are missing", levels.len());
+    assert_eq!(said(&cut), [format!("warning: the file ends early: {missing}")]);
+    std::fs::write(&cut, &bytes[..prefix + 1]).expect("writable");
+    let lines = said(&cut);
+    assert!(lines[0].contains("the file ends within a level") && lines.len() == 1, "{lines:?}");
+}
+
 impl Drop for Served {
     fn drop(&mut self) {
         self.child.kill().ok();

@@ -75,7 +75,7 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     #[cfg(feature = "parallel")]
     {
         let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let pool = builder.start_handler(|_| keep_freed_memory()).build();
+        let pool = builder.spawn_handler(spawn).build();
         let pool = pool.map_err(|error| {
             Error::io(std::io::Error::other(error.to_string()), Path::new("threads"))
         })?;
@@ -86,6 +86,26 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
         let _ = threads;
         Ok(work())
     }
+}
+
+/// Address space that must be left before a thread is made. A thread that finds none for its first
+/// allocations ends the program. More than glibc keeps, so that the system is asked for it.
+#[cfg(feature = "parallel")]
+const LEFT: usize = 40 << 20;
+
+/// Starts a thread of a pool. Returns when it runs: the next one then sees what is left.
+#[cfg(feature = "parallel")]
+fn spawn(thread: rayon::ThreadBuilder) -> std::io::Result<()> {
+    let mut left = Vec::<u8>::new();
+    left.try_reserve_exact(LEFT)?;
+    drop(std::hint::black_box(left));
+    let (runs, started) = std::sync::mpsc::sync_channel(1);
+    std::thread::Builder::new().spawn(move || {
+        keep_freed_memory();
+        runs.send(()).ok();
+        thread.run();
+    })?;
+    started.recv().map_err(std::io::Error::other)
 }
 
 /// Has a thread keep the memory that it frees. glibc's allocator gives memory back, and fetches it

@@ -1,9 +1,9 @@
 //! View-dependent colour as real spherical harmonics.
 //!
 //! ```text
-//! at a sample   s_c = sum over b of Y_b(d) * k[b][c]
-//! where ray     C_c = clamp(sum of w * s_c + offset * sum of w)
-//! where sample  C_c = sum of w * clamp(s_c + offset)
+//! at a sample   s_c = offset + sum over b of Y_b(d) * k[b][c]
+//! where ray     C_c = clamp(sum of w * s_c)
+//! where sample  C_c = sum of w * clamp(s_c)
 //! ```
 //!
 //! `d` is the unit direction from the camera into the scene, `k` the coefficients of the sample, and
@@ -55,7 +55,7 @@ pub struct Harmonics {
     /// The place of the clamp.
     #[serde(rename = "where")]
     pub evaluation: Evaluation,
-    /// Added to each sum before the clamp.
+    /// Added to the sum of each sample.
     pub offset: f32,
     /// Limits of a colour.
     pub clamp: Clamp,
@@ -104,7 +104,7 @@ impl Harmonics {
     /// blue, weighted by the functions. Clamped where samples are.
     #[inline(always)]
     pub fn sample(&self, basis: &Basis, coefficients: &[f32]) -> [f32; 3] {
-        let mut sum = [0.0f32; 3];
+        let mut sum = [self.offset; 3];
         let functions = coefficients.as_chunks::<3>().0.iter().take(self.functions());
         for (value, coefficients) in basis.iter().zip(functions) {
             for (sum, coefficient) in sum.iter_mut().zip(coefficients) {
@@ -113,22 +113,32 @@ impl Harmonics {
         }
         match self.evaluation {
             Evaluation::Ray => sum,
-            Evaluation::Sample => sum.map(|sum| self.limit(sum + self.offset)),
+            Evaluation::Sample => sum.map(|sum| self.limit(sum)),
         }
     }
 
-    /// The colour of a ray: the weighted sums of its samples, and the sum of their weights.
+    /// The colour of a ray from the weighted sums of its samples.
     #[inline]
-    pub fn ray(&self, sum: [f32; 3], weight: f32) -> [f32; 3] {
+    pub fn ray(&self, sum: [f32; 3]) -> [f32; 3] {
         match self.evaluation {
-            Evaluation::Ray => sum.map(|sum| self.limit(sum + self.offset * weight)),
+            Evaluation::Ray => sum.map(|sum| self.limit(sum)),
             Evaluation::Sample => sum,
         }
     }
 
     /// The colour of matter with these coefficients.
     pub fn color(&self, basis: &Basis, coefficients: &[f32]) -> [f32; 3] {
-        self.ray(self.sample(basis, coefficients), 1.0)
+        self.ray(self.sample(basis, coefficients))
+    }
+
+    /// The slope of a limited value over the value, from the limited one.
+    #[inline(always)]
+    pub fn slope(&self, limited: f32) -> f32 {
+        match self.clamp {
+            Clamp::Zero => f32::from(u8::from(limited > 0.0)),
+            Clamp::None => 1.0,
+            Clamp::Sigmoid => limited * (1.0 - limited),
+        }
     }
 
     #[inline(always)]
@@ -232,7 +242,7 @@ mod tests {
         let coefficients: Vec<f32> = (0..12).map(|i| 0.1 * i as f32 - 0.5).collect();
         let [ray, sample] = [Evaluation::Ray, Evaluation::Sample].map(|evaluation| {
             let rules = rules(evaluation, Clamp::Zero);
-            rules.ray(rules.sample(&basis, &coefficients).map(|sum| 0.7 * sum), 0.7)
+            rules.ray(rules.sample(&basis, &coefficients).map(|sum| 0.7 * sum))
         });
         for (ray, sample) in ray.into_iter().zip(sample) {
             assert!((ray - sample).abs() < 1e-6 && ray > 0.0, "{ray} {sample}");

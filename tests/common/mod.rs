@@ -6,6 +6,7 @@ pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
 pub mod grids;
+pub mod harmonic_field;
 pub mod pages;
 pub mod plain;
 pub mod plain_alpha;

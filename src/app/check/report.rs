@@ -18,6 +18,9 @@ pub struct Report {
     pub findings: Vec<ReportedFinding>,
     /// Findings that are not listed because there are too many; above 0 the list is truncated.
     pub unlisted: usize,
+    /// Findings that are errors, listed or not.
+    #[serde(skip)]
+    pub errors: usize,
     /// Measurements of an input of a bake.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<Health>,
@@ -46,12 +49,15 @@ pub struct ReportedFinding {
 
 impl Report {
     pub(super) fn new(max_findings: usize) -> Self {
-        Self { valid: true, findings: Vec::new(), unlisted: 0, health: None, max_findings }
+        let findings = Vec::new();
+        Self { valid: true, findings, unlisted: 0, errors: 0, health: None, max_findings }
     }
 
     pub(super) fn add(&mut self, finding: &Finding) {
         let severity = finding.code.severity();
-        self.valid &= severity != Severity::Error;
+        let is_error = severity == Severity::Error;
+        self.valid &= !is_error;
+        self.errors += usize::from(is_error);
         if self.findings.len() >= self.max_findings {
             self.unlisted += 1;
             return;

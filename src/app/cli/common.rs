@@ -9,7 +9,7 @@ use crate::base::limits::Limits;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "General")]
 pub(super) struct Common {
-    /// Format of reports
+    /// Format of reports; sarif is for the findings of validate alone
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
     /// Threads to use; 0 is one for each processor
@@ -54,7 +54,7 @@ pub(super) enum Format {
     Text,
     /// One JSON document.
     Json,
-    /// A SARIF 2.1.0 log, of `validate` alone.
+    /// A SARIF 2.1.0 log of findings.
     Sarif,
 }
 

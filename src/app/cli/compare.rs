@@ -105,6 +105,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         return Err(Error::usage(message).in_file(&arguments.reference));
     }
     let (which, cameras) = (arguments.which, arguments.cameras.file());
+    which.check(&[&arguments.reference, &arguments.field])?;
     let cameras = cameras.as_deref();
     let field = scene.open(&arguments.field, which, arguments.filter, cameras, common)?;
     let reference = if arguments.reference.is_dir() {

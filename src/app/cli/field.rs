@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::common::Common;
-use super::outcome::warn;
+use super::outcome::{assumed, warn};
 use super::scene::SceneArguments;
 use super::stdin;
 use super::values::Background;
@@ -15,7 +15,7 @@ use crate::bake::Filter;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::codec::container::{Container, is_container};
+use crate::codec::container::{Container, Prefix, is_container};
 use crate::input;
 use crate::input::tensor::describe;
 use crate::model::baked::BakedField;
@@ -26,9 +26,9 @@ use crate::view::render::{Renderer, TrainedLevels};
 /// The choice of one of several fields.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FieldArguments {
-    /// Of a glTF asset, the field of this number
-    #[arg(long = "field", value_name = "I", default_value_t = 0)]
-    number: usize,
+    /// Of a glTF asset, the field of this number [default: 0]
+    #[arg(long = "field", value_name = "I")]
+    number: Option<usize>,
 }
 
 /// A file that a verb does not take.
@@ -38,7 +38,29 @@ pub fn wrong_kind(path: &Path, expected: &str) -> Error {
     Error::wrong_kind(found, expected).in_file(path)
 }
 
+/// Names the levels that a container which was cut does not hold.
+pub fn warn_of_missing(prefix: &Prefix, common: &Common) {
+    let (count, levels) = (prefix.missing().len(), prefix.metadata().levels.len());
+    if count > 0 {
+        let missing = format!("the finest {count} of {levels} levels are missing");
+        warn(&format!("the file ends early: {missing}"), common);
+    }
+}
+
 impl FieldArguments {
+    /// Refuses a choice where none of the inputs is an asset to choose from.
+    pub fn check(self, inputs: &[&Path]) -> Result<()> {
+        let Some(number) = self.number else { return Ok(()) };
+        for path in inputs.iter().filter(|path| !path.is_dir()) {
+            if is_asset(&SourceFile::open(&stdin::resolve(path)?)?) {
+                return Ok(());
+            }
+        }
+        let names: Vec<String> = inputs.iter().map(|path| path.display().to_string()).collect();
+        let (names, asset) = (names.join(", "), "one of the fields of a glTF asset");
+        Err(Error::usage(format!("--field {number} is {asset}, and there is none in {names}")))
+    }
+
     /// Opens a container, or that of a field of a glTF asset; `None` if the file is neither.
     pub fn container(self, path: &Path, limits: &Limits) -> Result<Option<Container>> {
         let file = Arc::new(SourceFile::open(&stdin::resolve(path)?)?);
@@ -46,7 +68,7 @@ impl FieldArguments {
             return Container::open(file, limits).map(Some);
         }
         match is_asset(&file) {
-            true => Asset::open(file, limits)?.open_field(self.number).map(Some),
+            true => Asset::open(file, limits)?.open_field(self.number.unwrap_or(0)).map(Some),
             false => Ok(None),
         }
     }
@@ -72,7 +94,7 @@ impl SceneArguments {
         let options = self.settings(path, cameras, &limits)?.options;
         let source = input::open_with(&stdin::resolve(path)?, &options, &limits)?;
         for assumption in &source.assumptions {
-            warn(&assumption.message, common);
+            warn(&assumed(&assumption.message), common);
         }
         let scene = &source.field.scene;
         let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));
@@ -92,10 +114,8 @@ impl SceneArguments {
         let file = Arc::new(SourceFile::open(&stdin::resolve(path)?)?);
         if is_container(&file) {
             let prefix = Container::read_prefix(file, &limits)?;
-            let (count, levels) = (prefix.missing().len(), prefix.metadata().levels.len());
-            if count > 0 {
-                let missing = format!("the finest {count} of {levels} levels are missing");
-                warn(&format!("the file ends early: {missing}"), common);
+            warn_of_missing(&prefix, common);
+            if !prefix.missing().is_empty() {
                 return self.open_baked(&prefix.read()?, filter, &limits);
             }
         }

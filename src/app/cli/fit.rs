@@ -17,10 +17,10 @@ use crate::model::camera::{self, Camera};
 #[command(next_help_heading = "Fit")]
 pub struct FitArguments {
     /// Steps of `--filter fit` for each level, at most [default: 150]
-    #[arg(long, value_name = "STEPS")]
-    fit_steps: Option<usize>,
-    /// Seconds of `--filter fit` in all, at most; the same bytes do not come out again [default: no
-    /// bound]
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
+    fit_steps: Option<u32>,
+    /// Seconds of `--filter fit` in all, at most. Pictures of level 0 come first; levels share the
+    /// rest. The same bytes do not come out again [default: no bound]
     #[arg(long, value_name = "SECONDS")]
     fit_seconds: Option<f64>,
     /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default:
@@ -42,7 +42,7 @@ impl FitArguments {
 
     /// Explicit options override the preset's.
     pub fn apply(&self, options: &mut BakeOptions, limits: &Limits) -> Result<()> {
-        options.fit_steps = self.fit_steps.unwrap_or(options.fit_steps);
+        options.fit_steps = self.fit_steps.map_or(options.fit_steps, |steps| steps as usize);
         options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
         if let Some(path) = &self.fit_cameras {
             options.fit_cameras = camera::read(path, None, limits)?.cameras;
@@ -55,7 +55,7 @@ impl FitArguments {
 pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
     for FittedLevel { level, steps, psnr_before, psnr_after } in &fitted.levels {
         if *steps == 0 {
-            let message = "took no step of the fit: time was up, and it is as rate-tent makes it";
+            let message = "took no step before the fit was ended, and is as rate-tent makes it";
             warn(&format!("level {level} {message}"), common);
         } else if psnr_after <= psnr_before {
             let message = format!("gained nothing in {steps} steps at {psnr_before:.2} dB");

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::container_report::{ContainerReport, container_text};
 use super::files::for_each_file;
 
-use super::outcome::{Outcome, readable};
+use super::outcome::{Outcome, assumed, readable};
 use super::stdin;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
@@ -126,7 +126,7 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
         writeln!(text, "  cannot be baked: {problem}").ok();
     }
     for assumption in &inspection.assumptions {
-        writeln!(text, "  note: {}", assumption.message).ok();
+        writeln!(text, "  note: {}", assumed(&assumption.message)).ok();
     }
     for listed in &inspection.values {
         let value = listed.value.as_ref().map(shortened).unwrap_or_default();

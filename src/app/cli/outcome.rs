@@ -67,6 +67,11 @@ pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
+/// The words for a setting that is assumed: the library's options have flags here.
+pub(super) fn assumed(message: &str) -> String {
+    message.replace("; option ", "; --")
+}
+
 /// A warning on stderr.
 pub(super) fn warn(message: &str, common: &Common) {
     if !common.quiet {

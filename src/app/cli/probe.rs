@@ -83,6 +83,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;
+    arguments.which.check(&[&arguments.field])?;
     let field = scene.open(&arguments.field, arguments.which, None, None, common)?;
     let level = arguments.level_of_detail;
     if level >= field.levels() {

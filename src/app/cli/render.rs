@@ -181,6 +181,7 @@ impl Arguments {
     fn open(&self, common: &Common) -> Result<Renderer> {
         let cameras = self.cameras.file();
         let (which, filter) = (self.which, self.filter);
+        which.check(&[&self.field])?;
         let mut field =
             self.scene.open_or_prefix(&self.field, which, filter, cameras.as_deref(), common)?;
         let (finest, count) = (field.view().finest, field.level_count());

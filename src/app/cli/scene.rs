@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::output::STANDARD_STREAM;
 use super::values::{Background, parse_background, parse_mlp, parse_view};
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::{SceneSettings, Source};
@@ -141,12 +141,25 @@ impl SceneArguments {
                 files.push(stated.path);
             }
         }
-        options.check()?;
-        Ok(FoundSettings { options, files, origins })
+        let found = FoundSettings { options, files, origins };
+        found.check_bounds()?;
+        found.options.check()?;
+        Ok(found)
     }
 }
 
 impl FoundSettings {
+    /// Refuses bounds of rays that exclude each other, by the places that they came from.
+    fn check_bounds(&self) -> Result<()> {
+        let (Some(near), Some(far)) = (self.options.near, self.options.far) else { return Ok(()) };
+        let [near_from, far_from] = ["near", "far"].map(|name| &self.origins[name]);
+        if near < far || near_from == far_from {
+            return Ok(());
+        }
+        let far = format!("far {far} ({far_from})");
+        Err(Error::usage(format!("near {near} ({near_from}): expected less than {far}")))
+    }
+
     /// The settings that `source` was opened with.
     pub fn report(&self, source: &Source) -> Vec<SettingReport> {
         let scene = &source.field.scene;

@@ -8,11 +8,13 @@ use clap::Args;
 use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::compare::checked_scales;
-use super::outcome::{Outcome, readable, warn};
+use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
-use crate::app::sweep::{Grid, SettingReport, SweepOptions, SweepReport, sweep};
+use crate::app::sweep::{
+    Grid, SettingReport, SweepForecast, SweepOptions, SweepReport, forecast_sweep, sweep,
+};
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::bytes::remove_stale;
 use crate::base::error::{Error, Result};
@@ -32,13 +34,18 @@ use crate::input::tensor;
 #[command(after_help = "Examples:
   mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
   mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8 -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/")]
+  mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/
+  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8,10 -o sweep/ --dry-run")]
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names
     input: PathBuf,
     /// The folder for containers, their results, and sweep.html, sweep.csv and sweep.json
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Forecast the size and the bake time of each setting from parts of the scene, and write
+    /// nothing
+    #[arg(long)]
+    dry_run: bool,
     /// Presets to try beside the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
@@ -112,7 +119,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let source = input::open_tensors(&file, &found.options, &limits)?;
     for assumption in &source.assumptions {
-        warn(&assumption.message, common);
+        warn(&assumed(&assumption.message), common);
     }
     let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
     check_memory(&cameras, 1, &limits)?;
@@ -126,13 +133,25 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         overwrite: arguments.force,
         limits,
     };
+    if arguments.dry_run {
+        let forecast = forecast_sweep(&source, &cameras, &options, &arguments.output, &bar)?;
+        drop(bar);
+        let failed = forecast.settings.iter().filter(|setting| setting.failure.is_some()).count();
+        let failure = failure(failed, forecast.settings.len());
+        let text = forecast_text(&forecast);
+        return Ok(Outcome { failure, ..Outcome::new("sweep-forecast", &forecast, text)? });
+    }
     remove_stale(&arguments.output);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
     drop(bar);
     let failed = report.settings.iter().filter(|setting| setting.failure.is_some()).count();
-    let count = report.settings.len();
-    let failure = (failed > 0).then(|| format!("{failed} of {count} settings could not be baked"));
+    let failure = failure(failed, report.settings.len());
     Ok(Outcome { failure, ..Outcome::new("sweep", &report, arguments.text(&report))? })
+}
+
+/// The reason of exit code 1, if any setting failed.
+fn failure(failed: usize, count: usize) -> Option<String> {
+    (failed > 0).then(|| format!("{failed} of {count} settings could not be baked"))
 }
 
 impl Arguments {
@@ -153,7 +172,8 @@ impl Arguments {
     }
 
     fn text(&self, report: &SweepReport) -> String {
-        let names = report.settings.iter().map(|setting| shown_name(setting).len());
+        let names =
+            report.settings.iter().map(|setting| shown_name(&setting.name, setting.preset).len());
         let width = names.max().unwrap_or(0);
         let mut text = format!("  {:width$} {:>10} {:>10}", "setting", "size", "bake time");
         for scale in &report.scales {
@@ -188,13 +208,38 @@ impl Arguments {
     }
 }
 
-fn shown_name(setting: &SettingReport) -> String {
-    let preset = setting.preset.map_or_else(String::new, |preset| format!(" ({preset})"));
-    setting.name.clone() + &preset
+fn shown_name(name: &str, preset: Option<&str>) -> String {
+    name.to_owned() + &preset.map_or_else(String::new, |preset| format!(" ({preset})"))
+}
+
+fn forecast_text(forecast: &SweepForecast) -> String {
+    let SweepForecast { settings, repeat, .. } = forecast;
+    let names: Vec<String> =
+        settings.iter().map(|setting| shown_name(&setting.name, setting.preset)).collect();
+    let width = names.iter().map(String::len).max().unwrap_or(0);
+    let mut text = format!("  {:width$} {:>10} {:>10}\n", "setting", "size", "bake time");
+    for (setting, name) in settings.iter().zip(&names) {
+        let bytes = setting.output_bytes.map_or_else(|| "-".to_owned(), readable);
+        let seconds = setting.seconds.map(|seconds| format!("{seconds:.3} s"));
+        let seconds = seconds.unwrap_or_else(|| "-".to_owned());
+        let note = match (&setting.failure, setting.resumed) {
+            (Some(failure), _) => format!("  failed: {failure}"),
+            (None, true) => "  finished before".to_owned(),
+            (None, false) => String::new(),
+        };
+        writeln!(text, "  {name:width$} {bytes:>10} {seconds:>10}{note}").ok();
+    }
+    let (count, bytes) = (counted(settings.len(), "setting"), readable(forecast.output_bytes));
+    let time = match forecast.seconds {
+        Some(seconds) => format!("about {seconds:.1} s of bakes, {repeat} of each setting"),
+        None => "an unknown time, for a fit ends where nothing is gained any more".to_owned(),
+    };
+    writeln!(text, "{count}: about {bytes} in {time}; pictures take more").ok();
+    text
 }
 
 fn row(setting: &SettingReport, width: usize) -> String {
-    let name = shown_name(setting);
+    let name = shown_name(&setting.name, setting.preset);
     let (Some(bytes), Some(seconds)) = (setting.output_bytes, setting.seconds) else {
         let failure = setting.failure.as_deref().unwrap_or_default();
         return format!("  {name:width$} failed: {failure}\n");

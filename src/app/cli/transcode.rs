@@ -81,6 +81,7 @@ fn parse_box(text: &str) -> std::result::Result<Bounds, String> {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
+    arguments.which.check(&[&arguments.file])?;
     let container = arguments.which.container(&arguments.file, &limits)?;
     let container = container.ok_or_else(|| {
         wrong_kind(&arguments.file, "a .mipvog container, or a glTF asset with one")

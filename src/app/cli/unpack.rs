@@ -52,6 +52,7 @@ enum Slices {
 
 /// Unpacks a container.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    arguments.which.check(&[&arguments.file])?;
     let container = arguments.which.container(&arguments.file, &common.limits())?;
     let container = container.ok_or_else(|| {
         let expected = "a .mipvog container, or a glTF asset with one";

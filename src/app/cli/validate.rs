@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::files::for_each_file;
-use super::outcome::Outcome;
+use super::outcome::{Outcome, counted};
 use super::scene::SceneArguments;
 use super::stdin;
 use crate::app::check::{self, CheckOptions, Report, sarif};
@@ -31,7 +31,7 @@ pub struct Arguments {
     /// standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Findings to list of a file, at most; the number of further ones is told
+    /// Findings to list of a file, at most; the number of further ones is told. 0 lists none
     #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
     max_findings: usize,
     #[command(flatten)]
@@ -66,13 +66,13 @@ impl Arguments {
         };
         let options = CheckOptions { max_findings: self.max_findings, source };
         let report = check::check_with(&path, &options, limits)?;
-        let errors = report.findings.iter().filter(|f| f.severity == Severity::Error).count();
+        let errors = counted(report.errors, "error");
         let failure = (!report.valid).then(|| {
             let first = report.findings.iter().find(|found| found.severity == Severity::Error);
             let first = first.map_or_else(String::new, |first| {
                 format!(", the first at {}: {}", first.place, first.message)
             });
-            format!("{}: not valid: {errors} errors{first}", shown.display())
+            format!("{}: not valid: {errors}{first}", shown.display())
         });
         let outcome = Outcome::new("validate", &report, text(shown, &report))?;
         Ok((Outcome { failure, ..outcome }, sarif::log(shown, &report)))
@@ -88,7 +88,8 @@ fn text(path: &Path, report: &Report) -> String {
         writeln!(text, "  help: {}", finding.remedy).ok();
     }
     if report.unlisted > 0 {
-        writeln!(text, "truncated: {} findings are not listed", report.unlisted).ok();
+        let findings = counted(report.unlisted, "finding");
+        writeln!(text, "truncated: {findings} not listed").ok();
     }
     if let Some(health) = &report.health {
         let empty = 100.0 * health.empty_share;

@@ -7,11 +7,13 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Common, Format};
+use super::field::warn_of_missing;
 use super::outcome::{Outcome, print, say, warn, write_stdout};
-use super::stdin;
+use super::stdin::{self, named};
 use crate::app::serve::{Kind, Server, Site};
 use crate::base::bytes::SourceFile;
-use crate::base::error::Result;
+use crate::base::error::{ErrorKind, Result};
+use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::companions;
 
@@ -46,7 +48,8 @@ struct Report {
 
 /// Prints the address, opens it and serves until the program is ended.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let file = SourceFile::open(&stdin::resolve(&arguments.file)?)?;
+    let path = stdin::resolve(&arguments.file)?;
+    let file = SourceFile::open(&path)?;
     let input_bytes = file.length();
     let site = Site::new(file)?;
     let kind = site.kind();
@@ -59,8 +62,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         url: url.clone(),
         port: server.address().port(),
     };
-    if matches!(kind, Kind::Asset) {
-        warn_of_companions(&arguments.file, common);
+    match kind {
+        Kind::Asset => warn_of_companions(&arguments.file, common),
+        Kind::Container => warn_of_levels(&path, common),
     }
     // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
     let outcome = Outcome::new("view", &report, format!("{url}\n"))?;
@@ -78,6 +82,19 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     server.run();
     Ok(())
+}
+
+/// Names the levels that a container which was cut does not hold. Other faults are the viewer's to
+/// tell.
+fn warn_of_levels(path: &Path, common: &Common) {
+    let file = SourceFile::open(path).map(Arc::new);
+    match file.and_then(|file| Container::read_prefix(file, &common.limits())) {
+        Ok(prefix) => warn_of_missing(&prefix, common),
+        Err(error) if matches!(error.kind(), ErrorKind::Truncated { .. }) => {
+            warn(&named(&format!("the file ends within a level: {error}")), common);
+        }
+        Err(_) => {}
+    }
 }
 
 /// Names the files that the asset refers to and that the viewer will not get. Faults of the asset

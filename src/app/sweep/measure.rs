@@ -69,7 +69,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Passes on the wish to end, and nothing of a bake's own steps.
-struct Baking<'a>(&'a dyn Progress);
+pub(super) struct Baking<'a>(pub(super) &'a dyn Progress);
 
 impl Progress for Baking<'_> {
     fn cancelled(&self) -> bool {

@@ -11,11 +11,14 @@
 //! 4. **Tell**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
 //!    ([`csv`]) and `sweep.html` ([`page`]), written anew by every run.
 //!
+//! [`forecast_sweep`] tells the cost of all that and writes nothing.
+//!
 //! A setting that cannot be baked has a failure for a result, and the others go on. An operating
 //! system that fails, or a caller who cancels, ends the sweep. Finished results stay.
 
 mod csv;
 mod escape;
+mod forecast;
 mod measure;
 mod options;
 mod page;
@@ -26,6 +29,7 @@ mod report;
 mod run;
 mod setting;
 
+pub use forecast::{SettingForecast, SweepForecast, forecast_sweep};
 pub use options::SweepOptions;
 pub use pareto::{Point, front};
 pub use record::RECORD_SCHEMA;

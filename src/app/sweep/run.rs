@@ -130,6 +130,6 @@ fn results(
 }
 
 /// True if an error is not the setting's own.
-fn ends_sweep(error: &Error) -> bool {
+pub(super) fn ends_sweep(error: &Error) -> bool {
     matches!(error.kind(), ErrorKind::Io(_) | ErrorKind::Cancelled | ErrorKind::Exists)
 }

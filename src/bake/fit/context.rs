@@ -15,8 +15,9 @@ use crate::model::grid::NodeMask;
 pub struct FitOptions<'a> {
     /// Steps for each level, at most.
     pub steps: usize,
-    /// Seconds in all, targets included; none is without bound. The result of a bounded fit depends
-    /// on the machine.
+    /// Seconds in all; none is without bound. Levels share evenly those that the targets leave, and
+    /// a level leaves what it does not need to the next ones. The result of a bounded fit depends on
+    /// the machine.
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],
@@ -35,6 +36,17 @@ pub struct FittedLevel {
     pub psnr_after: f64,
 }
 
+/// The end of one level's fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// After its last step, or because nothing was gained any more.
+    Reached,
+    /// Its share of the time was up.
+    OutOfTime,
+    /// The caller has enough, of this level and of those that follow.
+    Enough,
+}
+
 /// Inputs of the fits of all levels.
 pub struct FitContext<'a> {
     pub targets: &'a Targets,
@@ -43,6 +55,8 @@ pub struct FitContext<'a> {
     /// The rule that levels are fitted under.
     pub start: LevelOfDetail,
     pub clock: Instant,
+    /// Seconds that the targets took.
+    pub before: f64,
     pub progress: &'a dyn Progress,
 }
 

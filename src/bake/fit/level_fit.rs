@@ -1,7 +1,7 @@
 //! The fit of one level, from its first step to its best state.
 
 use super::adam::Adam;
-use super::context::{FitContext, FittedLevel, psnr};
+use super::context::{End, FitContext, FittedLevel, psnr};
 use super::gradient::{Gradient, Rays};
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
@@ -34,27 +34,34 @@ pub struct LevelFit<'a> {
 }
 
 impl LevelFit<'_> {
-    /// Leaves the best state in `field`. The flag is true if the fit was cut short. Takes no steps
-    /// where an earlier level was `cut`.
+    /// Leaves the best state in `field`. Takes no steps where the caller had enough of an earlier
+    /// level, whose `end` it takes over then.
     pub fn run<const C: usize>(
         &self,
         field: &mut Dense<C>,
-        cut: bool,
-    ) -> Result<(FittedLevel, bool)> {
+        end: End,
+    ) -> Result<(FittedLevel, End)> {
         let FitContext { options, progress, .. } = self.context;
         let steps = options.steps;
         let before = self.validation_psnr(field)?;
         let mut fitted =
             FittedLevel { level: self.level, steps: 0, psnr_before: before, psnr_after: before };
-        let mut adam = Adam::new(field, self.level, self.retained);
+        let mut adam = Adam::new(field, self.level, self.retained, self.view.color_domain);
         let mut gradients: Vec<Gradient<C>> =
             (0..PARTS).map(|_| Gradient::new(adam.nodes())).collect();
         let mut best = adam.state(field);
-        let (mut cut, mut stalled) = (cut, 0);
-        while fitted.steps < steps && !cut && stalled < PATIENCE {
+        let first = self.spent();
+        let mut stalled = 0;
+        let mut end = match end {
+            End::Enough => End::Enough,
+            // Where the measurement took all of its share, a level still has one step.
+            _ if options.seconds.is_some_and(|seconds| first >= seconds) => End::OutOfTime,
+            _ => End::Reached,
+        };
+        while fitted.steps < steps && end == End::Reached && stalled < PATIENCE {
             self.tell(&fitted);
-            let (spent, allowed) = self.seconds();
-            let by_seconds = if allowed > 0.0 { spent / allowed } else { 1.0 };
+            let share = self.allowed() - first;
+            let by_seconds = if share > 0.0 { (self.spent() - first) / share } else { 1.0 };
             let by_steps = fitted.steps as f64 / steps as f64;
             let rays = self.rays(field, adam.numbers());
             parallel::map_mut(&mut gradients, |part, gradient| {
@@ -70,9 +77,13 @@ impl LevelFit<'_> {
             adam.step(field, &mut gradients, by_steps.max(by_seconds) as f32)?;
             fitted.steps += 1;
             progress.advance(Step::Fit, 1);
-            let (spent, allowed) = self.seconds();
-            cut = progress.enough() || spent >= allowed;
-            if fitted.steps.is_multiple_of(STEPS_BETWEEN) || fitted.steps == steps || cut {
+            end = match () {
+                () if progress.enough() => End::Enough,
+                () if self.spent() >= self.allowed() => End::OutOfTime,
+                () => End::Reached,
+            };
+            let is_last = fitted.steps == steps || end != End::Reached;
+            if fitted.steps.is_multiple_of(STEPS_BETWEEN) || is_last {
                 let now = self.validation_psnr(field)?;
                 stalled = if now < fitted.psnr_after + LEAST_GAIN { stalled + 1 } else { 0 };
                 if now > fitted.psnr_after {
@@ -84,7 +95,7 @@ impl LevelFit<'_> {
         // Steps that were not taken count as done.
         progress.advance(Step::Fit, (steps - fitted.steps) as u64);
         adam.restore(field, &best);
-        Ok((fitted, cut))
+        Ok((fitted, end))
     }
 
     /// Names the level, the step and the quality so far.
@@ -97,13 +108,16 @@ impl LevelFit<'_> {
         progress.part(Step::Fit, &part);
     }
 
-    /// Seconds since the fit's start, and those allowed by this level's end. Levels share the time
-    /// evenly.
-    fn seconds(&self) -> (f64, f64) {
-        let levels = self.context.retained.len() - 1;
-        let share = self.level as f64 / levels as f64;
-        let allowed = self.context.options.seconds.map_or(f64::INFINITY, |seconds| seconds * share);
-        (self.context.clock.elapsed().as_secs_f64(), allowed)
+    /// Seconds since the fit's start.
+    fn spent(&self) -> f64 {
+        self.context.clock.elapsed().as_secs_f64()
+    }
+
+    /// Seconds since the fit's start that may be spent by this level's end.
+    fn allowed(&self) -> f64 {
+        let FitContext { options, retained, before, .. } = self.context;
+        let share = self.level as f64 / (retained.len() - 1) as f64;
+        options.seconds.map_or(f64::INFINITY, |seconds| before + (seconds - before) * share)
     }
 
     fn validation_psnr<const C: usize>(&self, field: &Dense<C>) -> Result<f64> {

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::context::{FitContext, FitOptions, FittedLevel};
+use super::context::{End, FitContext, FitOptions, FittedLevel};
 use super::level_fit::LevelFit;
 use super::rule;
 use super::target::Targets;
@@ -61,7 +61,9 @@ pub fn fit(
     let targets = Targets::new(&rendered, coarser, options.cameras, limits, progress)?;
     progress.begin(Step::Fit, (coarser * options.steps) as u64);
     let start = levels.level_of_detail;
-    let context = FitContext { targets: &targets, retained, options, start, clock, progress };
+    let before = clock.elapsed().as_secs_f64();
+    let context =
+        FitContext { targets: &targets, retained, options, start, clock, before, progress };
     let (view, values) = rendered.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored))
 }
@@ -76,11 +78,13 @@ impl FitContext<'_> {
         };
         // Trained fields are dense.
         let Stored::Dense(mut field) = stored else { return Ok(fitted) };
+        let mut end = End::Reached;
         for (level, retained) in self.retained.iter().enumerate().skip(1) {
             let fit = LevelFit { context: self, view: &view, level, retained };
-            let (level, cut) = fit.run(&mut field, fitted.cut_short)?;
+            let level;
+            (level, end) = fit.run(&mut field, end)?;
             fitted.levels.push(level);
-            fitted.cut_short |= cut;
+            fitted.cut_short |= end != End::Reached;
         }
         let coarser = fitted.levels.len();
         if coarser > 0 {

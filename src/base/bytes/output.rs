@@ -164,15 +164,52 @@ impl Output {
     ///
     /// As [`Self::create`]. A reader of the standard output that has read enough is none.
     pub fn finish(self) -> Result<()> {
-        let Self { temporary, path, destination, _folders, .. } = self;
-        let io = |error| Error::io(error, &path);
-        if destination == Destination::Stdout {
-            return match copy_to_stdout(temporary.as_file()) {
-                Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-                copied => copied.map_err(io),
-            };
+        self.settle()?;
+        self.rename()
+    }
+
+    /// Gives several files their names, all or none: a signal in between ends the program after the
+    /// last one, and if one is refused, those before it go again. A file that was replaced stays
+    /// replaced.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::finish`].
+    pub fn finish_all(outputs: Vec<Self>) -> Result<()> {
+        outputs.iter().try_for_each(Self::settle)?;
+        made_and_noted(|| {
+            let mut made = Vec::new();
+            for output in outputs {
+                let path = output.path.clone();
+                let is_new = path.symlink_metadata().is_err();
+                if let Err(error) = output.rename() {
+                    made.iter().for_each(|path| drop(std::fs::remove_file(path)));
+                    return Err(error);
+                }
+                made.extend(is_new.then_some(path));
+            }
+            Ok(())
+        })
+    }
+
+    /// Brings the bytes to the disk, or to the standard output.
+    fn settle(&self) -> Result<()> {
+        let io = |error| Error::io(error, &self.path);
+        if self.destination != Destination::Stdout {
+            return self.file().sync_data().map_err(io);
         }
-        temporary.as_file().sync_data().map_err(io)?;
+        match copy_to_stdout(self.file()) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            copied => copied.map_err(io),
+        }
+    }
+
+    /// Gives the bytes on the disk their name.
+    fn rename(self) -> Result<()> {
+        let Self { temporary, path, destination, _folders, .. } = self;
+        if destination == Destination::Stdout {
+            return Ok(());
+        }
         if is_guarded(&path) {
             return Err(Error::new(ErrorKind::IsInput, Place::File).in_file(&path));
         }
@@ -214,4 +251,26 @@ fn copy_to_stdout(mut file: &File) -> std::io::Result<()> {
     let mut stdout = std::io::stdout().lock();
     std::io::copy(&mut file, &mut stdout)?;
     stdout.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_of_a_run_get_their_names_together_or_not_at_all() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = ["a", "b", "c"].map(|name| folder.path().join(name));
+        let outputs = || paths.iter().map(|path| Output::create(path, false).expect("writable"));
+        let refused: Vec<Output> = outputs().collect();
+        // Another program takes the second name.
+        std::fs::write(&paths[1], b"other").expect("writable");
+        let error = Output::finish_all(refused).expect_err("a name is taken");
+        assert!(matches!(error.kind(), ErrorKind::Exists), "{error}");
+        let names = std::fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!((names, std::fs::read(&paths[1]).expect("there")), (1, b"other".to_vec()));
+        std::fs::remove_file(&paths[1]).expect("there");
+        Output::finish_all(outputs().collect()).expect("names are free");
+        assert!(paths.iter().all(|path| path.is_file()));
+    }
 }

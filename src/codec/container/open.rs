@@ -39,11 +39,14 @@ pub fn is_container(file: &SourceFile) -> bool {
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
+/// Letters of the signatures of PNG and HDF5, whose other bytes are those of a container's.
+const RELATIVES: [&[u8]; 2] = [b"PNG", b"HDF"];
+
 /// True if half of the signature's bytes are there: the file is meant as a container, though its
 /// signature may be damaged.
 pub fn starts_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
-    let read = file.read_into(0, &mut start).is_ok();
+    let read = file.read_into(0, &mut start).is_ok() && !RELATIVES.contains(&&start[1..4]);
     read && start.iter().zip(super::layout::SIGNATURE).filter(|&(&a, b)| a == b).count() >= 4
 }
 

@@ -3,7 +3,7 @@
 use super::view::View;
 use crate::model::activate::lanes;
 use crate::model::field::ColorDomain;
-use crate::model::harmonics::{Basis, Harmonics, basis};
+use crate::model::harmonics::{Basis, Evaluation, Harmonics, basis};
 use crate::model::view_dependence::ViewDependence;
 
 /// The colours of samples along rays of one direction.
@@ -41,12 +41,45 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// Limits the sums of a ray whose counted samples weigh so much.
-    pub fn finish<const C: usize>(&self, color: &mut [f32; C], weight: f32) {
+    /// Limits the sums of a ray.
+    pub fn finish<const C: usize>(&self, color: &mut [f32; C]) {
         if let Self::Harmonics(rules, _) = self {
-            let sums = [0, 1, 2].map(|channel| color[channel]);
-            let limited = rules.ray(sums, weight);
+            let limited = rules.ray([0, 1, 2].map(|channel| color[channel]));
             color.iter_mut().zip(limited).for_each(|(value, color)| *value = color);
+        }
+    }
+
+    /// The derivative by a ray's sums, where that by its limited colour is `by_color`.
+    pub fn by_sums<const C: usize>(&self, color: &[f32; C], by_color: &mut [f32; C]) {
+        if let Self::Harmonics(rules, _) = self
+            && rules.evaluation == Evaluation::Ray
+        {
+            for (by_color, color) in by_color.iter_mut().zip(color).take(3) {
+                *by_color *= rules.slope(*color);
+            }
+        }
+    }
+
+    /// The derivative by interpolated values, where that by their `activated` colours is `by_color`.
+    #[inline(always)]
+    pub fn by_values<const C: usize>(&self, activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
+        match self {
+            Self::Logit => std::array::from_fn(|lane| {
+                by_color[lane] * activated[lane] * (1.0 - activated[lane])
+            }),
+            Self::Linear => *by_color,
+            Self::Harmonics(rules, basis) => {
+                let by_sum: [f32; 3] = [0, 1, 2].map(|channel| match rules.evaluation {
+                    Evaluation::Ray => by_color[channel],
+                    Evaluation::Sample => by_color[channel] * rules.slope(activated[channel]),
+                });
+                let mut by_values = [0.0; C];
+                let functions = by_values.as_chunks_mut::<3>().0.iter_mut();
+                for (by_values, value) in functions.zip(&basis[..rules.functions()]) {
+                    *by_values = by_sum.map(|by_sum| by_sum * value);
+                }
+                by_values
+            }
         }
     }
 }

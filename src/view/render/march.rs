@@ -62,7 +62,7 @@ pub fn march<const C: usize>(
 impl<const C: usize> Gathered<C> {
     fn of(sums: &Sums<C>, rule: &ColorRule, steps: u32) -> Self {
         let mut color = sums.color.map(|sum| sum as f32);
-        rule.finish(&mut color, sums.weight as f32);
+        rule.finish(&mut color);
         Self {
             color,
             transmittance: lanes::exp(-sums.depth as f32),

@@ -33,8 +33,6 @@ pub struct Sums<const C: usize> {
     pub depth: f64,
     /// Weighted activated colour and features.
     pub color: [f64; C],
-    /// Weights of the samples whose colours count.
-    pub weight: f64,
     /// Weighted distance from the camera.
     pub distance: f64,
     /// Weighted level.
@@ -46,7 +44,7 @@ pub struct Sums<const C: usize> {
 impl<const C: usize> Sums<C> {
     /// Of no samples.
     pub fn nothing() -> Self {
-        Self { depth: 0.0, color: [0.0; C], weight: 0.0, distance: 0.0, level: 0.0, samples: 0 }
+        Self { depth: 0.0, color: [0.0; C], distance: 0.0, level: 0.0, samples: 0 }
     }
 }
 
@@ -120,7 +118,7 @@ impl Packet {
         let composited = composite(&optical, &self.intervals, threshold, sums.depth as f32);
         // Lanes without a sample are empty and add nothing.
         sums.depth += f64::from(composited.depth);
-        let (mut colors, mut distance, mut levels, mut counted) = ([0.0; C], 0.0, 0.0, 0.0);
+        let (mut colors, mut distance, mut levels) = ([0.0; C], 0.0, 0.0);
         for i in 0..count {
             let weight = composited.weight[i];
             if weight == 0.0 {
@@ -129,7 +127,6 @@ impl Packet {
             distance += weight * path.distance(self.k[i]) as f32;
             levels += weight * (self.level as f32 + self.blend[i]);
             if weight > view.march.color_threshold {
-                counted += weight;
                 let cells = &located.cells[i];
                 let color = self.color(view.blend, rule, field, cells, self.blend[i]);
                 for (sum, color) in colors.iter_mut().zip(color) {
@@ -139,7 +136,6 @@ impl Packet {
         }
         sums.distance += f64::from(distance);
         sums.level += f64::from(levels);
-        sums.weight += f64::from(counted);
         for (sum, color) in sums.color.iter_mut().zip(colors) {
             *sum += f64::from(color);
         }

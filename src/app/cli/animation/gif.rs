@@ -9,7 +9,7 @@ use super::format::FilmOptions;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 
-/// How much of a frame's pixels the choice of its 256 colours looks at: 1 is all, 30 the fewest.
+/// The choice of a frame's 256 colours looks at one of so many pixels: 1 is all, 30 the fewest.
 const SPEED: i32 = 10;
 
 /// A GIF that repeats for ever.

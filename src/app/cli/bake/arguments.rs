@@ -93,6 +93,7 @@ impl Input {
 impl Arguments {
     /// Opens the input, by its content.
     pub fn open(&self, limits: &Limits) -> Result<Input> {
+        self.which.check(&[&self.input])?;
         if let Some(container) = self.which.container(&self.input, limits)? {
             let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
             let file = container.file();

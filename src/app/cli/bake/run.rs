@@ -16,7 +16,7 @@ use super::forecast::dry_run;
 use super::report::Work;
 use super::trained::bake_trained;
 use crate::bake::StageReport;
-use crate::base::bytes::ByteSink;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 
 /// Options in a line for people: names and values, without the digits that float32 cannot hold.
@@ -84,9 +84,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             depfile.append(depfile_rule(&arguments.output, &baked.inputs).as_bytes())?;
         }
         let container = Some(output).filter(|_| !report.unchanged);
-        for file in container.into_iter().chain(asset).chain(depfile) {
-            file.finish()?;
-        }
+        Output::finish_all(container.into_iter().chain(asset).chain(depfile).collect())?;
     }
     if let Some(fitted) = &report.fitted {
         warn_of_idle_levels(fitted, common);

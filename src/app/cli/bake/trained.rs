@@ -7,7 +7,7 @@ use serde_json::json;
 use super::super::common::Common;
 use super::super::fit::check_judges;
 use super::super::inputs::refuse_inputs;
-use super::super::outcome::warn;
+use super::super::outcome::{assumed, warn};
 use super::super::plan;
 use super::super::progress::Bar;
 use super::super::scene::FoundSettings;
@@ -105,7 +105,9 @@ pub fn open(
     let limits = &options.limits;
     let settings = arguments.scene.settings(&arguments.input, cameras.as_deref(), limits)?;
     let source = input::open_tensors(file, &settings.options, limits)?;
-    source.assumptions.iter().for_each(|assumption| warn(&assumption.message, common));
+    for assumption in &source.assumptions {
+        warn(&assumed(&assumption.message), common);
+    }
     Ok((source, settings))
 }
 
