@@ -28,9 +28,10 @@ pub fn harmonic_field(nodes: [usize; 3], harmonics: Harmonics) -> RadianceField 
         density[number] = (60.0 * inside).clamp(-4.0, 30.0);
         for channel in 0..3 {
             let phase = channel as f32 * 2.1;
-            color[channel * count + number] = 0.5 * (3.0 * x + phase).sin() * (4.0 * y).cos();
+            color[channel * count + number] =
+                0.5 * libm::sinf(3.0 * x + phase) * libm::cosf(4.0 * y);
             for function in 1..functions {
-                let wave = (2.0 * x + 3.0 * z + function as f32 + phase).sin();
+                let wave = libm::sinf(2.0 * x + 3.0 * z + function as f32 + phase);
                 let band = (function as f32).sqrt().floor();
                 color[(3 * function + channel) * count + number] = 0.08 / band * wave;
             }
