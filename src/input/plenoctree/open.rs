@@ -64,6 +64,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: 0.0,
+        sampled: Some(cells.faces()),
     };
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let interval = (f64::from(stepsize * voxel_size) / arrays.unit) as f32;
@@ -79,7 +80,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color: vec![Grid::Values(Arc::new(grid(channels).dilated()))],
         color_domain,
         view,
-        free_space: Some(cells.free_space()),
+        free_space: None,
     };
     field.check()?;
     let degree = field.harmonics().map_or(0, |rules| rules.degree);

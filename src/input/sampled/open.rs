@@ -113,6 +113,7 @@ fn scene(
         far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: 0.0,
+        sampled: None,
     };
     let scene = Scene {
         bounds,
