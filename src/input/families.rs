@@ -3,7 +3,7 @@
 use super::checkpoint::{self, Family, Source, SourceOptions};
 use super::scale::rescale;
 use super::tensor::TensorFile;
-use super::{plenoxels, sampled};
+use super::{plenoctree, plenoxels, sampled};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 
@@ -17,7 +17,8 @@ struct Reader {
 }
 
 /// All but Mip-VoG and DirectVoxGO, to which every other file is held.
-const READERS: [Reader; 2] = [
+const READERS: [Reader; 3] = [
+    Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
 ];

@@ -8,6 +8,7 @@ pub mod checkpoint;
 mod families;
 mod inspect;
 mod open;
+pub mod plenoctree;
 pub mod plenoxels;
 pub mod sampled;
 mod scale;

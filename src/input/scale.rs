@@ -15,10 +15,12 @@ use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Source {
     let scale = options.scene_scale.unwrap_or(source.scene_scale);
     let scene = &mut source.field.scene;
-    for corner in [&mut scene.bounds.min, &mut scene.bounds.max] {
-        *corner = corner.map(|value| value / scale);
-    }
     let march = &mut scene.march;
+    for bounds in std::iter::once(&mut scene.bounds).chain(&mut march.sampled) {
+        for corner in [&mut bounds.min, &mut bounds.max] {
+            *corner = corner.map(|value| value / scale);
+        }
+    }
     march.voxel_size /= scale;
     march.near = options.near.unwrap_or(march.near / scale);
     march.far = options.far.or(march.far.map(|far| far / scale));

@@ -5,6 +5,7 @@ pub mod asset;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
+pub mod grids;
 pub mod harmonic_field;
 pub mod pages;
 pub mod plain;
@@ -104,6 +105,7 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
             far: None,
             color_threshold: 1e-4,
             alpha_threshold: 0.0,
+            sampled: None,
         },
         background: [1.0; 3],
     };

@@ -201,7 +201,8 @@ impl PlainField {
             if direction[axis] == 0.0 {
                 continue;
             }
-            let faces = [self.view.bounds.min[axis], self.view.bounds.max[axis]];
+            let sampled = march.sampled.unwrap_or(self.view.bounds);
+            let faces = [sampled.min[axis], sampled.max[axis]];
             let [a, b] = faces.map(|face| (f64::from(face) - origin[axis]) / direction[axis]);
             entry = entry.max(a.min(b));
         }
@@ -214,7 +215,12 @@ impl PlainField {
     fn in_box(&self, world: [f64; 3]) -> Option<[f64; 3]> {
         let (bounds, extent) = (&self.view.bounds, self.view.bounds.extent());
         let share = [0, 1, 2].map(|a| (world[a] - f64::from(bounds.min[a])) / extent[a]);
-        let inside = share.iter().all(|share| (-ON_FACE..=1.0 + ON_FACE).contains(share));
+        let sampled = self.view.march.sampled.unwrap_or(*bounds);
+        let inside = (0..3).all(|axis| {
+            let [low, high] = [sampled.min[axis], sampled.max[axis]]
+                .map(|at| (f64::from(at) - f64::from(bounds.min[axis])) / extent[axis]);
+            (low - ON_FACE..=high + ON_FACE).contains(&share[axis])
+        });
         inside.then(|| share.map(|share| share.clamp(0.0, 1.0)))
     }
 

@@ -125,6 +125,10 @@ def level_form(value):
 
 
 ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
+BOX = {"max": [number] * 3, "min": [number] * 3}
+MARCH = {"far": maybe(number), "sampled": BOX} | dict.fromkeys(
+    ("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number
+)
 NETWORK = {
     "frequencies": whole(0),
     "input": {"diffuse_and_features", "features"},
@@ -144,10 +148,9 @@ def view_form(value):
 
 
 META = {
-    "bounds": {"max": [number] * 3, "min": [number] * 3},
+    "bounds": BOX,
     "activation": lambda value: check(value, present(ACTIVATION, value, ("function",))),
-    "march": {"far": maybe(number)}
-    | dict.fromkeys(("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number),
+    "march": lambda value: check(value, present(MARCH, value, ("sampled",))),
     "step_rule": {"constant", "level_of_detail"},
     "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
     "blend": {"before_activation", "after_activation"},
@@ -177,6 +180,9 @@ def metadata(data):
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]
     march = meta["march"]
+    sampled, bounds = march.get("sampled", meta["bounds"]), meta["bounds"]
+    for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
+        need(low <= from_ < to <= high, "samples outside of the box")
     need(march["stepsize"] > 0 and march["voxel_size"] > 0, "a step without length")
     diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
     need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
@@ -231,7 +237,7 @@ def decodes(meta, level):
 def is_linear(meta):
     """Bit 1 of the required features."""
     linear = any(level["diffuse"]["decode"] == "linear" for level in meta["levels"])
-    return linear or harmonics_of(meta) is not None or "function" in meta["activation"]
+    return linear or harmonics_of(meta) is not None or "function" in meta["activation"] or "sampled" in meta["march"]
 
 
 def blocks_of(level):

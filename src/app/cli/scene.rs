@@ -95,6 +95,12 @@ impl SceneArguments {
         }
     }
 
+    /// True if an option says how a trained model is read, which no container needs.
+    pub fn reads_a_model(&self) -> bool {
+        let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
+        other_view || self.coarse.is_some() || self.scene_scale.is_some() || self.drop_background
+    }
+
     /// The settings for a trained input, which `cameras` are looked through for too.
     ///
     /// # Errors

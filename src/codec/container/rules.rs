@@ -109,6 +109,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
     let inherits = metadata.levels.iter().any(|level| level.blocks_filled > 0);
     let linear = metadata.color_domain() == ColorDomain::Linear
         || metadata.activation.function != DensityFunction::Softplus
+        || metadata.march.sampled.is_some()
         || metadata.view.as_ref().and_then(ViewMetadata::harmonics).is_some();
     let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES)];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
@@ -224,6 +225,9 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     for (key, length) in lengths {
         rules.require(positive(length), key, length, "a positive number")?;
     }
+    let found = format!("{:?}", march.sampled);
+    let within = march.samples_within(&metadata.bounds);
+    rules.require(within, "march.sampled", found, "a box within bounds")?;
     let near = march.near >= 0.0 && march.near.is_finite();
     rules.require(near, "march.near", march.near, "a number from 0")?;
     let far = march.far.unwrap_or(f32::INFINITY);

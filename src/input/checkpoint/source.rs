@@ -38,7 +38,7 @@ pub struct Source {
 /// Another file that a scene was read from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Companion {
-    /// `coarse` or `mlp`.
+    /// `coarse`, `mlp` or `args`.
     pub role: &'static str,
     /// Its path.
     pub path: PathBuf,
@@ -64,6 +64,11 @@ pub enum Family {
 }
 
 impl Family {
+    /// True for models without values at the nodes of a grid: the field is made of samples.
+    pub const fn is_resampled(self) -> bool {
+        matches!(self, Self::PlenOctree)
+    }
+
     /// Its name, as people know it.
     pub const fn name(self) -> &'static str {
         match self {

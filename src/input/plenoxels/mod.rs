@@ -12,7 +12,7 @@
 //!
 //! **The field.** Cell `i` of `N` has its value at its middle, `center + radius ((2 i + 1) / N -
 //! 1)`. A field's nodes span its box, so one node is added beyond each face, a copy of the face's
-//! own, and a mask of free space cuts the field off at the faces of the cells. An empty cell has
+//! own, and rays are sampled from face to face of the cells, as svox2 does. An empty cell has
 //! density 0 and coefficients 0, which is grey: that is part of the model, and surfaces fade to it.
 //! Density is cut at 0 after interpolation, colours at 0 where a ray ends.
 //!

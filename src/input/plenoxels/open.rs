@@ -56,7 +56,6 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     }
     run.step_size = options.stepsize.map_or(run.step_size, f64::from);
     let scene = scene(&arrays.cells, &run, options)?;
-    let free_space = arrays.cells.free_space();
     let degree = arrays.functions.isqrt() - 1;
     let mut harmonics =
         Harmonics { degree, evaluation: Evaluation::Ray, offset: OFFSET, clamp: Clamp::Zero };
@@ -68,7 +67,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ViewChoice::None => harmonics.degree = 0,
     }
     let (channels, view) = match options.view {
-        ViewChoice::None => (Channel::of_band_0(color, stored, harmonics), None),
+        ViewChoice::None => {
+            (Channel::of_band_0(Channel::of_harmonics(color, stored, 1), harmonics), None)
+        }
         _ => (
             Channel::of_harmonics(color, stored, harmonics.functions()),
             Some(ViewDependence::Harmonics(harmonics)),
@@ -85,11 +86,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     let field = RadianceField {
         scene,
-        density: grid(&arrays.density, vec![Channel::Column(density)]),
+        density: grid(&arrays.density, vec![Channel::column(density)]),
         color: vec![grid(&arrays.color, channels)],
         color_domain: ColorDomain::Linear,
         view,
-        free_space: Some(free_space),
+        free_space: None,
     };
     field.check()?;
     #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
@@ -119,6 +120,7 @@ fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result
         far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: 0.0,
+        sampled: Some(cells.faces()),
     };
     Ok(Scene {
         bounds: cells.bounds(&Place::Tensor("radius".to_owned()))?,

@@ -29,14 +29,9 @@ pub fn knows(file: &TensorFile) -> bool {
     is_tensor("density") && is_tensor("aabb") && (is_tensor("sh") || is_tensor("color"))
 }
 
-/// A setting, of the file itself or among its texts.
-fn setting<'a>(root: &'a Value, key: &str) -> Option<&'a Value> {
-    root.get(key).or_else(|| root.at(&["__metadata__", key]))
-}
-
 /// The numbers of a setting; of a text, those between commas.
-pub(super) fn numbers(root: &Value, key: &str) -> Result<Option<Vec<f64>>> {
-    let Some(value) = setting(root, key) else { return Ok(None) };
+pub(super) fn numbers(file: &TensorFile, key: &str) -> Result<Option<Vec<f64>>> {
+    let Some(value) = file.setting(key) else { return Ok(None) };
     let Value::Text(text) = value else { return value.numbers(key).map(Some) };
     let plain = text.trim_matches(['[', ']', ' ']);
     let numbers: Option<Vec<f64>> = plain.split(',').map(|part| part.trim().parse().ok()).collect();
@@ -47,8 +42,8 @@ pub(super) fn numbers(root: &Value, key: &str) -> Result<Option<Vec<f64>>> {
 
 /// One finite number.
 #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
-pub(super) fn number(root: &Value, key: &str) -> Result<Option<f32>> {
-    match numbers(root, key)?.as_deref() {
+pub(super) fn number(file: &TensorFile, key: &str) -> Result<Option<f32>> {
+    match numbers(file, key)?.as_deref() {
         None => Ok(None),
         Some(&[number]) if (number as f32).is_finite() => Ok(Some(number as f32)),
         Some(found) => {
@@ -73,7 +68,7 @@ impl Arrays {
             Some(_) => (tensor("sh")?, false),
             None => (tensor("color")?, true),
         };
-        let block = block_size(root)?;
+        let block = block_size(file)?;
         let (places, own): (_, &[u64]) = match (root.get("blocks"), block) {
             (Some(_), Some(_)) => (Some(places(tensor("blocks")?, limits)?), density.shape()),
             (None, None) => (None, density.shape()),
@@ -107,7 +102,7 @@ impl Arrays {
                 Index::dense(nodes, density.rows(), &place)?
             }
             (&[_, a, b, c], Some(places), Some(edge)) if [a, b, c] == [edge; 3] => {
-                let nodes = dimensions(root, &places, edge, limits)?;
+                let nodes = dimensions(file, &places, edge, limits)?;
                 let edge = usize::try_from(edge).unwrap_or(0);
                 Index::blocks(nodes, edge, &places, density.rows(), limits, &place)?
             }
@@ -117,15 +112,15 @@ impl Arrays {
                 return Err(Error::malformed(place, found, expected));
             }
         };
-        let harmonics = if plain { None } else { Some(harmonics(root, functions)?) };
-        let bounds = bounds(root)?;
+        let harmonics = if plain { None } else { Some(harmonics(file, functions)?) };
+        let bounds = bounds(file)?;
         let (index, density, color) = (Arc::new(index), Arc::new(density), Arc::new(color));
         Ok(Self { index, density, color, harmonics, bounds })
     }
 }
 
-fn block_size(root: &Value) -> Result<Option<u64>> {
-    let Some(found) = number(root, "block_size")? else { return Ok(None) };
+fn block_size(file: &TensorFile) -> Result<Option<u64>> {
+    let Some(found) = number(file, "block_size")? else { return Ok(None) };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
     let size = found as u64;
     if found >= 1.0 && found.fract() == 0.0 && size <= MAX_BLOCK {
@@ -150,9 +145,9 @@ fn places(tensor: &Tensor, limits: &Limits) -> Result<Vec<[i64; 3]>> {
 }
 
 /// Nodes of a file of blocks.
-fn dimensions(root: &Value, places: &[[i64; 3]], edge: u64, limits: &Limits) -> Result<Nodes> {
+fn dimensions(file: &TensorFile, places: &[[i64; 3]], edge: u64, limits: &Limits) -> Result<Nodes> {
     let place = Place::Key("dimensions".to_owned());
-    let sizes = match numbers(root, "dimensions")? {
+    let sizes = match numbers(file, "dimensions")? {
         Some(numbers) => numbers,
         None => {
             let reach = places.iter().fold([0; 3], |mut reach: [i64; 3], place| {
@@ -170,8 +165,8 @@ fn dimensions(root: &Value, places: &[[i64; 3]], edge: u64, limits: &Limits) -> 
     Nodes::checked(sizes, limits, &place)
 }
 
-fn harmonics(root: &Value, functions: usize) -> Result<Harmonics> {
-    let clamp = match setting(root, "clamp") {
+fn harmonics(file: &TensorFile, functions: usize) -> Result<Harmonics> {
+    let clamp = match file.setting("clamp") {
         None => Clamp::Zero,
         Some(Value::Text(text)) if text == "zero" => Clamp::Zero,
         Some(Value::Text(text)) if text == "none" => Clamp::None,
@@ -181,15 +176,15 @@ fn harmonics(root: &Value, functions: usize) -> Result<Harmonics> {
             return Err(Error::malformed(place, other.describe(), "zero, none or sigmoid"));
         }
     };
-    let offset = number(root, "offset")?.unwrap_or(0.5);
+    let offset = number(file, "offset")?.unwrap_or(0.5);
     let degree = functions.isqrt() - 1;
     Ok(Harmonics { degree, evaluation: Evaluation::Sample, offset, clamp })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
-fn bounds(root: &Value) -> Result<Bounds> {
+fn bounds(file: &TensorFile) -> Result<Bounds> {
     let place = Place::Tensor("aabb".to_owned());
-    let corners = numbers(root, "aabb")?.unwrap_or_default();
+    let corners = numbers(file, "aabb")?.unwrap_or_default();
     let &[a, b, c, d, e, f] = corners.as_slice() else {
         return Err(Error::malformed(
             place,

@@ -31,8 +31,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         }
     }
     let (channels, view) = match (arrays.harmonics, options.view) {
-        (None, _) => ((0..3).map(Channel::Column).collect(), None),
-        (Some(rules), ViewChoice::None) => (Channel::of_band_0(0, stored, rules), None),
+        (None, _) => ((0..3).map(Channel::column).collect(), None),
+        (Some(rules), ViewChoice::None) => {
+            (Channel::of_band_0(Channel::of_harmonics(0, stored, 1), rules), None)
+        }
         (Some(rules), _) => {
             // The sum of clamped samples is the clamped sum where none is clamped; a sigmoid is not.
             let evaluation = match rules.clamp {
@@ -54,7 +56,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     let (scene, recorded) = scene(file, &arrays, options)?;
     let field = RadianceField {
-        density: grid(&arrays.density, vec![Channel::Column(0)]),
+        density: grid(&arrays.density, vec![Channel::column(0)]),
         color: vec![grid(&arrays.color, channels)],
         color_domain: ColorDomain::Linear,
         view,
@@ -87,8 +89,8 @@ fn scene(
     let (bounds, nodes) = (arrays.bounds, arrays.index.nodes());
     let spacing = nodes.spacing(&bounds);
     let voxel_size = libm::cbrt(spacing.into_iter().product()) as f32;
-    let own_step = number(&file.root, "stepsize")?;
-    let own_background = numbers(&file.root, "background")?;
+    let own_step = number(file, "stepsize")?;
+    let own_background = numbers(file, "background")?;
     let background = match own_background.as_deref() {
         None => None,
         Some(&[red, green, blue]) => Some([red, green, blue].map(|value| value as f32)),
@@ -111,6 +113,7 @@ fn scene(
         far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: 0.0,
+        sampled: None,
     };
     let scene = Scene {
         bounds,

@@ -1,9 +1,10 @@
 //! Rows of numbers in a file.
 
+use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 
 use crate::base::bytes::Storage;
-use crate::base::error::{Error, ErrorKind, Result};
+use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::input::tensor::Tensor;
 use crate::model::grid::Element;
@@ -12,14 +13,36 @@ use crate::model::grid::Element;
 const BRIDGED_BYTES: u64 = 4096;
 /// Bytes that are read at once, at most, unless one row is longer.
 const READ_BYTES: u64 = 1 << 20;
+/// Numbers that are decoded at once.
+const PIECE: usize = 1 << 18;
 /// Samples in a digest, evenly spaced from the first byte to the last, and bytes of each.
 const SAMPLES: u64 = 64;
 const SAMPLE_BYTES: u64 = 4096;
 
+/// Makes the bytes of rows that no file holds as they are.
+pub trait MakeBytes: Debug + Send + Sync {
+    /// All rows, one after the other.
+    ///
+    /// # Errors
+    /// Those of reading, and more bytes than the limits allow.
+    fn make(&self, limits: &Limits) -> Result<Storage>;
+
+    /// Bytes that it takes in memory, at most.
+    fn memory_bytes(&self) -> u64;
+}
+
+#[derive(Debug)]
+enum Source {
+    Tensor(Tensor),
+    Made(Box<dyn MakeBytes>),
+}
+
 /// An array whose first axes count rows: all of its axes but the last ones, which make a row.
 #[derive(Debug)]
 pub struct RowArray {
-    tensor: Tensor,
+    source: Source,
+    element: Element,
+    place: Place,
     rows: u64,
     width: usize,
     limits: Limits,
@@ -43,8 +66,16 @@ impl RowArray {
             let found = format!("shape {:?}", tensor.shape());
             return Err(Error::malformed(place, found, format!("rows of {width} numbers")));
         }
-        let (tensor, limits) = (tensor.clone(), limits.clone());
-        Ok(Self { tensor, rows, width, limits, storage: Mutex::new(None) })
+        let (element, source) = (tensor.element(), Source::Tensor(tensor.clone()));
+        let (limits, storage) = (limits.clone(), Mutex::new(None));
+        Ok(Self { source, element, place, rows, width, limits, storage })
+    }
+
+    /// Rows of float16 that are made when they are first wanted.
+    pub fn made(source: Box<dyn MakeBytes>, rows: u64, width: usize, limits: &Limits) -> Self {
+        let (source, place) = (Source::Made(source), Place::File);
+        let (limits, storage) = (limits.clone(), Mutex::new(None));
+        Self { source, element: Element::F16, place, rows, width, limits, storage }
     }
 
     /// Rows.
@@ -59,7 +90,7 @@ impl RowArray {
 
     /// Type of the numbers.
     pub fn element(&self) -> Element {
-        self.tensor.element()
+        self.element
     }
 
     /// Bytes of a row.
@@ -69,23 +100,66 @@ impl RowArray {
 
     /// Bytes that it takes in memory, at most: those of entries that have to be inflated.
     pub fn memory_bytes(&self) -> u64 {
-        if self.tensor.is_compressed() { self.tensor.bytes() } else { 0 }
+        match &self.source {
+            Source::Tensor(tensor) if tensor.is_compressed() => tensor.bytes(),
+            Source::Tensor(_) => 0,
+            Source::Made(made) => made.memory_bytes(),
+        }
     }
 
     /// All values, as float32.
     ///
     /// # Errors
-    /// Those of reading; values that are not finite, with the number of the first one's row.
+    /// Those of reading, and more memory than the budget has.
     pub fn values(&self, budget: &mut Budget) -> Result<Vec<f32>> {
-        let values = self.tensor.read_f32(budget)?;
-        match values.iter().position(|value| !value.is_finite()) {
-            None => Ok(values),
-            Some(at) => {
-                let count = values.iter().filter(|value| !value.is_finite()).count() as u64;
-                let first = [at % self.width, at / self.width, 0, 0];
-                Err(Error::new(ErrorKind::NonFinite { count, first }, self.tensor.place()))
-            }
+        let count = limits::product(&[self.rows, self.width as u64], "rows", &self.place)?;
+        let mut values = budget.zeroed(count, "bytes of rows", &self.place)?;
+        let storage = self.storage()?;
+        let size = self.element.size();
+        let mut bytes = Vec::new();
+        for (piece, values) in (0u64..).zip(values.chunks_mut(PIECE)) {
+            bytes.resize(values.len() * size, 0);
+            storage.read_into(piece * (PIECE * size) as u64, &mut bytes)?;
+            self.element.decode(&bytes, values);
         }
+        Ok(values)
+    }
+
+    /// Refuses values that are not finite.
+    ///
+    /// # Errors
+    /// `NonFinite`, with the number of the first one's row.
+    pub fn check_finite(&self, values: &[f32]) -> Result<()> {
+        let Some(at) = values.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+        let count = values.iter().filter(|value| !value.is_finite()).count() as u64;
+        let first = [at % self.width, at / self.width, 0, 0];
+        Err(Error::new(ErrorKind::NonFinite { count, first }, self.place.clone()))
+    }
+
+    /// Calls `see` with one column of all rows, in pieces.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn column(&self, column: usize, mut see: impl FnMut(&[f32])) -> Result<()> {
+        let (storage, size) = (self.storage()?, self.element.size());
+        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
+        let (mut bytes, mut values) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        while first < self.rows {
+            let count = at_once.min(self.rows - first);
+            let count = limits::product(&[count], "rows", &self.place)?;
+            bytes.resize(count * self.row_bytes(), 0);
+            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
+            values.clear();
+            for row in bytes.chunks_exact(self.row_bytes()) {
+                let mut value = [0.0];
+                self.element.decode(row.get(column * size..).unwrap_or_default(), &mut value);
+                values.extend(value);
+            }
+            see(&values);
+            first += count as u64;
+        }
+        Ok(())
     }
 
     /// Shows samples of the bytes, for a digest.
@@ -95,7 +169,7 @@ impl RowArray {
     pub fn sample(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let size = storage.length().min(SAMPLE_BYTES);
-        let mut piece = vec![0; limits::product(&[size], "sample", &self.tensor.place())?];
+        let mut piece = vec![0; limits::product(&[size], "sample", &self.place)?];
         for sample in 0..SAMPLES {
             storage.read_into((storage.length() - size) * sample / (SAMPLES - 1), &mut piece)?;
             see(&piece);
@@ -126,7 +200,7 @@ impl RowArray {
                 joins
             });
             let (run, rest) = left.split_at(count.count());
-            bytes.resize(limits::product(&[end - start], "rows", &self.tensor.place())?, 0);
+            bytes.resize(limits::product(&[end - start], "rows", &self.place)?, 0);
             storage.read_into(start, &mut bytes)?;
             read += end - start;
             for &(row, place) in run {
@@ -149,7 +223,10 @@ impl RowArray {
         if let Some(storage) = &*kept {
             return Ok(storage.clone());
         }
-        let storage = self.tensor.storage(&mut Budget::new(&self.limits))?;
+        let storage = match &self.source {
+            Source::Tensor(tensor) => tensor.storage(&mut Budget::new(&self.limits))?,
+            Source::Made(made) => made.make(&self.limits)?,
+        };
         *kept = Some(storage.clone());
         Ok(storage)
     }

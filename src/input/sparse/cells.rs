@@ -1,10 +1,9 @@
 //! Grids whose values lie in the middle of cells, as fields whose nodes span a box.
 //!
 //! One node is added beyond each face, a copy of the face's own: so the outer half of the outermost
-//! cells stays. A mask of free space cuts the field off at the faces of the cells.
+//! cells stays, and rays are sampled from face to face of the cells.
 
 use crate::base::error::{Place, Result};
-use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};
 
 use super::path::Lattice;
@@ -30,36 +29,33 @@ impl CellBox {
     ///
     /// # Errors
     /// `Malformed` for a box without extent, at `place`.
-    #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
     pub fn bounds(&self, place: &Place) -> Result<Bounds> {
+        let bounds = self.reaching(|radius, count| radius * (1.0 + 1.0 / count));
+        bounds.check(place)?;
+        Ok(bounds)
+    }
+
+    /// The box of the cells.
+    pub fn faces(&self) -> Bounds {
+        self.reaching(|radius, _| radius)
+    }
+
+    /// The box that reaches so far from the middle, of half the box's edge and the cells along it.
+    #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
+    fn reaching(&self, reach: impl Fn(f64, f64) -> f64) -> Bounds {
         let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
         let corners = bounds.min.iter_mut().zip(&mut bounds.max);
         for ((min, max), (radius, center, count)) in corners.zip(self.axes()) {
-            let reach = radius * (1.0 + 1.0 / count);
+            let reach = reach(radius, count);
             (*min, *max) = ((center - reach) as f32, (center + reach) as f32);
         }
-        bounds.check(place)?;
-        Ok(bounds)
+        bounds
     }
 
     /// The edge of a cube of a cell's volume, in world units.
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     pub fn voxel_size(&self) -> f32 {
         libm::cbrt(self.axes().map(|(radius, _, count)| 2.0 * radius / count).product()) as f32
-    }
-
-    /// The mask that ends at the faces of the cells: of 4 x 4 x 4 nodes the middle ones are inside,
-    /// and they reach from face to face.
-    pub fn free_space(&self) -> FreeSpace {
-        let is_inside = |node: &usize| (1..3).contains(node);
-        let nodes = (0..64usize).map(|at| [at / 16, at / 4 % 4, at % 4].iter().all(is_inside));
-        let (mut scale, mut shift) = ([0.0; 3], [0.0; 3]);
-        let maps = scale.iter_mut().zip(&mut shift);
-        for ((scale, shift), (radius, center, _)) in maps.zip(self.axes()) {
-            (*scale, *shift) = (1.0 / radius, 1.5 - center / radius);
-        }
-        let lookup = Lookup::Nearest(nodes.collect());
-        FreeSpace { nodes: Nodes([4; 3]), scale, shift, lookup }
     }
 
     /// Positions in cells, 0 being the middle of the first one; samples lie within the cells.

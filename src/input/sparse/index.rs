@@ -1,5 +1,6 @@
 //! The row that a node has.
 
+use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 
 use crate::base::bytes::Storage;
@@ -29,6 +30,20 @@ enum Rule {
     /// Cubes of rows, `edge` nodes a side, z fastest within; and the number of each cube's block,
     /// z fastest. [`NO_ROW`] stands for none.
     Blocks { edge: usize, counts: [usize; 3], table: Vec<u32> },
+    /// Another structure.
+    Other(Box<dyn PlaneRows>),
+}
+
+/// Rows of nodes that another structure knows.
+pub trait PlaneRows: Debug + Send + Sync {
+    /// Fills in the rows of plane `x`, z fastest; nodes without one stay as they are.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn fill(&self, x: usize, rows: &mut [u32]) -> Result<()>;
+
+    /// Bytes that it takes in memory.
+    fn memory_bytes(&self) -> u64;
 }
 
 impl Index {
@@ -105,6 +120,14 @@ impl Index {
         Self::new(nodes, rows, Rule::Blocks { edge, counts, table }, place)
     }
 
+    /// Of another structure.
+    ///
+    /// # Errors
+    /// `OverLimit` for more than 2^32 - 2 rows.
+    pub fn other(nodes: Nodes, rows: u64, own: Box<dyn PlaneRows>, place: &Place) -> Result<Self> {
+        Self::new(nodes, rows, Rule::Other(own), place)
+    }
+
     fn new(nodes: Nodes, rows: u64, rule: Rule, place: &Place) -> Result<Self> {
         crate::base::limits::check("rows", rows, u64::from(NO_ROW) - 1, place)?;
         Ok(Self { nodes, rows, rule })
@@ -143,6 +166,10 @@ impl Index {
                     return Err(Error::malformed(tensor.place(), found, expected));
                 }
             }
+            Rule::Other(own) => {
+                out.resize(ny * nz, NO_ROW);
+                own.fill(x, out)?;
+            }
             Rule::Blocks { edge, counts, table } => {
                 let [_, by, bz] = *counts;
                 for y in 0..ny {
@@ -179,6 +206,7 @@ impl Index {
             Rule::Links { tensor, .. } if tensor.is_compressed() => tensor.bytes(),
             Rule::Links { .. } => 0,
             Rule::Blocks { table, .. } => 4 * table.len() as u64,
+            Rule::Other(own) => own.memory_bytes(),
         }
     }
 

@@ -6,14 +6,15 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::Budget;
 use crate::model::grid::Nodes;
 
-/// Cells of a cube that is skipped if all of its nodes have no row.
+/// Cells along an edge of a cube that is skipped if none of its nodes has a density above 0.
 const CUBE: usize = 8;
 
 /// A grid of rows in memory. Nodes without a row hold zeros.
 #[derive(Debug)]
 pub struct LoadedRows {
     index: LoadedIndex,
-    /// Cubes along each axis, and for each, z fastest, true if a corner of its cells has a row.
+    /// Cubes along each axis, and for each, z fastest, true if a corner of its cells has a density
+    /// above 0.
     cubes: [usize; 3],
     occupied: Vec<bool>,
     arrays: Vec<Vec<f32>>,
@@ -46,13 +47,22 @@ impl LoadedRows {
         let width = |array: Option<&&RowArray>| array.map_or(0, |array| array.width());
         let density = [0, width(arrays.first()), density];
         let color = [arrays.len().saturating_sub(1), width(arrays.last()), color];
-        let loaded: Result<Vec<_>> = arrays.iter().map(|array| array.values(budget)).collect();
+        let loaded = arrays.iter().map(|array| {
+            let values = array.values(budget)?;
+            array.check_finite(&values).map(|()| values)
+        });
+        let loaded: Vec<Vec<f32>> = loaded.collect::<Result<_>>()?;
+        let is_full = |node: [usize; 3]| {
+            let [array, width, column] = density;
+            let value = |row: usize| loaded.get(array)?.get(row * width + column);
+            index.row(node).and_then(value).is_some_and(|density| *density > 0.0)
+        };
         let cubes = index.nodes().0.map(|size| (size - 1).div_ceil(CUBE));
         let mut occupied = budget.zeroed(cubes.iter().product(), "cubes", &Place::File)?;
         let [nx, ny, nz] = index.nodes().0;
         for x in 0..nx {
             for y in 0..ny {
-                for z in (0..nz).filter(|&z| index.row([x, y, z]).is_some()) {
+                for z in (0..nz).filter(|&z| is_full([x, y, z])) {
                     // A node on a border of cubes is a corner of cells on both sides.
                     let touched = |node: usize, count: usize| {
                         node.saturating_sub(1) / CUBE..(node / CUBE).min(count - 1) + 1
@@ -70,7 +80,7 @@ impl LoadedRows {
                 }
             }
         }
-        Ok(Self { index, cubes, occupied, arrays: loaded?, density, color })
+        Ok(Self { index, cubes, occupied, arrays: loaded, density, color })
     }
 
     /// Nodes along each axis.
@@ -105,7 +115,7 @@ impl LoadedRows {
         Cell { rows, weights }
     }
 
-    /// True if no cell of the cube around a position can hold anything.
+    /// True if no cell of the cube around a position has a density above 0 anywhere.
     pub fn is_empty(&self, position: [f64; 3]) -> bool {
         let [i, j, k] = self.cube(position);
         let [_, by, bz] = self.cubes;

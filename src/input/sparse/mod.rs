@@ -16,9 +16,9 @@ mod loaded;
 mod path;
 mod slab;
 
-pub use array::RowArray;
+pub use array::{MakeBytes, RowArray};
 pub use cells::CellBox;
 pub use grid::{Channel, RowGrid};
-pub use index::{Index, LoadedIndex};
+pub use index::{Index, LoadedIndex, PlaneRows};
 pub use loaded::{Cell, LoadedRows};
 pub use path::{GridPath, Lattice, Light};

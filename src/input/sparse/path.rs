@@ -67,7 +67,8 @@ impl Lattice {
 
 impl GridPath {
     /// Visits samples front to back, `step` world units from one to the next, with their distance
-    /// and cell, until a visit says no. Where no node has a row, samples are left out.
+    /// and cell, until a visit says no. Where no density is above 0, samples
+    /// are left out.
     pub fn walk(&self, rows: &LoadedRows, step: f64, mut visit: impl FnMut(f64, &Cell) -> bool) {
         let mut number = 0.0f64;
         loop {

@@ -202,6 +202,7 @@ impl FieldBuilder {
                 far: self.far,
                 color_threshold: 1e-4,
                 alpha_threshold: 0.0,
+                sampled: None,
             },
             background: self.background,
         };

@@ -46,6 +46,8 @@ impl RadianceField {
         let shifted = function == DensityFunction::Relu && shift != 0.0;
         require(!shifted, "activation", format!("relu with shift {shift}"), "no shift")?;
         march.check(*nodes)?;
+        let found = format!("{:?}", march.sampled);
+        require(march.samples_within(bounds), "march.sampled", found, "a box within the field's")?;
         let found = format!("{} channels", self.density.channels());
         require(self.density.channels() == 1, "density", found, "one channel")?;
         let found = format!("{} channels", self.color_channels());

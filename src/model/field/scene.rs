@@ -147,6 +147,10 @@ pub struct March {
     pub color_threshold: f32,
     /// Samples of at most this opacity are dropped altogether.
     pub alpha_threshold: f32,
+    /// The part of the box in which rays are sampled; none is all of it. Samples outside of it, where
+    /// nodes may still be, are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampled: Option<Bounds>,
 }
 
 impl March {
@@ -154,6 +158,26 @@ impl March {
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.
     pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    /// The part of a box in which rays are sampled, 0 to 1 along each axis.
+    pub fn sampled_shares(&self, bounds: &Bounds) -> [[f64; 2]; 3] {
+        let Some(sampled) = &self.sampled else { return [[0.0, 1.0]; 3] };
+        let extent = bounds.extent();
+        std::array::from_fn(|axis| {
+            let corners = [sampled.min[axis], sampled.max[axis]];
+            corners.map(|at| (f64::from(at) - f64::from(bounds.min[axis])) / extent[axis])
+        })
+    }
+
+    /// True if the part in which rays are sampled is a box within `bounds`.
+    pub fn samples_within(&self, bounds: &Bounds) -> bool {
+        let Some(sampled) = &self.sampled else { return true };
+        let within = |axis: usize| {
+            let (low, high) = (sampled.min[axis], sampled.max[axis]);
+            bounds.min[axis] <= low && low < high && high <= bounds.max[axis]
+        };
+        (0..3).all(within)
+    }
 
     /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {

@@ -98,7 +98,8 @@ fn sample<const C: usize>(
         (world[axis] - min) / (max - min)
     });
     let is_free = view.free_space.as_ref().is_none_or(|mask| mask.contains(world));
-    let inside = is_free && share.iter().all(|share| (0.0..=1.0).contains(share));
+    let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
+    let inside = is_free && sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
     let cell = |level| if inside { values.locate(level, share) } else { None };
     // A level without density has level 0's.
     let owner = if values.density_level(level) { level } else { 0 };

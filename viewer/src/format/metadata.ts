@@ -57,6 +57,7 @@ export interface Metadata {
     color_threshold: number;
     far: number | null;
     near: number;
+    sampled?: { min: Triple; max: Triple };
     stepsize: number;
     voxel_size: number;
   };
@@ -165,6 +166,7 @@ const METADATA = record({
     color_threshold: share,
     far: nullable(finite),
     near: fromZero,
+    sampled: optional(record({ min: triple, max: triple })),
     stepsize: positive,
     voxel_size: positive,
   }),
@@ -256,6 +258,9 @@ function checkAgreement(metadata: Metadata): void {
   if (!bounds.min.every((min, axis) => min < bounds.max[axis])) fail("bounds", "a box, min below max");
   const samples = Math.floor(Math.hypot(...levels[0].dimensions.map((nodes) => nodes + 1)) / march.stepsize);
   if (samples > MOST_SAMPLES) fail("march.stepsize", `steps of which a ray takes at most ${MOST_SAMPLES}`);
+  const { min, max } = march.sampled ?? bounds;
+  const within = min.every((low, axis) => bounds.min[axis] <= low && low < max[axis] && max[axis] <= bounds.max[axis]);
+  if (!within) fail("march.sampled", "a box within bounds");
   if (march.far !== null && march.far <= march.near) fail("march.far", "above near");
   levels.forEach((level, i) => {
     const key = `levels[${i}]`;

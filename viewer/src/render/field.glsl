@@ -45,6 +45,9 @@ uniform bool u_linear;
 uniform vec2 u_activation;
 uniform vec2 u_range;
 uniform vec2 u_thresholds;
+// The part of the box in which samples lie, 0 to 1.
+uniform vec3 u_lowest;
+uniform vec3 u_highest;
 uniform float u_step;
 uniform float u_mostSteps;
 // factor, bias, most.

@@ -8,7 +8,7 @@ vec3 cameraDirection(vec2 pixel) {
 
 float entry(vec3 direction) {
   vec3 inverse = 1.0 / mix(direction, vec3(1e-30), equal(direction, vec3(0.0)));
-  vec3 near = min(-u_origin * inverse, (1.0 - u_origin) * inverse);
+  vec3 near = min((u_lowest - u_origin) * inverse, (u_highest - u_origin) * inverse);
   // A ray along a face is between the faces from the start, or never.
   near = mix(near, vec3(-LARGEST), equal(direction, vec3(0.0)));
   return min(max(max(near.x, max(near.y, near.z)), u_range.x), u_range.y);
@@ -134,11 +134,11 @@ void main() {
   float first = 0.0, last = u_mostSteps;
   for (int axis = 0; axis < 3; axis++) {
     if (perStep[axis] == 0.0) {
-      if (start[axis] < -ON_FACE || start[axis] > 1.0 + ON_FACE) last = -1.0;
+      if (start[axis] < u_lowest[axis] - ON_FACE || start[axis] > u_highest[axis] + ON_FACE) last = -1.0;
       continue;
     }
-    float a = (-ON_FACE - start[axis]) / perStep[axis];
-    float b = (1.0 + ON_FACE - start[axis]) / perStep[axis];
+    float a = (u_lowest[axis] - ON_FACE - start[axis]) / perStep[axis];
+    float b = (u_highest[axis] + ON_FACE - start[axis]) / perStep[axis];
     first = max(first, ceil(min(a, b)));
     last = min(last, max(a, b));
   }
