@@ -67,7 +67,7 @@ fn measure(path: &Path) {
     let groups = Group::ALL.into_iter().zip(&level.atlases);
     let present = groups.filter_map(|(group, codes)| Some((group, codes.as_ref()?)));
     for ((group, codes), chunk) in present.zip(&chunks) {
-        let channels = group.channels(container.metadata().features);
+        let channels = group.channels(container.metadata().layout());
         let encoding = metadata.encoding(group).expect("an encoding");
         let shape = FrameShape { number: encoding.number, channels, edge: metadata.block_size };
         let made = split(shape, codes);

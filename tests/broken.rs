@@ -8,7 +8,7 @@ use std::path::Path;
 
 use common::broken::{SOUND, files, said};
 use common::{
-    Random, assert_golden, chunks, fixture, folder, open_bytes, random_field, volume_values,
+    Random, assert_golden, chunks, fixture, folder, grid_values, open_bytes, random_field,
 };
 use mipvog_bake::unstable::app::check::{CheckOptions, Report, check_with, health, sarif};
 use mipvog_bake::unstable::base::error::ErrorKind;
@@ -122,7 +122,7 @@ fn health_is_what_a_plain_count_finds() {
             Ok(())
         });
         let health = health.expect("no findings stop it").expect("readable");
-        let (density, color) = (volume_values(&field.density), volume_values(&field.color[0]));
+        let (density, color) = (grid_values(&field.density), grid_values(&field.color[0]));
         let activation = &field.scene.activation;
         let opacity = |raw: f32| {
             let sigma = (f64::from(raw) + f64::from(activation.shift)).exp().ln_1p();

@@ -84,7 +84,7 @@ fn a_trained_scene_bakes_end_to_end() {
     report(here, &["bake", "lego.safetensors", "-o", "paper.mipvog", "--filter", "paper"]);
     assert_eq!(report(here, &["inspect", "paper.mipvog"])["metadata"]["filter"], "paper");
     let checkpoint = report(here, &["inspect", &scene()]);
-    assert_eq!(checkpoint["model"]["dimensions"], serde_json::json!([64, 64, 64]));
+    assert_eq!(checkpoint["scene"]["dimensions"], serde_json::json!([64, 64, 64]));
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn inputs_are_validated_and_findings_told_in_every_form() {
     let health = &report(here, &["validate", &scene(), "--stepsize", "0.5"])["health"];
     assert_eq!(health["nodes"], 64 * 64 * 64);
     let inspected = report(here, &["inspect", &scene()]);
-    let channels = inspected["model"]["channels"].as_u64().expect("a number") as usize;
+    let channels = inspected["scene"]["channels"].as_u64().expect("a number") as usize;
     assert_eq!(health["channels"].as_array().map(Vec::len), Some(1 + channels));
     // An unpacked container is an input too.
     let container = fixture("baked/tiny.paper.mipvog").display().to_string();

@@ -21,7 +21,7 @@ const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
 /// The random field with colours that change slowly, but for noise of `rough` in half of the box.
 fn smooth_field(random: &mut Random, nodes: [usize; 3], rough: f32) -> RadianceField {
     let scene = random_field(random, nodes, 5);
-    let density = common::volume_values(&scene.density);
+    let density = common::grid_values(&scene.density);
     let mut color = Vec::new();
     for channel in 0..5 {
         for [x, y, z] in all_nodes(nodes) {
@@ -93,7 +93,7 @@ fn check_inherited(container: &Container) -> usize {
             let coarser = unpacked.level(number + 1, group);
             let nodes: usize = level.dimensions.iter().product();
             let fewer: usize = levels[number + 1].dimensions.iter().product();
-            for channel in 0..group.channels(container.metadata().features) {
+            for channel in 0..group.channels(container.metadata().layout()) {
                 for (node, at) in all_nodes(level.dimensions).enumerate() {
                     if !is_inherited(at) {
                         continue;
@@ -325,7 +325,7 @@ fn inheritance_that_cannot_be_are_refused() {
     };
     // Without the feature, with one more, and with another count of inherited blocks.
     assert!(matches!(refused(&|bytes| bytes[16] = 0).kind(), ErrorKind::Malformed { .. }));
-    assert!(matches!(refused(&|bytes| bytes[16] = 3).kind(), ErrorKind::Unsupported { .. }));
+    assert!(matches!(refused(&|bytes| bytes[16] = 5).kind(), ErrorKind::Unsupported { .. }));
     let count = b"\"blocks_filled\":";
     let error = refused(&|bytes| {
         let at = bytes.windows(count.len()).position(|text| text == count).expect("a count");

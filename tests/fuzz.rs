@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use common::grids::SMALL_GRIDS;
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::base::bytes::SourceFile;
@@ -68,6 +69,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
+        "grids" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "cameras" => &["json"],
@@ -89,6 +91,9 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
             _ => vec![std::fs::read(path).expect("a fixture")],
         })
         .collect();
+    if target == "grids" {
+        seeds.extend(SMALL_GRIDS.map(|grid| grid().to_bytes()));
+    }
     if target == "settings" {
         seeds.extend(SETTINGS.map(|text| text.as_bytes().to_vec()));
     }
@@ -256,7 +261,7 @@ fn targets_stand_mutants_of_the_fixtures() {
         }
         let tokens = match name {
             "zip" | "pickle" | "npy" => tokens("pickle"),
-            "safetensors" | "gltf" | "cameras" | "settings" => tokens("json"),
+            "safetensors" | "grids" | "gltf" | "cameras" | "settings" => tokens("json"),
             _ => tokens("container"),
         };
         seeds.iter().for_each(|seed| run(target, seed));

@@ -130,6 +130,7 @@ fn the_page_has_a_row_for_every_property() {
         ("### Level\n", "radianceField.level".to_owned()),
         ("### Opacity\n", "radianceField.opacity".to_owned()),
         ("### MLP\n", "radianceField.mlp".to_owned()),
+        ("### Harmonics\n", "radianceField.harmonics".to_owned()),
         ("## Adding a field to a node\n", format!("node.{NAME}")),
     ] {
         let (_, section) = page.split_once(heading).expect("the heading is there");

@@ -2,9 +2,12 @@
 
 mod common;
 
-use common::{assert_golden, baked_bytes, fixture, trained};
+use common::harmonic_field::{harmonic_field, rules};
+use common::{assert_golden, baked_bytes, fixture, grid_values, trained};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::model::field::{DensityFunction, RadianceField};
+use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
 
 #[test]
 fn containers_keep_their_bytes() {
@@ -33,4 +36,29 @@ fn containers_keep_their_bytes() {
     options.fill_error = Some(0.2);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
+}
+
+#[test]
+fn containers_with_linear_values_keep_their_bytes() {
+    let nodes = [21, 18, 16];
+    let plain = harmonic_field(nodes, rules(2));
+    let bytes = baked_bytes(&plain, &BakeOptions::default()).expect("a bake");
+    assert_golden(&fixture("baked/harmonics.mipvog"), &bytes);
+    let (evaluation, clamp) = (Evaluation::Sample, Clamp::Sigmoid);
+    let logits = harmonic_field(nodes, Harmonics { evaluation, clamp, ..rules(1) });
+    let mut options = BakeOptions::default();
+    (options.bits, options.fill_error) = (Bits::Integer(10), Some(0.1));
+    let bytes = baked_bytes(&logits, &options).expect("a bake");
+    assert_golden(&fixture("baked/harmonics.filled.mipvog"), &bytes);
+    let degree_3 = harmonic_field([12, 9, 11], rules(3));
+    (options.bits, options.fill_error) = (Bits::F16, None);
+    let bytes = baked_bytes(&degree_3, &options).expect("a bake");
+    assert_golden(&fixture("baked/harmonics.f16.mipvog"), &bytes);
+    let colors = grid_values(&plain.color[0]).iter().map(|value| 0.5 + 0.28 * value).collect();
+    let field = RadianceField::builder(nodes, grid_values(&plain.density), colors)
+        .density_function(DensityFunction::Relu)
+        .linear_colors();
+    let field = field.build().expect("a field");
+    let bytes = baked_bytes(&field, &BakeOptions::default()).expect("a bake");
+    assert_golden(&fixture("baked/linear.mipvog"), &bytes);
 }

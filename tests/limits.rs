@@ -117,7 +117,7 @@ fn memory_is_counted_to_the_byte() {
             let mut bytes = held + chunk(b"TABL");
             for (group, kind) in Group::ALL.into_iter().zip([b"DENS", b"DIFF", b"FEAT"]) {
                 let Some(encoding) = level.encoding(group) else { continue };
-                let channels = group.channels(container.metadata().features);
+                let channels = group.channels(container.metadata().layout());
                 let frame = level.block_size.pow(3) * encoding.number.bytes() * channels;
                 held += level.blocks_stored * frame;
                 bytes = bytes.max(held + chunk(kind));

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{
-    Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack, volume_values,
+    Random, baked_bytes, field, grid_values, open_bytes, packed, plain, random_field, unpack,
 };
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
 use mipvog_bake::unstable::base::bytes::Storage;
@@ -18,6 +18,7 @@ use mipvog_bake::unstable::levels::visible::masked_planes;
 use mipvog_bake::unstable::model::baked::{Decode, DensityDomain, Encoding, Group};
 use mipvog_bake::unstable::model::field::{Activation, Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
+use mipvog_bake::unstable::model::harmonics::BAND_GAIN;
 
 const ERRORS: [f32; 7] = [0.25, 0.07, 0.02, 0.005, 7e-4, 3e-5, 1e-6];
 
@@ -37,6 +38,8 @@ fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
         Decode::Density(DensityDomain::SqrtOpticalDepth) => -(-value * value).exp_m1(),
         Decode::Density(DensityDomain::Opacity) => value,
         Decode::Logit => plain::sigmoid(value),
+        Decode::Linear => value,
+        Decode::Coefficient(band) => value * BAND_GAIN[usize::from(band)],
     }
 }
 
@@ -234,8 +237,8 @@ fn edited_values_that_the_codes_cannot_hold_are_refused() {
     let LevelValues::Volumes(volumes) = &mut input.levels[1].values else {
         panic!("a file holds arrays")
     };
-    let volume = volumes[Group::Density as usize].as_mut().expect("a level's density");
-    let mut values = volume_values(volume);
+    let volume = volumes[Group::Density.index()].as_mut().expect("a level's density");
+    let mut values = grid_values(&volume.clone().into());
     let most = values.iter().copied().fold(0.0, f32::max);
     assert!(most > 0.0 && most < 2.5, "{most}");
     // The level's optical depth, doubled: beyond the codes, which end at the old values.

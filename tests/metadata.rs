@@ -8,7 +8,7 @@ use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::check_metadata;
 use mipvog_bake::unstable::model::baked::{
-    Blend, Decode, DensityDomain, Encoding, Metadata, NumberType,
+    Blend, Decode, DensityDomain, Encoding, Metadata, NetworkMetadata, NumberType, ViewMetadata,
 };
 
 const NAN: f32 = f32::NAN;
@@ -41,6 +41,14 @@ fn hold<T: Copy + std::fmt::Debug>(cases: &[Case<T>]) {
             set(&mut metadata, value);
             assert_eq!(refused(&metadata).as_deref(), expected, "{key}: {value:?}");
         }
+    }
+}
+
+/// The network's facts, to be changed.
+fn network(metadata: &mut Metadata) -> &mut NetworkMetadata {
+    match &mut metadata.view {
+        Some(ViewMetadata::Network(network)) => network,
+        _ => panic!("a network"),
     }
 }
 
@@ -124,19 +132,9 @@ fn diffuse(metadata: &mut Metadata) -> &mut Encoding {
 fn counts_are_held_to_their_ranges() {
     let cases: [Case<usize>; 12] = [
         ("features", |m, v| m.features = v, &[1, 61], &[62, usize::MAX]),
-        ("view.widths", |m, v| m.view.as_mut().expect("a network").widths[1] = v, &[4096], &[4097]),
-        (
-            "view.widths",
-            |m, v| m.view.as_mut().expect("a network").widths = vec![3; v],
-            &[2, 32],
-            &[0, 1, 33],
-        ),
-        (
-            "view.frequencies",
-            |m, v| m.view.as_mut().expect("a network").frequencies = v,
-            &[0, 32],
-            &[33],
-        ),
+        ("view.widths", |m, v| network(m).widths[1] = v, &[4096], &[4097]),
+        ("view.widths", |m, v| network(m).widths = vec![3; v], &[2, 32], &[0, 1, 33]),
+        ("view.frequencies", |m, v| network(m).frequencies = v, &[0, 32], &[33]),
         ("levels", |m, v| m.levels = vec![m.levels[0].clone(); v], &[1, 32], &[0, 33]),
         (
             "levels[1].dimensions",
@@ -241,7 +239,7 @@ fn values_mean_what_their_group_and_the_blend_allow() {
             }
             let fits = match blend {
                 Blend::BeforeActivation => decode == Decode::Density(DensityDomain::Raw),
-                Blend::AfterActivation => decode != Decode::Logit,
+                Blend::AfterActivation => decode.density().is_some(),
             };
             let wrong = (!fits).then_some("levels[0].density");
             assert_eq!(refused(&metadata).as_deref(), wrong, "{blend:?} {decode:?}");

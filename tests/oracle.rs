@@ -29,11 +29,11 @@ fn golden(file: &str, name: &str) -> Vec<f32> {
 }
 
 fn density_of(field: &RadianceField) -> Vec<f32> {
-    common::volume_values(&field.density)
+    common::grid_values(&field.density)
 }
 
 fn color_of(field: &RadianceField) -> Vec<f32> {
-    field.color.iter().flat_map(common::volume_values).collect()
+    field.color.iter().flat_map(common::grid_values).collect()
 }
 
 fn opaque(field: &RadianceField, density: &[f32], threshold: f64) -> Vec<bool> {
@@ -173,7 +173,7 @@ fn levels_of_alpha_equal_the_plain_twin() {
         channels.extend(wide(color_of(&field)).chunks(nodes.iter().product()).map(<[f64]>::to_vec));
         let extent = plain_alpha::extent(&field.scene);
         let seen = plain_alpha::visibility(nodes, &domain, weights, &channels[0], extent);
-        let mut linear = plain_alpha::premultiply(&domain, &channels, &seen);
+        let mut linear = plain_alpha::premultiply(&domain, field.color_domain, &channels, &seen);
         let mut size = nodes;
         for level in 1.. {
             if plain::halved(size) == size {
@@ -181,7 +181,7 @@ fn levels_of_alpha_equal_the_plain_twin() {
             }
             linear.iter_mut().for_each(|c| *c = plain::next_level(size, c, weights));
             size = plain::halved(size);
-            let stored = plain_alpha::unpremultiply(size, &domain, &linear);
+            let stored = plain_alpha::unpremultiply(size, &domain, field.color_domain, &linear);
             // Opacity over the level's own step: as long as two of the level below.
             let threshold = -(-1e-3f64).ln_1p() / 2f64.powi(level as i32);
             let limit = -(-threshold * f64::from(domain.span)).exp_m1() * (1.0 + 1e-5);

@@ -140,9 +140,9 @@ fn islands_go_at_every_level() {
         let container = with(&scene);
         let mut cleared = two_bodies();
         let [nodes, count] = [[24usize, 20, 48], [4 * 20 * 48 + 4 * 48 + 23, 2, 0]];
-        let mut values = common::volume_values(&cleared.density);
+        let mut values = common::grid_values(&cleared.density);
         values[count[0]..count[0] + count[1]].fill(-80.0);
-        cleared = field(nodes, &values, &common::volume_values(&scene.color[0]));
+        cleared = field(nodes, &values, &common::grid_values(&scene.color[0]));
         let without = with(&cleared);
         let drop = |fewest| {
             let changes = Changes { drop_islands: Some(fewest), ..Changes::default() };

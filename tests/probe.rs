@@ -10,6 +10,7 @@ use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::input::tensor::{self, Row, Value, safetensors_header};
 use mipvog_bake::unstable::model::camera::turntable;
+use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// Names and rows.
@@ -107,7 +108,12 @@ fn rays_see_what_pictures_show_and_points_hold_what_samples_do() {
             let sample = renderer.sample(position, level).expect("a sample");
             assert_eq!(found("density").1[i], sample.density);
             let inside = [&sample.color[..], &sample.features].concat();
-            let network = renderer.view().view_mlp.as_ref().expect("a network");
+            let network = renderer
+                .view()
+                .view_dependence
+                .as_ref()
+                .and_then(ViewDependence::network)
+                .expect("a network");
             for (j, direction) in directions.iter().enumerate() {
                 let direction = direction.map(f64::from);
                 let added = network.colors(&[direction], &[&inside])[0];

@@ -4,7 +4,7 @@ mod common;
 
 use common::plain_render::PlainField;
 use common::rendered::{Differences, baked_levels, finest_level, trained_levels};
-use common::{Random, baked_bytes, open_bytes, random_field};
+use common::{Random, baked_bytes, grid_values, open_bytes, random_field};
 use glam::{DMat4, DVec3};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::base::error::Place;
@@ -14,8 +14,12 @@ use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
 use mipvog_bake::unstable::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail};
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
-use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup, RadianceField};
+use mipvog_bake::unstable::model::field::{
+    Activation, ActivationOrder, ColorDomain, FreeSpace, Grid, Lookup, RadianceField,
+};
 use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
+use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
 use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
@@ -80,12 +84,56 @@ fn random_scene(random: &mut Random) -> RadianceField {
     scene.march.color_threshold = [0.0, 1e-4, 1e-2][random.below(3)];
     scene.march.alpha_threshold = [0.0, 0.0, 1e-4, 1e-2][random.below(4)];
     scene.background = [0; 3].map(|_: usize| random.between(0.0, 1.0));
+    if random.below(3) == 0 {
+        return linear(random, field);
+    }
     if random.below(3) > 0 {
-        field.view_mlp = Some(random_network(random, features));
+        field.view = Some(ViewDependence::Network(random_network(random, features)));
     }
     if random.below(2) == 0 {
         let mask = random_mask(random, &field.scene.bounds);
         field.free_space = Some(mask);
+    }
+    field
+}
+
+/// The same scene with linear colours, harmonics most of the time, and often densities that are no
+/// logits.
+fn linear(random: &mut Random, scene: RadianceField) -> RadianceField {
+    let degree = random.below(4);
+    let channels = 3 * (degree + 1) * (degree + 1);
+    let mut field = random_field(random, scene.scene.nodes.0, channels);
+    // Sums of coefficients are colours.
+    let scaled = |grid: &Grid, scale: f32| -> Vec<f32> {
+        grid_values(grid).iter().map(|value| value * scale).collect()
+    };
+    let color = scaled(&field.color[0], 0.04);
+    let mut density = grid_values(&field.density);
+    let mut activation = scene.scene.activation;
+    if random.below(3) > 0 {
+        let order = [ActivationOrder::Raw, ActivationOrder::Density][random.below(2)];
+        activation = Activation { order, ..Activation::relu(activation.interval) };
+        // Levels that average alpha know the light that a nearly opaque node leaves to 3e-8. Where
+        // that is 1e-6 of the light, depths are off by percents: such nodes become opaque.
+        let depth = |raw: f32| raw * activation.interval;
+        for raw in &mut density {
+            let nearly_opaque = (2.4..4.0).contains(&depth(*raw));
+            *raw = if nearly_opaque { 8.0 / activation.interval } else { raw.max(-3.0) };
+        }
+    }
+    field = common::field(scene.scene.nodes.0, &density, &color);
+    field.scene = scene.scene;
+    field.scene.activation = activation;
+    field.color_domain = ColorDomain::Linear;
+    let clamp = [Clamp::Zero, Clamp::None, Clamp::Sigmoid][random.below(3)];
+    let evaluation = match (clamp, random.below(2)) {
+        (Clamp::Sigmoid, _) | (_, 0) => Evaluation::Sample,
+        _ => Evaluation::Ray,
+    };
+    if degree > 0 || random.below(2) == 0 {
+        let offset = random.between(0.0, 0.6);
+        let harmonics = Harmonics { degree, evaluation, offset, clamp };
+        field.view = Some(ViewDependence::Harmonics(harmonics));
     }
     field
 }
@@ -354,7 +402,7 @@ fn as_many_features_as_the_format_allows_look_as_their_twins() {
     for features in [13, 14, 29, 30, 61] {
         let mut random = Random::new(5000 + features as u64);
         let mut field = random_field(&mut random, [7, 6, 8], 3 + features);
-        field.view_mlp = Some(random_network(&mut random, features));
+        field.view = Some(ViewDependence::Network(random_network(&mut random, features)));
         let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
         let plain = PlainField::new(dense.view(), finest_level(&field));
         // Fitted levels too: a fit differentiates by every feature.

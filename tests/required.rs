@@ -7,7 +7,7 @@ use common::planes::{Channels, levels};
 use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::levels::sizes::level_sizes;
 use mipvog_bake::unstable::levels::{Content, LevelFilter, OpticalDepthGrid, RequiredNodes};
-use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
+use mipvog_bake::unstable::model::field::{Activation, ColorDomain};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 const SIZES: [[usize; 3]; 8] = [
@@ -56,7 +56,7 @@ fn hold(got: &[Channels], want: &[Channels], nodes: &[NodeMask], is_zero_elsewhe
 
 #[test]
 fn empty_nodes_are_left_out_where_alpha_is_averaged() {
-    let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
+    let activation = Activation::logits(-4.6, 0.5);
     let filter: &dyn LevelFilter = &Filter::RateTent;
     let domain = filter.alpha(&activation).expect("a filter of alpha");
     let weights = &filter.weights();
@@ -108,12 +108,17 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                 let required =
                     RequiredNodes::new(around.collect(), Some(&occupied), weights).expect("nodes");
                 let retained = retained.iter().collect();
-                levels(&field, &required, Content::Colors { domain, visibility, retained })
+                levels(
+                    &field,
+                    &required,
+                    Content::Colors { domain, colors: ColorDomain::Logit, visibility, retained },
+                )
             };
             let retained: Vec<NodeMask> =
                 sizes.iter().map(|&nodes| some_nodes(nodes, 7, &mut random)).collect();
             let all = full.iter().collect();
-            let content = Content::Colors { domain, visibility, retained: all };
+            let content =
+                Content::Colors { domain, colors: ColorDomain::Logit, visibility, retained: all };
             let want = levels(&field, &everything, content);
             hold(&colors(&retained), &want, &retained, false);
         }

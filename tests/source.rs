@@ -10,6 +10,7 @@ use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
 use mipvog_bake::unstable::input::checkpoint::{Family, MlpChoice, Source, SourceOptions};
+use mipvog_bake::unstable::model::field::Volume;
 use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
 use mipvog_bake::unstable::model::grid::{Element, Nodes};
 use mipvog_bake::unstable::model::view_mlp::ViewInput;
@@ -59,15 +60,18 @@ fn every_spelling_gives_one_scene() {
     let first = open("dvgo/protocol2.tar");
     for name in names {
         let found = open(&format!("dvgo/{name}"));
-        assert_eq!(found.field.density.nodes, Nodes([9, 7, 5]), "{name}");
-        assert_eq!(common::volume_values(&found.field.density), expected(315, 1), "{name}");
-        assert_eq!(common::volume_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
+        assert_eq!(found.field.density.nodes(), Nodes([9, 7, 5]), "{name}");
+        assert_eq!(common::grid_values(&found.field.density), expected(315, 1), "{name}");
+        assert_eq!(common::grid_values(&found.field.color[0]), expected(7 * 315, 2), "{name}");
         assert_eq!(found.field.scene, first.field.scene, "{name}");
-        assert_eq!(found.field.view_mlp, first.field.view_mlp, "{name}");
+        assert_eq!(found.field.view, first.field.view, "{name}");
         assert_eq!(found.field.free_space, first.field.free_space, "{name}");
         assert_eq!((found.family, keys(&found)), (Family::Dvgo, vec!["stepsize"]), "{name}");
     }
-    assert_eq!(open("dvgo/bfloat16.tar").field.color[0].element, Element::BF16);
+    assert_eq!(
+        open("dvgo/bfloat16.tar").field.color[0].array().expect("an array").element,
+        Element::BF16
+    );
 }
 
 #[test]
@@ -84,7 +88,7 @@ fn settings_become_the_scene() {
     let dropped = 1.0 / 1024.0;
     assert_eq!((scene.march.alpha_threshold, scene.march.color_threshold), (dropped, dropped));
     assert_eq!(scene.background, [1.0; 3]);
-    let mlp = source.field.view_mlp.as_ref().expect("rgbnet");
+    let mlp = source.field.network().expect("rgbnet");
     assert_eq!((mlp.widths(), mlp.frequencies), (vec![34, 16, 16, 3], 4));
     assert_eq!(mlp.input, ViewInput::DiffuseAndFeatures);
     assert_eq!(mlp.layers[1].weights, expected(256, 11));
@@ -120,7 +124,7 @@ fn options_win() {
     let march = &source.field.scene.march;
     assert_eq!((march.stepsize, march.near, march.far), (0.25, 2.0, Some(6.0)));
     assert_eq!((march.color_threshold, march.alpha_threshold), (0.0, 1.0 / 1024.0));
-    assert!(source.field.view_mlp.is_none());
+    assert!(source.field.view.is_none());
     assert_eq!((source.field.color_channels(), keys(&source)), (3, vec!["mlp"]));
     for broken in [
         SourceOptions { stepsize: Some(0.0), ..SourceOptions::default() },
@@ -146,7 +150,7 @@ fn a_mip_vog_checkpoint_is_understood() {
     assert!((scene.activation.shift + 4.595_12).abs() < 1e-5);
     assert_eq!((scene.activation.interval, scene.march.alpha_threshold), (0.5, 0.0));
     assert_eq!(scene.march.color_threshold, 1e-4);
-    assert!(source.field.color[0].fills_storage() && source.field.density.fills_storage());
+    assert!(source.field.grids().all(|grid| grid.array().is_some_and(Volume::fills_storage)));
     let mask = source.field.free_space.expect("mask");
     let Lookup::Trilinear { values, threshold } = &mask.lookup else { panic!("{:?}", mask.nodes) };
     assert_eq!((mask.nodes, values.len()), (Nodes([16; 3]), 4096));
@@ -213,10 +217,10 @@ fn other_models_are_refused_with_the_reason() {
         ..SourceOptions::default()
     };
     let borrowed = input::open_with(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
-    assert!(borrowed.expect("a network").field.view_mlp.is_some());
+    assert!(borrowed.expect("a network").field.view.is_some());
     let diffuse = open("refused/diffuse.tar");
     assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
-    assert_eq!(common::volume_values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
+    assert_eq!(common::grid_values(&diffuse.field.color[0]), expected(7 * 315, 2)[..3 * 315]);
 }
 
 #[test]
@@ -234,7 +238,7 @@ fn a_checkpoint_lists_everything() {
     assert_eq!(value("model_kwargs.alpha_init").value, Some(0.01.into()));
     assert_eq!(value("model_state_dict.viewfreq").value, Some(vec![1.0, 2.0, 4.0, 8.0].into()));
     assert_eq!(value("optimizer_state_dict.param_groups.0.lr").kind, "float");
-    assert_eq!(found.model.as_ref().and_then(|model| model.mlp.clone()), Some(vec![34, 16, 16, 3]));
+    assert_eq!(found.scene.as_ref().and_then(|scene| scene.mlp.clone()), Some(vec![34, 16, 16, 3]));
     let refused = fixture("refused/contracted.tar");
     let refused = input::inspect(&refused, &options, &Limits::default()).expect("still listed");
     assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));

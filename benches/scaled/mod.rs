@@ -10,7 +10,7 @@ use std::path::Path;
 
 use half::f16;
 use mipvog_bake::unstable::base::parallel;
-use mipvog_bake::unstable::model::field::{EMPTY_DENSITY, RadianceField, Volume};
+use mipvog_bake::unstable::model::field::{EMPTY_LOGIT, Grid, RadianceField};
 use serde_json::json;
 
 /// Raw density above which a node is opaque.
@@ -63,7 +63,7 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
     put(&(header.len() as u64).to_le_bytes());
     put(header.as_bytes());
     let density = values(&field.density, 0);
-    let nodes = field.density.nodes.0;
+    let nodes = field.density.nodes().0;
     let mut upsampled = |of: &[f32], channel: u64, is_density: bool| {
         for x in 0..side {
             let rows = parallel::map(side, |y| {
@@ -88,7 +88,7 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
     upsampled(&density, 0, true);
     let mut channel = 0;
     for volume in &field.color {
-        for number in 0..volume.channels {
+        for number in 0..volume.channels() {
             channel += 1;
             upsampled(&values(volume, number), channel, false);
         }
@@ -102,9 +102,12 @@ pub fn write(field: &RadianceField, side: usize, element: Element, path: &Path) 
 }
 
 /// All values of one channel.
-fn values(volume: &Volume, channel: usize) -> Vec<f32> {
-    let mut values = vec![EMPTY_DENSITY; volume.nodes.count()];
-    volume.read_run(channel, [0; 3], &mut values, &mut Vec::new(), |_| {}).expect("readable");
+fn values(volume: &Grid, channel: usize) -> Vec<f32> {
+    let [_, ny, nz] = volume.nodes().0;
+    let mut values = vec![EMPTY_LOGIT; volume.nodes().count()];
+    for (x, plane) in values.chunks_exact_mut(ny * nz).enumerate() {
+        volume.read_plane(channel, x, plane, |_| {}).expect("readable");
+    }
     values
 }
 

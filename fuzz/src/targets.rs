@@ -18,9 +18,9 @@ use mipvog_bake::unstable::base::picture;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::input::SceneSettings;
-use mipvog_bake::unstable::input::checkpoint::{self, SourceOptions};
+use mipvog_bake::unstable::input::checkpoint::SourceOptions;
 use mipvog_bake::unstable::input::tensor;
+use mipvog_bake::unstable::input::{SceneSettings, inspect_tensors, open_tensors};
 use mipvog_bake::unstable::model::camera;
 use mipvog_bake::unstable::view::render::Renderer;
 
@@ -28,11 +28,12 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 12] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
     ("safetensors", safetensors),
+    ("grids", grids),
     ("container", container),
     ("render", render),
     ("repack", repack),
@@ -78,10 +79,36 @@ pub fn safetensors(bytes: &[u8]) {
     tensors(bytes.to_vec());
 }
 
+/// A safetensors file of Plenoxels, of a PlenOctree or of sampled arrays: shown by its own rules,
+/// and read as a bake reads it.
+pub fn grids(bytes: &[u8]) {
+    let (file, limits) = (file(bytes.to_vec()), limits());
+    let Ok(tensors) = tensor::open_file(&file, &limits) else { return };
+    let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
+    let Ok(source) = open_tensors(&tensors, &options, &limits) else { return };
+    let nodes = source.field.scene.nodes;
+    // Grids that a file states in a few bytes may be large; a bake of them takes its time.
+    if nodes.count() > 1 << 15 {
+        return;
+    }
+    let mut plane = vec![0.0; nodes.0[1] * nodes.0[2]];
+    for grid in source.field.grids() {
+        for channel in 0..grid.channels() {
+            for x in 0..nodes.0[0] {
+                grid.read_plane(channel, x, &mut plane, |_| {}).ok();
+            }
+        }
+    }
+    let Ok(renderer) = Renderer::of_source(&source, None, &limits) else { return };
+    for camera in camera::turntable(&source.field.scene.bounds, 2, [2, 2]) {
+        renderer.picture(&camera).ok();
+    }
+}
+
 fn tensors(bytes: Vec<u8>) {
     let (file, limits) = (file(bytes), limits());
     if let Ok(tensors) = tensor::open_file(&file, &limits) {
-        checkpoint::inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+        inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
     }
     check_file(file, &CheckOptions::default(), &limits).ok();
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{LevelRule, MaxErrors};
 use crate::base::error::{Error, Result};
-use crate::codec::quantize::{Bits, color_encoding, density_encoding};
+use crate::codec::quantize::{Bits, planned_encoding};
 use crate::model::baked::{Encoding, Metadata};
 use crate::model::field::{March, Scene};
 use crate::model::grid::Bounds;
@@ -71,14 +71,13 @@ impl Changes {
     /// Changes everything that metadata alone says: encodings by bits, the number of levels, rules.
     pub(super) fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
-            let color = color_encoding(bits);
             for level in &mut metadata.levels {
-                let domain = level.density_domain();
-                if let Some(density) = &mut level.density {
-                    change(density, &density_encoding(bits, domain, &metadata.activation));
+                for (_, encoding) in level.encodings_mut() {
+                    change(
+                        encoding,
+                        &planned_encoding(bits, encoding.decode, &metadata.activation),
+                    );
                 }
-                level.diffuse.iter_mut().for_each(|encoding| change(encoding, &color));
-                level.features.iter_mut().for_each(|encoding| change(encoding, &color));
             }
         }
         metadata.levels.truncate(self.levels.unwrap_or(usize::MAX));

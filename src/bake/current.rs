@@ -9,8 +9,8 @@ use serde_json::Value;
 use super::{BakeOptions, Origin};
 use crate::base::error::Result;
 use crate::codec::container::Container;
+use crate::model::baked::ViewMetadata;
 use crate::model::field::RadianceField;
-use crate::model::view_mlp::ViewMlp;
 
 /// True if `container` is the one that [`super::bake`] would write of `field`. Always false if the
 /// input's digest does not cover its values, as in formats without checksums.
@@ -32,12 +32,11 @@ pub fn is_current(
     let expected: Option<Value> = serde_json::from_str(&expected.to_string()).ok();
     let metadata = container.metadata();
     let scene = &field.scene;
-    let widths = metadata.view.as_ref().map(|view| view.widths.clone());
     Ok(expected.is_some()
         && container.provenance()? == expected
         && metadata.bounds == scene.bounds
         && metadata.activation == scene.activation
         && metadata.march == scene.march
         && metadata.background == scene.background
-        && widths == field.view_mlp.as_ref().map(ViewMlp::widths))
+        && metadata.view == field.view.as_ref().map(ViewMetadata::of))
 }

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::codec::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, Moved};
-use crate::model::baked::{Encoding, Group, Table};
+use crate::model::baked::{ColorLayout, Encoding, GROUPS, Group, Table};
 use crate::model::field::Activation;
 use crate::model::grid::NodeMask;
 
@@ -24,8 +24,8 @@ pub(super) const PENDING_BYTES: usize = 4 << 20;
 pub struct EncodeOptions<'a> {
     /// The level that errors name.
     pub level: usize,
-    /// Specular features of a node.
-    pub features: usize,
+    /// The parts of a node's colour.
+    pub layout: ColorLayout,
     /// Raw density to opacity: don't-care nodes stay below the threshold of visibility.
     pub activation: Activation,
     /// Compression level of zstd.
@@ -123,14 +123,14 @@ impl<'a> LevelEncoder<'a> {
     pub fn new(
         table: Table,
         retained: &'a NodeMask,
-        encodings: [Option<&Encoding>; 3],
+        encodings: [Option<&Encoding>; GROUPS],
         options: EncodeOptions<'a>,
     ) -> Self {
         let edge = table.grid().edge;
         let (mut groups, mut channel_groups, mut bounds) = (Vec::new(), Vec::new(), Vec::new());
         for (group, encoding) in Group::ALL.into_iter().zip(encodings) {
             let Some(encoding) = encoding else { continue };
-            let channels = group.channels(options.features);
+            let channels = group.channels(options.layout);
             let bound = options.bound.of(group, encoding.max_error);
             groups.push(GroupEncoder {
                 group,
@@ -196,10 +196,10 @@ impl<'a> LevelEncoder<'a> {
 
     /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and the
     /// error that coarsening added.
-    pub fn max_errors(&self) -> [Option<f32>; 3] {
-        let mut errors = [None; 3];
+    pub fn max_errors(&self) -> [Option<f32>; GROUPS] {
+        let mut errors = [None; GROUPS];
         for group in &self.groups {
-            errors[group.group as usize] = Some(group.encoder.encoding().error_after(group.moved));
+            errors[group.group.index()] = Some(group.encoder.encoding().error_after(group.moved));
         }
         errors
     }
@@ -207,10 +207,10 @@ impl<'a> LevelEncoder<'a> {
     /// Compresses the remaining frames.
     pub fn finish(mut self) -> Result<EncodedLevel> {
         self.compress(true)?;
-        let mut atlases = [None, None, None];
+        let mut atlases = [const { None }; GROUPS];
         for group in self.groups {
             let atlas = EncodedAtlas::new(frames_per_run(group.encoder.shape()), group.runs)?;
-            atlases[group.group as usize] = Some(atlas);
+            atlases[group.group.index()] = Some(atlas);
         }
         Ok(EncodedLevel { table: self.table, atlases })
     }

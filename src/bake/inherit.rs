@@ -13,12 +13,13 @@ use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::codec::quantize::{Frame, FrameShape, InheritedColors};
 use crate::model::baked::{
-    BakedLevel, Codes, Encoding, Group, LevelMetadata, Metadata, Occupancy, Table,
+    BakedLevel, Codes, ColorLayout, Encoding, GROUPS, Group, LevelMetadata, Metadata, Occupancy,
+    Table,
 };
 use crate::model::grid::{BlockGrid, NodeMask};
 
-/// Groups that blocks may inherit.
-const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
+/// Number of groups of colour.
+const COLORS: usize = Group::COLORS.len();
 
 /// The blocks that may inherit their colours.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +40,7 @@ pub fn inherit_levels<'a>(
     zstd_level: i32,
     level_nodes: impl Fn(usize) -> (&'a NodeMask, Option<&'a LevelImportance>),
 ) -> Result<()> {
-    let features = metadata.features;
+    let layout = metadata.layout();
     let activated = |encoding: &Encoding| -> Vec<f64> {
         let activation = &metadata.activation;
         encoding.values().map(|value| encoding.decode.activated(value.into(), activation)).collect()
@@ -50,24 +51,24 @@ pub fn inherit_levels<'a>(
         if !levels[number].has_integer_colors() {
             break;
         }
-        let mut own = decode(&encoded[number], &levels[number], features)?;
+        let mut own = decode(&encoded[number], &levels[number], layout)?;
         if let (Some(coarser), Some(coarser_metadata)) = (&coarser, levels.get(number + 1)) {
             let level = &levels[number];
-            let interpolated = COLORS.map(|group| {
+            let interpolated = Group::COLORS.map(|group| {
                 InheritedColors::new(
                     level,
                     (coarser_metadata, coarser),
                     group,
-                    group.channels(features),
+                    group.channels(layout),
                 )
             });
-            let groups = [0, 1].map(|i| {
-                let group = COLORS[i];
+            let groups = std::array::from_fn(|i| {
+                let group = Group::COLORS[i];
                 Some(ColorGroup {
                     colors: interpolated[i].as_ref()?,
-                    codes: own.atlases[group as usize].as_ref()?,
+                    codes: own.atlases[group.index()].as_ref()?,
                     activated: activated(level.encoding(group)?),
-                    channels: group.channels(features),
+                    channels: group.channels(layout),
                 })
             });
             let (retained, importance) = level_nodes(number);
@@ -88,19 +89,19 @@ pub fn inherit_levels<'a>(
             let (table, moved) = inheriting(&own.table, &moves)?;
             let level = &mut levels[number];
             level.blocks_filled = table.inherited();
-            for ((group, colors), moved) in COLORS.into_iter().zip(interpolated).zip(moved) {
+            for ((group, colors), moved) in Group::COLORS.into_iter().zip(interpolated).zip(moved) {
                 let (Some(colors), Some(encoding)) = (colors, level.encoding_mut(group)) else {
                     continue;
                 };
-                let Some(codes) = own.atlases[group as usize].take() else { continue };
-                let shape = shape(encoding, group, features, table.grid().edge);
+                let Some(codes) = own.atlases[group.index()].take() else { continue };
+                let shape = shape(encoding, group, layout, table.grid().edge);
                 let stored = only_stored(&codes, &table, shape);
                 encoding.max_error = encoding.error_after(moved);
                 if table.inherited() > 0 {
-                    encoded[number].atlases[group as usize] =
+                    encoded[number].atlases[group.index()] =
                         Some(atlas(shape, &stored, zstd_level)?);
                 }
-                own.atlases[group as usize] = Some(colors.restore(&table, &stored));
+                own.atlases[group.index()] = Some(colors.restore(&table, &stored));
             }
             own.table = table.clone();
             encoded[number].table = table;
@@ -136,12 +137,12 @@ impl InheritanceTest<'_> {
         &self,
         place: [usize; 3],
         frame: usize,
-        groups: &[Option<ColorGroup>; 2],
-    ) -> Option<[f64; 2]> {
+        groups: &[Option<ColorGroup>; COLORS],
+    ) -> Option<[f64; COLORS]> {
         let edge = self.grid.edge;
         let nodes = edge.pow(3);
         let sizes = self.grid.nodes.0;
-        let mut moves = [0.0f64; 2];
+        let mut moves = [0.0f64; COLORS];
         for (group, largest) in groups.iter().zip(&mut moves) {
             let Some(group) = group else { continue };
             let inherited = group.colors.block(place);
@@ -169,31 +170,38 @@ impl InheritanceTest<'_> {
 }
 
 /// The table in which the blocks with a move inherit, and the largest moves.
-fn inheriting(table: &Table, moves: &[Option<[f64; 2]>]) -> Result<(Table, [f64; 2])> {
+fn inheriting(table: &Table, moves: &[Option<[f64; COLORS]>]) -> Result<(Table, [f64; COLORS])> {
     let mut next = moves.iter();
-    let mut largest = [0.0f64; 2];
+    let mut largest = [0.0f64; COLORS];
     let mut occupancy = table.occupancy().to_vec();
     for block in occupancy.iter_mut().filter(|block| **block != Occupancy::Empty) {
         if let Some(Some(moves)) = next.next() {
             *block = Occupancy::Inherited;
-            largest = [0, 1].map(|group| largest[group].max(moves[group]));
+            largest
+                .iter_mut()
+                .zip(moves)
+                .for_each(|(largest, moved)| *largest = largest.max(*moved));
         }
     }
     Ok((Table::new(table.grid(), occupancy)?, largest))
 }
 
-fn shape(encoding: &Encoding, group: Group, features: usize, edge: usize) -> FrameShape {
-    FrameShape { number: encoding.number, channels: group.channels(features), edge }
+fn shape(encoding: &Encoding, group: Group, layout: ColorLayout, edge: usize) -> FrameShape {
+    FrameShape { number: encoding.number, channels: group.channels(layout), edge }
 }
 
 /// A level's colours as they were encoded.
-fn decode(level: &EncodedLevel, metadata: &LevelMetadata, features: usize) -> Result<BakedLevel> {
-    let mut atlases = [None, None, None];
-    for group in COLORS {
-        let atlas = level.atlases[group as usize].as_ref();
+fn decode(
+    level: &EncodedLevel,
+    metadata: &LevelMetadata,
+    layout: ColorLayout,
+) -> Result<BakedLevel> {
+    let mut atlases = [const { None }; GROUPS];
+    for group in Group::COLORS {
+        let atlas = level.atlases[group.index()].as_ref();
         if let (Some(atlas), Some(encoding)) = (atlas, metadata.encoding(group)) {
-            let shape = shape(encoding, group, features, metadata.block_size);
-            atlases[group as usize] = Some(atlas.codes(shape, encoding, level.table.frames())?);
+            let shape = shape(encoding, group, layout, metadata.block_size);
+            atlases[group.index()] = Some(atlas.codes(shape, encoding, level.table.frames())?);
         }
     }
     Ok(BakedLevel { table: level.table.clone(), atlases })

@@ -5,10 +5,11 @@ use super::fit::Fitted;
 use super::pack::LevelSource;
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
+use crate::codec::quantize::Bits;
 use crate::levels::{
     Content, FieldPass, Plane, PlaneSink, Pyramid, ReadSummary, RequiredNodes, Verify, Visible,
 };
-use crate::model::field::Planes;
+use crate::model::field::{ColorDomain, DensityFunction, Planes};
 
 /// A trained field and the filter of its levels.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +27,16 @@ pub struct FilteredLevels<'a> {
     /// True if only windows of the field are retained, for a forecast. Planes outside are left out,
     /// and checksums are not held to those that the file states.
     pub is_window: bool,
+}
+
+impl FilteredLevels<'_> {
+    /// True if codes of some values are laid over their range.
+    pub fn is_laid_over_values(&self) -> bool {
+        let field = self.planes.field();
+        let integers = matches!(self.options.bits, Bits::Integer(_));
+        let relu = field.scene.activation.function != DensityFunction::Softplus;
+        integers && (relu || field.color_domain == ColorDomain::Linear)
+    }
 }
 
 impl LevelSource for FilteredLevels<'_> {
@@ -49,7 +60,9 @@ impl LevelSource for FilteredLevels<'_> {
         }
         let required = RequiredNodes::new(retained, visible.occupied.as_ref(), &filter.weights())?;
         let alpha = domain.zip(visible.visibility.as_ref());
-        let content = Content::of_levels(filter, alpha, planes.channels(), visible.retained());
+        let colors = planes.field().color_domain;
+        let channels = planes.channels();
+        let content = Content::of_levels(filter, alpha, colors, channels, visible.retained());
         let verify = if self.is_window { Verify::ColorsOfWindow } else { Verify::Colors };
         let pass = FieldPass::new(planes, verify);
         progress.begin(step, scene.nodes.0[0] as u64);

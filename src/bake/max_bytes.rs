@@ -102,7 +102,7 @@ fn errors(step: usize) -> MaxErrors {
         let error = (f64::from(WEB_ERRORS.of(group)) * factor).clamp(1e-6, 0.25);
         format!("{error:.2e}").parse().unwrap_or(error as f32)
     };
-    let [density, diffuse, features] = Group::ALL.map(scaled);
+    let [density, diffuse, features, ..] = Group::ALL.map(scaled);
     MaxErrors::new(density, diffuse, features)
 }
 

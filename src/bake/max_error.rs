@@ -7,13 +7,15 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 use crate::base::error::{Error, Result};
-use crate::model::baked::Group;
+use crate::model::baked::{GROUPS, Group};
 
 /// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
 /// One for each group: of opacity over one interval for density, of activated values (0 to 1) for
-/// diffuse colours and for features. As text one number, or three with colons between.
+/// diffuse colours and for features, of the colour that a band adds for harmonics. The error of
+/// features is that of band 1. As text one number, three with colons between, or four or five, the
+/// last of which are those of bands 2 and 3; they are else that of band 1.
 ///
 /// ```
 /// use mipvog_bake::MaxErrors;
@@ -25,18 +27,26 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaxErrors {
     /// By [`Group`].
-    by_group: [f32; 3],
+    by_group: [f32; GROUPS],
 }
 
 impl MaxErrors {
     /// Of density's opacity, diffuse colours and features.
     pub const fn new(density: f32, diffuse: f32, features: f32) -> Self {
-        Self { by_group: [density, diffuse, features] }
+        Self { by_group: [density, diffuse, features, features, features, features] }
+    }
+
+    /// With other errors for bands 2 and 3 of harmonics.
+    #[must_use]
+    pub const fn with_bands(mut self, second: f32, third: f32) -> Self {
+        self.by_group[4] = second;
+        self.by_group[5] = third;
+        self
     }
 
     /// That of a group.
     pub fn of(&self, group: Group) -> f32 {
-        self.by_group[group as usize]
+        self.by_group[group.index()]
     }
 
     /// The one that all groups have, if they do.
@@ -49,7 +59,18 @@ impl MaxErrors {
     fn text(&self, shown: impl Fn(f32) -> String) -> String {
         match self.common() {
             Some(error) => shown(error),
-            None => self.by_group.map(shown).join(":"),
+            None => {
+                let [density, diffuse, features, _, second, third] = self.by_group;
+                let numbers = [density, diffuse, features, second, third];
+                let count = if third != second {
+                    5
+                } else if second != features {
+                    4
+                } else {
+                    3
+                };
+                numbers[..count].iter().map(|&error| shown(error)).collect::<Vec<_>>().join(":")
+            }
         }
     }
 
@@ -88,7 +109,13 @@ impl FromStr for MaxErrors {
         match *errors.unwrap_or_default() {
             [error] => Ok(error.into()),
             [density, diffuse, features] => Ok(Self::new(density, diffuse, features)),
-            _ => Err("expected a number, or three with colons between"),
+            [density, diffuse, features, second] => {
+                Ok(Self::new(density, diffuse, features).with_bands(second, second))
+            }
+            [density, diffuse, features, second, third] => {
+                Ok(Self::new(density, diffuse, features).with_bands(second, third))
+            }
+            _ => Err("expected a number, or three to five with colons between"),
         }
     }
 }
@@ -101,7 +128,7 @@ impl Serialize for MaxErrors {
 
 impl<'de> Deserialize<'de> for MaxErrors {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let expected = "expected a number, or three with colons between";
+        let expected = "expected a number, or three to five with colons between";
         Self::from_json(&Value::deserialize(from)?)
             .ok_or_else(|| serde::de::Error::custom(expected))
     }
@@ -125,14 +152,20 @@ mod tests {
 
     #[test]
     fn text_and_json_say_the_same() {
-        for (text, json) in [("0.02", "0.02"), ("0.02:0.014:0.06", "\"0.02:0.014:0.06\"")] {
+        for (text, json) in [
+            ("0.02", "0.02"),
+            ("0.02:0.014:0.06", "\"0.02:0.014:0.06\""),
+            ("0.1:0.01:0.02:0.03", "\"0.1:0.01:0.02:0.03\""),
+            ("0.1:0.01:0.02:0.03:0.04", "\"0.1:0.01:0.02:0.03:0.04\""),
+        ] {
             let errors: MaxErrors = text.parse().expect("errors");
             assert_eq!(errors.to_string(), text);
             assert_eq!(MaxErrors::from_json(&errors.to_json()), Some(errors));
             let read = serde_json::from_str(json).expect("JSON");
             assert_eq!(MaxErrors::from_json(&read), Some(errors));
         }
-        for text in ["", "0.1:0.2", "0.1:0.2:0.3:0.4", "a", "0.1:b:0.2", ":", "0.1,0.2,0.3"] {
+        for text in ["", "0.1:0.2", "0.1:0.2:0.3:0.4:0.5:0.6", "a", "0.1:b:0.2", ":", "0.1,0.2,0.3"]
+        {
             assert!(text.parse::<MaxErrors>().is_err(), "{text}");
         }
         assert_eq!(MaxErrors::from_json(&Value::Null), None);

@@ -18,7 +18,7 @@ use crate::codec::container::RUN_BYTES;
 use crate::codec::quantize::Bits;
 use crate::levels::OpticalDepthGrid;
 use crate::levels::pyramid::SLAB;
-use crate::model::field::RadianceField;
+use crate::model::field::{Grid, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
 /// The program, its libraries, and the allocator's own memory; measured.
@@ -93,10 +93,12 @@ impl Needs<'_> {
 
     /// Memory of the input: entries that had to be inflated, the free-space mask.
     fn inputs(&self) -> u64 {
-        let volumes = std::iter::once(&self.field.density).chain(&self.field.color);
-        let inflated = volumes.map(|volume| match &volume.storage {
-            Storage::Memory(bytes) => bytes.len() as u64,
-            Storage::File { .. } => 0,
+        let inflated = self.field.grids().map(|grid| match grid {
+            Grid::Array(volume) => match &volume.storage {
+                Storage::Memory(bytes) => bytes.len() as u64,
+                Storage::File { .. } => 0,
+            },
+            Grid::Values(values) => values.memory_bytes(),
         });
         let free_space = self.field.free_space.as_ref();
         let free_space = free_space

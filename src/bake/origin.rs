@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use crate::base::bytes::hex;
 use crate::base::error::Result;
 use crate::input::checkpoint::Source;
-use crate::model::field::RadianceField;
+use crate::model::field::{Grid, RadianceField};
 
 /// Samples of each colour tensor in a digest, evenly spaced from its first byte to its last.
 const SAMPLES: u64 = 64;
@@ -48,7 +48,7 @@ impl Origin {
         Self {
             kind: format!("{} {}", source.family.name(), source.kind.name()),
             digest: source.digest,
-            covers_values: source.field.density.storage.crc32().is_some(),
+            covers_values: source.field.density.has_checksum(),
             companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         }
@@ -64,7 +64,14 @@ impl Origin {
         sum.update(self.digest);
         density.iter().for_each(|checksum| sum.update(checksum.to_le_bytes()));
         let mut piece = Vec::new();
-        for volume in &field.color {
+        for grid in &field.color {
+            let volume = match grid {
+                Grid::Array(volume) => volume,
+                Grid::Values(values) => {
+                    values.digest(&mut |bytes| sum.update(bytes))?;
+                    continue;
+                }
+            };
             let length = volume.storage.length();
             let size = length.min(SAMPLE_BYTES);
             for sample in 0..SAMPLES {

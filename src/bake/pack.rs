@@ -10,7 +10,7 @@ use super::LevelPlanes;
 use super::encode::{EncodeOptions, ErrorBound, LevelEncoder};
 use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
-use super::ranges::{BitSearch, RangeSink};
+use super::ranges::{EncodingChoice, RangeSink};
 use super::report::Stages;
 use super::run_store::RunStore;
 use crate::base::error::Result;
@@ -41,8 +41,8 @@ pub struct Packing<'a> {
     pub source: &'a dyn LevelSource,
     /// The nodes of each level whose values count.
     pub retained: Vec<&'a NodeMask>,
-    /// The search for encodings; none where those in the metadata are final.
-    pub search: Option<BitSearch>,
+    /// The choice of encodings; none where those in the metadata are final.
+    pub choice: Option<EncodingChoice>,
     /// The bound that values are held to as they are encoded.
     pub bound: ErrorBound,
     /// The importance of each level's nodes to given cameras; empty where all count alike.
@@ -71,10 +71,10 @@ impl Packing<'_> {
         stages: &mut Stages,
         progress: &dyn Progress,
     ) -> Result<(Vec<EncodedLevel>, ReadSummary)> {
-        if let Some(search) = self.search {
+        if let Some(choice) = self.choice {
             let sink = RangeSink::new(metadata, &self.retained);
             let summary = self.source.stream(&sink, Step::Ranges, progress)?;
-            sink.choose_encodings(search, metadata)?;
+            sink.choose_encodings(choice, metadata)?;
             stages.end("ranges", summary.bytes);
         }
         let sink = self.encode_sink(metadata, tables);
@@ -94,7 +94,7 @@ impl Packing<'_> {
             let importance = self.importance.get(number).filter(|_| self.coarseness > 0.0);
             let options = EncodeOptions {
                 level: number,
-                features: metadata.features,
+                layout: metadata.layout(),
                 activation: metadata.activation,
                 zstd_level: self.zstd_level,
                 bound: self.bound,

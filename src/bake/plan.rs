@@ -2,10 +2,13 @@
 
 use super::BakeOptions;
 use crate::base::error::Result;
-use crate::codec::quantize::{color_encoding, density_encoding};
+use crate::codec::quantize::planned_encoding;
 use crate::levels::Visible;
-use crate::model::baked::{ColorSpace, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata};
-use crate::model::field::RadianceField;
+use crate::model::baked::{
+    ColorLayout, ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
+    ViewMetadata,
+};
+use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask};
 
 /// The blocks of `edge` nodes that hold a retained node, by level.
@@ -27,11 +30,20 @@ pub fn metadata(
 ) -> Metadata {
     let scene = &field.scene;
     let features = field.color_channels() - 3;
-    let filter = &*options.filter;
-    let density = |level: usize| {
-        density_encoding(options.bits, filter.density_domain(level), &scene.activation)
+    let layout = match field.harmonics() {
+        Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree },
+        None => ColorLayout { features, degree: 0 },
     };
-    let color = color_encoding(options.bits);
+    let filter = &*options.filter;
+    let planned = |decode| planned_encoding(options.bits, decode, &scene.activation);
+    let density = |level: usize| planned(Decode::Density(filter.density_domain(level)));
+    let color = planned(match (field.color_domain, field.harmonics()) {
+        (_, Some(_)) => Decode::Coefficient(0),
+        (ColorDomain::Linear, None) => Decode::Linear,
+        (ColorDomain::Logit, None) => Decode::Logit,
+    });
+    let bands = (1..=layout.degree).map(|band| planned(Decode::Coefficient(band as u8)));
+    let bands: Vec<Encoding> = bands.collect();
     let level = |(number, table): (usize, &Table)| LevelMetadata {
         dimensions: table.grid().nodes.0,
         block_size: options.block_size,
@@ -39,7 +51,8 @@ pub fn metadata(
         blocks_filled: 0,
         density: (number == 0 || filter.has_density()).then(|| density(number)),
         diffuse: Some(color.clone()),
-        features: (features > 0).then(|| color.clone()),
+        features: (layout.features > 0).then(|| color.clone()),
+        bands: bands.clone(),
     };
     Metadata {
         bounds: scene.bounds,
@@ -51,11 +64,7 @@ pub fn metadata(
         background: scene.background,
         color_space: ColorSpace::SrgbDisplay,
         features,
-        view: field.view_mlp.as_ref().map(|network| ViewMetadata {
-            widths: network.widths(),
-            frequencies: network.frequencies,
-            input: network.input,
-        }),
+        view: field.view.as_ref().map(ViewMetadata::of),
         free_space: visible.mask_is_required,
         alpha_threshold: options.alpha_threshold,
         filter: filter.name().to_owned(),

@@ -18,7 +18,7 @@ use super::edit;
 use super::inherit::Inheritance;
 use super::max_bytes::{self, Attempt, Chosen};
 use super::pack::Packing;
-use super::ranges::BitSearch;
+use super::ranges::EncodingChoice;
 use super::report::{BakeReport, IslandReport, Stages, level_reports};
 use super::run::write;
 use super::unpacked_levels::UnpackedLevels;
@@ -147,7 +147,13 @@ impl Repacking<'_> {
         let packing = Packing {
             source: &UnpackedLevels { levels, metadata: &edited.metadata },
             retained: stored.iter().collect(),
-            search: max_errors.map(|max_errors| BitSearch { max_errors, only_fewer: true }),
+            choice: match (max_errors, self.changes.bits) {
+                (Some(max_errors), _) => {
+                    Some(EncodingChoice::Within { max_errors, only_fewer: true })
+                }
+                (None, Some(bits)) => Some(EncodingChoice::Laid(bits)),
+                (None, None) => None,
+            },
             // Arrays can be edited, and encodings were made for the values before.
             bound: max_errors.map_or(ErrorBound::Encoding, ErrorBound::Asked),
             importance: &[],

@@ -198,7 +198,7 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
         let values = |group: Group| {
             level
                 .encoding(group)
-                .map_or(0, |encoding| group.channels(metadata.features) * encoding.number.bytes())
+                .map_or(0, |encoding| group.channels(metadata.layout()) * encoding.number.bytes())
         };
         let group = |group: Group| {
             let encoding = level.encoding(group)?;
@@ -206,10 +206,11 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             let max_error = Some(encoding.max_error);
             Some(GroupReport { group: group.name(), bits: Some(bits), max_error })
         };
-        let colors = [&level.diffuse, &level.features].into_iter().flatten();
-        let [density, diffuse, features] = Group::ALL.map(values);
+        let colors = Group::COLORS.into_iter().filter_map(|group| level.encoding(group));
+        let color: usize = Group::COLORS.into_iter().map(values).sum();
         let colored = level.blocks_stored - level.blocks_filled;
-        let values_per_node = level.blocks_stored * density + colored * (diffuse + features);
+        let density = values(Group::Density);
+        let values_per_node = level.blocks_stored * density + colored * color;
         LevelReport {
             level: number,
             dimensions: level.dimensions,

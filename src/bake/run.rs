@@ -10,7 +10,7 @@ use super::max_bytes::{self, Attempt};
 use super::memory::MemoryPlan;
 use super::pack::Packing;
 use super::prepare::Prepared;
-use super::ranges::BitSearch;
+use super::ranges::EncodingChoice;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
 use super::{BakeOptions, BakeReport, ErrorBound, FitReport, MaxErrors, Origin, edit, plan};
@@ -86,7 +86,7 @@ pub fn bake(
     let provenance = origin.provenance(&digest, resolved(options, fitted.as_ref()));
     let head = Head {
         metadata: &metadata,
-        view_mlp: field.view_mlp.as_ref(),
+        view_mlp: field.network(),
         free_space: field.free_space.as_ref().filter(|_| visible.mask_is_required),
         provenance: &provenance,
         others: &[],
@@ -159,7 +159,10 @@ pub(super) fn packing<'a>(
     Packing {
         source,
         retained: visible.retained(),
-        search: max_errors.map(|max_errors| BitSearch { max_errors, only_fewer: false }),
+        choice: match max_errors {
+            Some(max_errors) => Some(EncodingChoice::Within { max_errors, only_fewer: false }),
+            None => source.is_laid_over_values().then_some(EncodingChoice::Laid(options.bits)),
+        },
         bound: ErrorBound::Proved,
         importance,
         coarseness: options.coarseness,

@@ -46,7 +46,7 @@ impl UnpackedLevels<'_> {
     ) -> Result<()> {
         let present = |group: Group| {
             let encoding = self.metadata.levels[number].encoding(group)?;
-            let channels = group.channels(self.metadata.features);
+            let channels = group.channels(self.metadata.layout());
             Some((0..channels).map(move |channel| (group, channel, encoding.empty)))
         };
         let channels: Vec<(Group, usize, f32)> =

@@ -1,11 +1,23 @@
 //! Trained models. [`tensor`] reads file syntax and knows no names. Each other folder reads one
-//! family of models.
+//! family of models, and [`families`] tells them apart by content.
+//!
+//! A family makes a [`Source`]: a field of nodes for the bake, and, where its own renderer follows
+//! other rules, a model that shows the unbaked input by these.
 
 pub mod checkpoint;
+mod families;
+mod inspect;
 mod open;
+pub mod plenoctree;
+pub mod plenoxels;
+pub mod sampled;
+mod scale;
 mod settings;
+pub mod sparse;
 pub mod tensor;
 
 pub use checkpoint::Source;
-pub use open::{inspect, open, open_tensors, open_with};
+pub use families::open_tensors;
+pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};
+pub use open::{open, open_with};
 pub use settings::SceneSettings;

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use super::checkpoint::{self, Inspection, Source, SourceOptions};
-use super::tensor::{self, TensorFile};
+use super::checkpoint::{Source, SourceOptions};
+use super::families::open_tensors;
+use super::tensor;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 
@@ -33,23 +34,4 @@ pub fn open(path: impl AsRef<Path>) -> Result<Source> {
 /// As [`open()`], and settings out of their range.
 pub fn open_with(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     open_tensors(&tensor::open(path, limits)?, options, limits)
-}
-
-/// The same for a file whose tensors are known already. A new family of models is told here, by its
-/// content.
-///
-/// # Errors
-///
-/// As [`open_with`].
-pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    checkpoint::open_tensors(file, options, limits)
-}
-
-/// The content of a file, without its grids' values.
-///
-/// # Errors
-///
-/// A file that cannot be read; a model that cannot be baked is stated in the report.
-pub fn inspect(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Inspection> {
-    checkpoint::inspect(path, options, limits)
 }

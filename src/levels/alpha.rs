@@ -18,9 +18,9 @@
 
 use multiversion::multiversion;
 
-use crate::model::activate::{self, lanes};
+use crate::model::activate::lanes;
 use crate::model::baked::DensityDomain;
-use crate::model::field::Activation;
+use crate::model::field::{Activation, DensityFunction};
 
 /// Smaller alphas are 0: most of a scene is empty, and known empty nodes cost nothing. A node of
 /// this alpha lets all but one part in ten million of the light through, 140 dB below the visible
@@ -49,10 +49,13 @@ pub struct AlphaDomain {
 impl AlphaDomain {
     /// Alpha as opacity over `span` intervals, stored as `stored`.
     pub fn new(activation: Activation, span: f32, stored: DensityDomain) -> Self {
-        let Activation { shift, interval, .. } = activation;
-        let [shift_wide, interval_wide] = [shift, interval * span].map(f64::from);
-        let least = activate::raw_at_opacity(LEAST_ALPHA, shift_wide, interval_wide) as f32;
-        Self { activation, span, stored, empty_up_to: least.max(EMPTY_BELOW - shift) }
+        let wide = Activation { interval: activation.interval * span, ..activation };
+        let least = wide.raw_at_opacity(LEAST_ALPHA) as f32;
+        let empty_up_to = match activation.function {
+            DensityFunction::Softplus => least.max(EMPTY_BELOW - activation.shift),
+            DensityFunction::Relu => least,
+        };
+        Self { activation, span, stored, empty_up_to }
     }
 
     /// The highest raw density whose alpha is 0.
@@ -62,8 +65,12 @@ impl AlphaDomain {
 
     /// Alphas of raw densities.
     pub fn density_to_alpha(&self, raw: &[f32], alphas: &mut [f32]) {
-        let Activation { shift, interval, .. } = self.activation;
-        density_to_alpha(raw, alphas, shift, interval * self.span, self.empty_up_to);
+        let Activation { shift, interval, function, .. } = self.activation;
+        let (interval, empty_up_to) = (interval * self.span, self.empty_up_to);
+        match function {
+            DensityFunction::Softplus => logit_to_alpha(raw, alphas, shift, interval, empty_up_to),
+            DensityFunction::Relu => density_to_alpha(raw, alphas, interval, empty_up_to),
+        }
     }
 
     /// The alpha from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that
@@ -111,7 +118,15 @@ fn sqrt_optical_depths(alphas: &[f32], span: f64, stored: &mut [f32]) {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn density_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, empty_up_to: f32) {
+fn density_to_alpha(densities: &[f32], alphas: &mut [f32], interval: f32, empty_up_to: f32) {
+    for (alpha, &density) in alphas.iter_mut().zip(densities) {
+        let opacity = lanes::opacity(density.max(0.0) * interval);
+        *alpha = if density > empty_up_to { opacity } else { 0.0 };
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn logit_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, empty_up_to: f32) {
     // Most of a scene is empty, and a test is faster than exponentials.
     for (raw, alphas) in raw.chunks(EMPTY_RUN).zip(alphas.chunks_mut(EMPTY_RUN)) {
         if raw.iter().fold(0, |any, &raw| any | u32::from(raw > empty_up_to)) == 0 {
@@ -125,9 +140,17 @@ fn density_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, 
     }
 }
 
+/// Linear colours, multiplied by weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn premultiply_colors(colors: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
+    for ((premultiplied, color), weight) in premultiplied.iter_mut().zip(colors).zip(weights) {
+        *premultiplied = color * weight;
+    }
+}
+
 /// Raw colours, activated and multiplied by weights.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub fn premultiply_color(raw: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
+pub fn premultiply_logits(raw: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
     for ((premultiplied, raw), weight) in premultiplied.iter_mut().zip(raw).zip(weights) {
         *premultiplied = lanes::sigmoid(*raw) * weight;
     }

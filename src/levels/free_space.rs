@@ -7,7 +7,6 @@
 
 use crate::base::error::Result;
 use crate::base::parallel;
-use crate::model::activate;
 use crate::model::field::{FreeSpace, Lookup, Planes};
 use crate::model::grid::{Bounds, CellMask, NodeMask, Nodes, row};
 
@@ -80,8 +79,7 @@ pub fn masked_share(
                             f64::from(bounds.min[axis]) + node * spacing[axis]
                         });
                         if raw > f64::from(raw_threshold) && !free_space.contains(world) {
-                            let (shift, interval) = (activation.shift, activation.interval);
-                            sum += activate::opacity(raw, shift.into(), interval.into());
+                            sum += activation.opacity(raw);
                         }
                     }
                 }

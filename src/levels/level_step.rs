@@ -9,6 +9,7 @@ use super::premultiply::RowBand;
 use super::{AlphaDomain, Visibility};
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
 
 /// Planes that were filtered along y, `[plane][channel]`.
@@ -61,11 +62,11 @@ impl LevelStep<'_, '_> {
     }
 
     /// Makes planes of level 0 and filters the alpha of density, the first channel. With
-    /// `visibility` also the visible alpha, and all colours premultiplied by it.
+    /// `visible_colors` also the visible alpha, and all colours premultiplied by it.
     pub fn premultiplied(
         &self,
         domain: &AlphaDomain,
-        visibility: Option<&Visibility>,
+        visible_colors: Option<(&Visibility, ColorDomain)>,
         make: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
     ) -> Result<Filtered> {
         let Some(filter) = self.filter else {
@@ -74,7 +75,7 @@ impl LevelStep<'_, '_> {
         let readers = self.readers()?;
         let (required, pool, colors) = (self.required, self.pool, self.channels - 1);
         let band = |x, rows| RowBand { required, x, rows };
-        let alphas = if visibility.is_some() { 2 } else { 1 };
+        let alphas = if visible_colors.is_some() { 2 } else { 1 };
         let mut filtered = self.output_planes(alphas + colors);
         let (mut alpha_outputs, mut color_outputs) = (Vec::new(), Vec::new());
         for plane in &mut filtered {
@@ -89,7 +90,7 @@ impl LevelStep<'_, '_> {
             filter.filter_plane(&readers[i], &mut alpha, &mut outputs[0], |rows, alpha| {
                 band(x, rows).density_to_alpha(domain, &density, alpha);
             });
-            let (Some(visibility), Some(output)) = (visibility, outputs.get_mut(1)) else {
+            let (Some((visibility, _)), Some(output)) = (visible_colors, outputs.get_mut(1)) else {
                 pool.give([density]);
                 return Ok(alpha);
             };
@@ -101,13 +102,14 @@ impl LevelStep<'_, '_> {
             pool.give([alpha]);
             Ok(visible)
         })?;
+        let meaning = visible_colors.map_or(ColorDomain::Logit, |(_, colors)| colors);
         parallel::map_mut(&mut color_outputs, |task, output| {
             let (i, channel) = (task / colors, 1 + task % colors);
             let x = self.planes.start + i;
             let (mut color, mut premultiplied) = (self.plane(), self.plane());
             make(x, channel, &mut color)?;
             filter.filter_plane(&readers[i], &mut premultiplied, output, |rows, premultiplied| {
-                band(x, rows).premultiply(&color, &weights[i], premultiplied);
+                band(x, rows).premultiply(meaning, &color, &weights[i], premultiplied);
             });
             pool.give([color, premultiplied]);
             Ok(())

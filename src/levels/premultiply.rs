@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::AlphaDomain;
-use super::alpha::premultiply_color;
+use super::alpha::{premultiply_colors, premultiply_logits};
 use super::visibility::VisibilitySampler;
+use crate::model::field::ColorDomain;
 use crate::model::grid::{NodeMask, row};
 
 /// Shorter gaps between required nodes are computed too: splitting the loop costs more.
@@ -32,9 +33,19 @@ impl RowBand<'_> {
     }
 
     /// Raw colours, activated and multiplied by weights; all are whole planes.
-    pub fn premultiply(&self, raw: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
+    pub fn premultiply(
+        &self,
+        colors: ColorDomain,
+        raw: &[f32],
+        weights: &[f32],
+        premultiplied: &mut [f32],
+    ) {
+        let premultiply = match colors {
+            ColorDomain::Logit => premultiply_logits,
+            ColorDomain::Linear => premultiply_colors,
+        };
         self.fill(premultiplied, |span, premultiplied| {
-            premultiply_color(&raw[span.clone()], &weights[span], premultiplied);
+            premultiply(&raw[span.clone()], &weights[span], premultiplied);
         });
     }
 

@@ -25,6 +25,7 @@ use super::{AlphaDomain, LevelFilter, Plane, PlaneSink, PlaneSource, RequiredNod
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
+use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
 
 /// Planes of a slab by default: enough work for some threads, and few enough to stay in the caches.
@@ -42,6 +43,8 @@ pub enum Content<'a> {
     Colors {
         /// Density to alpha, and alpha to stored densities.
         domain: AlphaDomain,
+        /// The meaning of colours.
+        colors: ColorDomain,
         /// The share of alpha that colours count by.
         visibility: &'a Visibility,
         /// The nodes of each level that are shown, finest first. Nodes around them are required.
@@ -55,11 +58,12 @@ impl<'a> Content<'a> {
     pub fn of_levels(
         filter: &dyn LevelFilter,
         domain_and_visibility: Option<(AlphaDomain, &'a Visibility)>,
+        colors: ColorDomain,
         channels: usize,
         retained: Vec<&'a NodeMask>,
     ) -> Self {
         match domain_and_visibility {
-            Some((domain, visibility)) => Self::Colors { domain, visibility, retained },
+            Some((domain, visibility)) => Self::Colors { domain, colors, visibility, retained },
             None => Self::Logits(usize::from(!filter.has_density())..channels),
         }
     }
@@ -132,9 +136,9 @@ impl Pyramid<'_> {
     /// The finishers of levels whose planes are premultiplied.
     fn finishers(&self) -> Vec<Option<LevelFinisher<'_>>> {
         let finisher = |level: usize| match &self.content {
-            Content::Colors { domain, retained, .. } if level > 0 => {
+            Content::Colors { domain, colors, retained, .. } if level > 0 => {
                 let channels = self.source.channels();
-                Some(LevelFinisher::new(level, *domain, channels, retained[level]))
+                Some(LevelFinisher::new(level, (*domain, *colors), channels, retained[level]))
             }
             _ => None,
         };
@@ -181,8 +185,8 @@ impl<'a> Flow<'a> {
         let filtered = match content {
             Content::Logits(range) => step.as_they_are(range, read, |_, _, _| Ok(()))?,
             Content::Alpha(domain) => step.premultiplied(domain, None, read)?,
-            Content::Colors { domain, visibility, .. } => {
-                step.premultiplied(domain, Some(*visibility), read)?
+            Content::Colors { domain, colors, visibility, .. } => {
+                step.premultiplied(domain, Some((*visibility, *colors)), read)?
             }
         };
         self.feed(0, filtered);

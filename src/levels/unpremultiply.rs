@@ -19,6 +19,7 @@ use super::{AlphaDomain, Plane, PlaneSink};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate::lanes;
+use crate::model::field::ColorDomain;
 use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Stored colours stay this far from 0 and 1: logits of -16 and 16.
@@ -34,6 +35,7 @@ const BRIDGED_NODES: usize = 16;
 pub(super) struct LevelFinisher<'a> {
     level: usize,
     domain: AlphaDomain,
+    colors: ColorDomain,
     /// The nodes that must come out right; premultiplied values are right one node around them too.
     retained: &'a NodeMask,
     /// Channels of a premultiplied plane: alpha, visible alpha, and colours.
@@ -53,10 +55,15 @@ struct Waiting {
 
 impl<'a> LevelFinisher<'a> {
     /// For the `retained` nodes of a level whose stored planes have so many `channels`.
-    pub fn new(level: usize, domain: AlphaDomain, channels: usize, retained: &'a NodeMask) -> Self {
+    pub fn new(
+        level: usize,
+        (domain, colors): (AlphaDomain, ColorDomain),
+        channels: usize,
+        retained: &'a NodeMask,
+    ) -> Self {
         // One more: the weight of colours.
         let (channels, waiting) = (channels + 1, Mutex::default());
-        Self { level, domain, retained, channels, waiting, pool: PlanePool::default() }
+        Self { level, domain, colors, retained, channels, waiting, pool: PlanePool::default() }
     }
 
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
@@ -97,6 +104,10 @@ impl<'a> LevelFinisher<'a> {
         let around: Vec<Vec<Arc<Vec<f32>>>> =
             self.waiting().planes.range(numbers).map(|(_, plane)| plane.clone()).collect();
         let own = &around[x.min(1)];
+        let unpremultiply = match self.colors {
+            ColorDomain::Logit => unpremultiply_to_logits,
+            ColorDomain::Linear => unpremultiply_to_colors,
+        };
         // The weight of colours is not stored.
         let mut finished: Vec<_> = own.iter().skip(1).map(|_| self.pool.take(ny * nz)).collect();
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
@@ -121,7 +132,7 @@ impl<'a> LevelFinisher<'a> {
                 total(1, &mut weights);
                 for (channel, finished) in finished.iter_mut().enumerate().skip(1) {
                     total(channel + 1, &mut totals);
-                    unpremultiply_to_logit(&totals, &weights, &mut finished[span.clone()]);
+                    unpremultiply(&totals, &weights, &mut finished[span.clone()]);
                 }
             }
         }
@@ -157,9 +168,17 @@ fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64])
     }
 }
 
+/// Premultiplied colours divided by their weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn unpremultiply_to_colors(totals: &[f64], weights: &[f64], colors: &mut [f32]) {
+    for ((color, total), weight) in colors.iter_mut().zip(totals).zip(weights) {
+        *color = (total / weight.max(f64::MIN_POSITIVE)) as f32;
+    }
+}
+
 /// Logits of premultiplied colours divided by their weights.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn unpremultiply_to_logit(totals: &[f64], weights: &[f64], logits: &mut [f32]) {
+fn unpremultiply_to_logits(totals: &[f64], weights: &[f64], logits: &mut [f32]) {
     for ((logit, total), weight) in logits.iter_mut().zip(totals).zip(weights) {
         let color = total / weight.max(f64::MIN_POSITIVE);
         let color = color.clamp(COLOR_MARGIN, 1.0 - COLOR_MARGIN);

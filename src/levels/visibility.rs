@@ -25,6 +25,7 @@ use super::AlphaDomain;
 use super::transmittance::{NEGLIGIBLE, TransmittanceSweep};
 use crate::base::error::Result;
 use crate::model::activate::lanes;
+use crate::model::field::{Activation, DensityFunction};
 use crate::model::grid::Nodes;
 
 /// Nodes along the longest axis of the level on which light is followed, at most.
@@ -93,9 +94,13 @@ impl OpticalDepthGrid {
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
-    let activation = &domain.activation;
+    let Activation { shift, interval, function, .. } = domain.activation;
     for value in values {
-        let depth = lanes::softplus(*value + activation.shift) * activation.interval;
+        let density = match function {
+            DensityFunction::Softplus => lanes::softplus(*value + shift),
+            DensityFunction::Relu => value.max(0.0),
+        };
+        let depth = density * interval;
         // Negligible here as it is in the sweep.
         *value = if depth > NEGLIGIBLE { depth } else { 0.0 };
     }

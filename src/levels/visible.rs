@@ -18,8 +18,9 @@ use super::opacity::{Opacity, OpacitySearch};
 use super::{OpticalDepthGrid, Visibility};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent, Step};
-use crate::model::activate;
-use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField};
+use crate::model::field::{
+    Activation, DensityFunction, Nonfinite, NonfiniteCount, Planes, RadianceField,
+};
 use crate::model::grid::{CellMask, NodeMask, Nodes};
 
 /// The free-space mask is left out of containers where it drops less opacity than this share of all
@@ -60,9 +61,12 @@ pub struct Visible {
 
 /// Raw density above which a node's opacity exceeds `threshold`, lowered by a hair so that no
 /// rounding, here or in another program's activation, drops a node that is above.
-pub fn raw_threshold(threshold: f32, shift: f32, interval: f32) -> f32 {
-    let raw = activate::raw_at_opacity(threshold.into(), shift.into(), interval.into());
-    let slack = 1e-6 * (raw.abs() + f64::from(shift).abs() + 1.0);
+pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
+    let raw = activation.raw_at_opacity(threshold.into());
+    let slack = match activation.function {
+        DensityFunction::Softplus => 1e-6 * (raw.abs() + f64::from(activation.shift).abs() + 1.0),
+        DensityFunction::Relu => 1e-6 * raw,
+    };
     (raw - slack) as f32
 }
 
@@ -82,7 +86,7 @@ impl Visible {
     ) -> Result<Self> {
         let field = planes.field();
         let activation = &field.scene.activation;
-        let raw_threshold = raw_threshold(alpha_threshold, activation.shift, activation.interval);
+        let raw_threshold = raw_threshold(alpha_threshold, activation);
         let filtered = &sizes[..if filter.has_density() { sizes.len() } else { 1 }];
         let domain = filter.alpha(activation);
         let threshold = |level: usize| match domain.filter(|_| level > 0) {
@@ -202,12 +206,14 @@ fn overlapping_cells(fine: &CellMask, nodes: Nodes) -> Result<CellMask> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::activate;
 
     #[test]
     fn the_threshold_is_never_above_the_exact_one() {
         for interval in [1e-5f32, 0.25, 0.5, 1.0, 100.0] {
             for threshold in [1e-9f32, 1e-4, 1e-3, 0.05, 0.9] {
-                let raw = raw_threshold(threshold, -4.595_12, interval);
+                let logits = Activation::logits(-4.595_12, interval);
+                let raw = raw_threshold(threshold, &logits);
                 let below = activate::opacity(raw.into(), f64::from(-4.595_12f32), interval.into());
                 assert!(below < f64::from(threshold), "{interval} {threshold}");
                 assert!(below > f64::from(threshold) * 0.9999, "{interval} {threshold}");

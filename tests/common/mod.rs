@@ -5,6 +5,8 @@ pub mod asset;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
+pub mod grids;
+pub mod harmonic_field;
 pub mod pages;
 pub mod plain;
 pub mod plain_alpha;
@@ -32,7 +34,7 @@ use mipvog_bake::unstable::input::open_with;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
 use mipvog_bake::unstable::model::baked::Group;
 use mipvog_bake::unstable::model::field::{
-    Activation, ActivationOrder, FreeSpace, March, RadianceField, Scene, Volume,
+    Activation, ColorDomain, FreeSpace, Grid, March, RadianceField, Scene, Volume,
 };
 use mipvog_bake::unstable::model::grid::{Bounds, Element, Nodes};
 
@@ -104,7 +106,7 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
     let scene = Scene {
         bounds: Bounds { min: [-1.0, -0.5, 0.0], max: [1.0, 0.75, 3.0] },
         nodes: Nodes(nodes),
-        activation: Activation { shift: -4.595_12, interval: 0.5, order: ActivationOrder::Raw },
+        activation: Activation::logits(-4.595_12, 0.5),
         march: March {
             stepsize: 0.5,
             voxel_size: 0.1,
@@ -112,14 +114,16 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
             far: None,
             color_threshold: 1e-4,
             alpha_threshold: 0.0,
+            sampled: None,
         },
         background: [1.0; 3],
     };
     RadianceField {
         scene,
-        density: volume(density),
-        color: vec![volume(color)],
-        view_mlp: None,
+        density: volume(density).into(),
+        color: vec![volume(color).into()],
+        color_domain: ColorDomain::Logit,
+        view: None,
         free_space: None,
     }
 }
@@ -260,14 +264,14 @@ pub fn tensor_values(file: &TensorFile, name: &str) -> Option<Vec<f32>> {
     Some(tensor.read_f32(&mut Budget::new(&Limits::default())).expect("readable"))
 }
 
-/// All values of a volume, `[channel][x][y][z]`.
-pub fn volume_values(volume: &Volume) -> Vec<f32> {
-    let [nx, ny, nz] = volume.nodes.0;
-    let (mut all, mut row, mut scratch) = (Vec::new(), vec![0.0; nz], Vec::new());
-    for channel in 0..volume.channels {
-        for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
-            volume.read_run(channel, [x, y, 0], &mut row, &mut scratch, |_| {}).expect("a row");
-            all.extend_from_slice(&row);
+/// All values of a grid, `[channel][x][y][z]`.
+pub fn grid_values(grid: &Grid) -> Vec<f32> {
+    let [nx, ny, nz] = grid.nodes().0;
+    let (mut all, mut plane) = (Vec::new(), vec![0.0; ny * nz]);
+    for channel in 0..grid.channels() {
+        for x in 0..nx {
+            grid.read_plane(channel, x, &mut plane, |_| {}).expect("a plane");
+            all.extend_from_slice(&plane);
         }
     }
     all

@@ -1,5 +1,7 @@
 //! The slow twin: every stage as its definition says, in float64, one node at a time.
 
+use mipvog_bake::unstable::model::field::{Activation, DensityFunction};
+
 /// Every node of a grid, z fastest.
 pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..nx * ny * nz).map(move |i| [i / nz / ny, i / nz % ny, i % nz])
@@ -83,6 +85,14 @@ pub fn softplus(x: f64) -> f64 {
 /// Opacity over an interval.
 pub fn opacity(raw: f64, shift: f64, interval: f64) -> f64 {
     -(-softplus(raw + shift) * interval).exp_m1()
+}
+
+/// Density of a raw density.
+pub fn density(raw: f64, activation: &Activation) -> f64 {
+    match activation.function {
+        DensityFunction::Softplus => softplus(raw + f64::from(activation.shift)),
+        DensityFunction::Relu => raw.max(0.0),
+    }
 }
 
 /// The sigmoid.

@@ -3,10 +3,10 @@
 
 use mipvog_bake::unstable::levels::AlphaDomain;
 use mipvog_bake::unstable::model::baked::DensityDomain;
-use mipvog_bake::unstable::model::field::{Activation, Scene};
+use mipvog_bake::unstable::model::field::{ColorDomain, Scene};
 use mipvog_bake::unstable::model::grid::Bounds;
 
-use super::plain::{all_nodes, halved, index, next_level, opacity, sigmoid, softplus, trilinear};
+use super::plain::{all_nodes, density, halved, index, next_level, sigmoid, trilinear};
 
 /// The visibility of each node, in a box whose edges are `extent` intervals long: see the module
 /// docs of `levels::visibility`.
@@ -17,8 +17,8 @@ pub fn visibility(
     raw: &[f64],
     extent: [f64; 3],
 ) -> Vec<f64> {
-    let Activation { shift, interval, .. } = domain.activation;
-    let depth = |raw: &f64| softplus(raw + f64::from(shift)) * f64::from(interval);
+    let activation = &domain.activation;
+    let depth = |raw: &f64| density(*raw, activation) * f64::from(activation.interval);
     let mut depths: Vec<f64> = raw.iter().map(depth).collect();
     let mut coarse = nodes;
     let span = f64::from(domain.span);
@@ -85,14 +85,22 @@ pub fn extent(scene: &Scene) -> [f64; 3] {
 
 /// Alpha, visible alpha, and colours premultiplied by it, of level 0's channels. The first of them
 /// is raw density.
-pub fn premultiply(domain: &AlphaDomain, channels: &[Vec<f64>], seen: &[f64]) -> Vec<Vec<f64>> {
-    let shift = f64::from(domain.activation.shift);
+pub fn premultiply(
+    domain: &AlphaDomain,
+    colors: ColorDomain,
+    channels: &[Vec<f64>],
+    seen: &[f64],
+) -> Vec<Vec<f64>> {
     let span = f64::from(domain.activation.interval) * f64::from(domain.span);
-    let alpha = |&raw: &f64| if is_empty(domain, raw) { 0.0 } else { opacity(raw, shift, span) };
+    let alpha = |&raw: &f64| match is_empty(domain, raw) {
+        true => 0.0,
+        false => -(-density(raw, &domain.activation) * span).exp_m1(),
+    };
+    let activated = |raw: f64| if colors == ColorDomain::Logit { sigmoid(raw) } else { raw };
     let alphas: Vec<f64> = channels[0].iter().map(alpha).collect();
     let weights: Vec<f64> = alphas.iter().zip(seen).map(|(alpha, seen)| alpha * seen).collect();
     let weighted = |color: &Vec<f64>| {
-        color.iter().zip(&weights).map(|(&raw, weight)| sigmoid(raw) * weight).collect()
+        color.iter().zip(&weights).map(|(&raw, weight)| activated(raw) * weight).collect()
     };
     let colors: Vec<Vec<f64>> = channels[1..].iter().map(weighted).collect();
     [vec![alphas, weights.clone()], colors].concat()
@@ -102,6 +110,7 @@ pub fn premultiply(domain: &AlphaDomain, channels: &[Vec<f64>], seen: &[f64]) ->
 pub fn unpremultiply(
     nodes: [usize; 3],
     domain: &AlphaDomain,
+    colors: ColorDomain,
     premultiplied: &[Vec<f64>],
 ) -> Vec<Vec<f64>> {
     let density = |&alpha: &f64| {
@@ -124,8 +133,8 @@ pub fn unpremultiply(
     let color = |weighted: &Vec<f64>| {
         let color = |at| {
             let color = total(weighted, at) / total(&premultiplied[1], at).max(f64::MIN_POSITIVE);
-            let color = color.clamp(1e-7, 1.0 - 1e-7);
-            (color / (1.0 - color)).ln()
+            let inner = color.clamp(1e-7, 1.0 - 1e-7);
+            if colors == ColorDomain::Logit { (inner / (1.0 - inner)).ln() } else { color }
         };
         all_nodes(nodes).map(color).collect()
     };

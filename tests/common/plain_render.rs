@@ -3,11 +3,13 @@
 
 use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog_bake::unstable::model::camera::Camera;
-use mipvog_bake::unstable::model::field::{ActivationOrder, FreeSpace, Lookup};
+use mipvog_bake::unstable::model::field::{ActivationOrder, ColorDomain, FreeSpace, Lookup};
+use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, basis_f64};
+use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
 use mipvog_bake::unstable::view::render::{LevelChoice, View};
 
-use super::plain::{index, opacity, sigmoid, softplus, trilinear};
+use super::plain::{density, index, sigmoid, trilinear};
 
 /// A sample this close to a face of the box, in shares of the box, lies on it.
 const ON_FACE: f64 = 1e-9;
@@ -75,11 +77,12 @@ impl PlainRay {
 impl PlainField {
     pub fn new(view: &View, mut levels: Vec<PlainLevel>) -> Self {
         // Interpolation is of raw density, density or opacity.
-        let (shift, interval) = (view.activation.shift.into(), view.activation.interval.into());
+        let interval = f64::from(view.activation.interval);
+        let density = |value: f64| density(value, &view.activation);
         let activate = |value: &mut f64| match view.activation.order {
             ActivationOrder::Raw => {}
-            ActivationOrder::Density => *value = softplus(*value + shift),
-            ActivationOrder::Opacity => *value = opacity(*value, shift, interval),
+            ActivationOrder::Density => *value = density(*value),
+            ActivationOrder::Opacity => *value = -(-density(*value) * interval).exp_m1(),
         };
         for level in levels.iter_mut().filter(|level| level.domain == DensityDomain::Raw) {
             level.density.iter_mut().flatten().for_each(activate);
@@ -101,6 +104,8 @@ impl PlainField {
             .map(|[by_x, by_y]| self.ray(camera, [center[0] + by_x, center[1] + by_y]));
         let mut accumulated = vec![0.0; 3 + self.view.features];
         let (mut left, mut distance, mut mean_level, mut doubt) = (1.0, 0.0, 0.0, 0.0);
+        let unit = ray.direction.map(|along| along / ray.length());
+        let mut counted = 0.0;
         let diagonal = length(self.view.nodes.0.map(|size| (size + 1) as f64));
         let max_samples = (diagonal / f64::from(march.stepsize)).floor();
         let (mut next, mut entered) = (0.0, false);
@@ -142,13 +147,20 @@ impl PlainField {
                 doubt += weight;
             }
             if weight > threshold {
-                for (channel, sum) in accumulated.iter_mut().enumerate() {
-                    *sum += weight * self.color(lambda, channel, position);
-                }
+                counted += weight;
+                let color = self.color(lambda, position, unit);
+                accumulated.iter_mut().zip(color).for_each(|(sum, color)| *sum += weight * color);
             }
         }
-        let unit = ray.direction.map(|along| along / ray.length());
-        let network = self.view.view_mlp.as_ref();
+        if let Some(ViewDependence::Harmonics(rules)) = &self.view.view_dependence {
+            if rules.evaluation == Evaluation::Ray {
+                let offset = f64::from(rules.offset) * counted;
+                accumulated[..3]
+                    .iter_mut()
+                    .for_each(|sum| *sum = limit(rules.clamp, *sum + offset));
+            }
+        }
+        let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
         let specular = network.map_or([0.0; 3], |network| specular(network, unit, &accumulated));
         let color = [0, 1, 2]
             .map(|c| accumulated[c] + specular[c] + left * f64::from(self.view.background[c]));
@@ -189,7 +201,8 @@ impl PlainField {
             if direction[axis] == 0.0 {
                 continue;
             }
-            let faces = [self.view.bounds.min[axis], self.view.bounds.max[axis]];
+            let sampled = march.sampled.unwrap_or(self.view.bounds);
+            let faces = [sampled.min[axis], sampled.max[axis]];
             let [a, b] = faces.map(|face| (f64::from(face) - origin[axis]) / direction[axis]);
             entry = entry.max(a.min(b));
         }
@@ -202,7 +215,12 @@ impl PlainField {
     fn in_box(&self, world: [f64; 3]) -> Option<[f64; 3]> {
         let (bounds, extent) = (&self.view.bounds, self.view.bounds.extent());
         let share = [0, 1, 2].map(|a| (world[a] - f64::from(bounds.min[a])) / extent[a]);
-        let inside = share.iter().all(|share| (-ON_FACE..=1.0 + ON_FACE).contains(share));
+        let sampled = self.view.march.sampled.unwrap_or(*bounds);
+        let inside = (0..3).all(|axis| {
+            let [low, high] = [sampled.min[axis], sampled.max[axis]]
+                .map(|at| (f64::from(at) - f64::from(bounds.min[axis])) / extent[axis]);
+            (low - ON_FACE..=high + ON_FACE).contains(&share[axis])
+        });
         inside.then(|| share.map(|share| share.clamp(0.0, 1.0)))
     }
 
@@ -269,26 +287,56 @@ impl PlainField {
     /// Optical depth over one interval of an interpolated value.
     fn decoded(&self, decode: DensityDomain, value: f64) -> f64 {
         let activation = &self.view.activation;
-        let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
+        let interval = f64::from(activation.interval);
         let depth = |alpha: f64| -(-alpha.clamp(0.0, 1.0 - f64::from(f32::EPSILON))).ln_1p();
         match (decode, activation.order) {
             (DensityDomain::SqrtOpticalDepth, _) => value * value,
             (DensityDomain::Opacity, _) | (_, ActivationOrder::Opacity) => depth(value),
-            (_, ActivationOrder::Raw) => softplus(value + shift) * interval,
+            (_, ActivationOrder::Raw) => density(value, activation) * interval,
             (_, ActivationOrder::Density) => value * interval,
         }
     }
 
-    /// Activated colour.
-    fn color(&self, lambda: f64, channel: usize, position: [f64; 3]) -> f64 {
-        let value = |level: usize| {
+    /// Activated colours and features, seen along a unit direction.
+    fn color(&self, lambda: f64, position: [f64; 3], unit: [f64; 3]) -> Vec<f64> {
+        let channels = 3 + self.view.features;
+        let values = |level: usize| -> Vec<f64> {
             let level = &self.levels[level];
-            let empty = level.pruned.as_ref().map(|pruned| pruned.color[channel]);
-            level.value(&level.color[channel], empty, position)
+            let value = |channel: usize| {
+                let empty = level.pruned.as_ref().map(|pruned| pruned.color[channel]);
+                level.value(&level.color[channel], empty, position)
+            };
+            (0..channels).map(value).collect()
+        };
+        let mixed = |value: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+            (0..channels).map(|channel| blended(lambda, |level| value(level)[channel])).collect()
         };
         match self.view.blend {
-            Blend::BeforeActivation => sigmoid(blended(lambda, value)),
-            Blend::AfterActivation => blended(lambda, |level| sigmoid(value(level))),
+            Blend::BeforeActivation => self.activated(mixed(&values), unit),
+            Blend::AfterActivation => mixed(&|level| self.activated(values(level), unit)),
+        }
+    }
+
+    /// Colours and features of interpolated values.
+    fn activated(&self, values: Vec<f64>, unit: [f64; 3]) -> Vec<f64> {
+        match (&self.view.view_dependence, self.view.color_domain) {
+            (Some(ViewDependence::Harmonics(rules)), _) => {
+                let basis = basis_f64(unit);
+                let sum = |channel: usize| -> f64 {
+                    let functions = 0..(rules.degree + 1).pow(2);
+                    functions.map(|number| basis[number] * values[3 * number + channel]).sum()
+                };
+                let color = |channel: usize| match rules.evaluation {
+                    Evaluation::Ray => sum(channel),
+                    Evaluation::Sample => {
+                        limit(rules.clamp, sum(channel) + f64::from(rules.offset))
+                    }
+                };
+                let rest = vec![0.0; values.len() - 3];
+                [(0..3).map(color).collect(), rest].concat()
+            }
+            (_, ColorDomain::Linear) => values,
+            (_, ColorDomain::Logit) => values.into_iter().map(sigmoid).collect(),
         }
     }
 }
@@ -327,6 +375,14 @@ fn blended(lambda: f64, mut value: impl FnMut(usize) -> f64) -> f64 {
 /// True if float32 may put a value on the other side of a threshold; nothing is below 0.
 fn is_close(value: f64, threshold: f64) -> bool {
     threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
+}
+
+fn limit(clamp: Clamp, value: f64) -> f64 {
+    match clamp {
+        Clamp::Zero => value.max(0.0),
+        Clamp::None => value,
+        Clamp::Sigmoid => sigmoid(value),
+    }
 }
 
 /// View-dependent colour of a ray's accumulated values.

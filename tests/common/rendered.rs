@@ -15,7 +15,7 @@ use mipvog_bake::unstable::view::render::{Frame, LevelChoice};
 
 use super::plain::{all_nodes, halved, index, next_level};
 use super::plain_render::{PlainField, PlainLevel, Pruned};
-use super::{plain_alpha, volume_values};
+use super::{grid_values, plain_alpha};
 
 /// Level 0 of a trained field, and the levels that a filter makes of it, at most so many in all.
 pub fn trained_levels(
@@ -24,10 +24,10 @@ pub fn trained_levels(
 ) -> Vec<PlainLevel> {
     let mut nodes = field.scene.nodes.0;
     let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
-    let mut density = wide(volume_values(&field.density));
+    let mut density = wide(grid_values(&field.density));
     let mut color: Vec<Vec<f64>> = Vec::new();
     for volume in &field.color {
-        let values = wide(volume_values(volume));
+        let values = wide(grid_values(volume));
         color.extend(values.chunks_exact(field.scene.nodes.count()).map(<[f64]>::to_vec));
     }
     let finest = PlainLevel {
@@ -50,14 +50,15 @@ pub fn trained_levels(
         let extent = plain_alpha::extent(&field.scene);
         let seen = plain_alpha::visibility(nodes, domain, weights, &density, extent);
         let channels = [vec![density.clone()], color.clone()].concat();
-        linear = plain_alpha::premultiply(domain, &channels, &seen);
+        linear = plain_alpha::premultiply(domain, field.color_domain, &channels, &seen);
     }
     while all.len() < count && halved(nodes) != nodes {
         let next = |values: &[f64]| next_level(nodes, values, weights);
         let mut kind = DensityDomain::Raw;
         if let Some(domain) = &domain {
             linear = linear.iter().map(|channel| next(channel)).collect();
-            let mut stored = plain_alpha::unpremultiply(halved(nodes), domain, &linear);
+            let mut stored =
+                plain_alpha::unpremultiply(halved(nodes), domain, field.color_domain, &linear);
             density = stored.remove(0);
             color = stored;
             kind = domain.stored;
@@ -99,19 +100,19 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
         level.table.stored().for_each(|place| stored[index(counts, place)] = true);
         let is_stored = |at: [usize; 3]| stored[index(counts, at.map(|node| node / grid.edge))];
         let channels = |group: Group| -> Vec<Vec<f64>> {
-            let count = group.channels(metadata.features);
+            let count = group.channels(metadata.layout());
             (0..count)
                 .map(|channel| dense(level, level_metadata, group, (channel, count)))
                 .collect()
         };
         let empty = |group: Group| level_metadata.encoding(group).map(|of| f64::from(of.empty));
-        let empty_color = [Group::Diffuse, Group::Features]
-            .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.features)]);
+        let empty_color = Group::COLORS
+            .map(|group| vec![empty(group).unwrap_or(0.0); group.channels(metadata.layout())]);
         PlainLevel {
             nodes,
             density: level_metadata.density.is_some().then(|| channels(Group::Density).remove(0)),
             domain: level_metadata.density_domain(),
-            color: [channels(Group::Diffuse), channels(Group::Features)].concat(),
+            color: Group::COLORS.map(channels).concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),
                 density: empty(Group::Density).unwrap_or(0.0),
@@ -130,7 +131,7 @@ fn dense(
     (channel, channels): (usize, usize),
 ) -> Vec<f64> {
     let (grid, nodes) = (metadata.grid(), metadata.dimensions);
-    let (Some(encoding), Some(codes)) = (metadata.encoding(group), &level.atlases[group as usize])
+    let (Some(encoding), Some(codes)) = (metadata.encoding(group), &level.atlases[group.index()])
     else {
         return vec![0.0; grid.nodes.count()];
     };

@@ -12,6 +12,7 @@ use mipvog_bake::unstable::levels::{
     AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
 };
 use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, NumberType};
+use mipvog_bake::unstable::model::field::ColorDomain;
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
@@ -234,18 +235,19 @@ fn premultiplied(mut take: impl FnMut(usize, &AlphaDomain, &Channels, &[Vec<f64>
                 let visibility = visibility(nodes, &domain, weights, &channels[0]);
                 let required = everything(nodes, weights);
                 let retained = required.levels().iter().collect();
-                let content = Content::Colors { domain, visibility: &visibility, retained };
+                let colors = ColorDomain::Logit;
+                let content = Content::Colors { domain, colors, visibility: &visibility, retained };
                 let levels = levels(&channels, &required, content);
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
                 let extent = [EXTENT; 3];
                 let seen = plain_alpha::visibility(nodes, &domain, weights, &wide[0], extent);
-                let mut linear = plain_alpha::premultiply(&domain, &wide, &seen);
+                let mut linear = plain_alpha::premultiply(&domain, colors, &wide, &seen);
                 for (level, got) in levels.iter().enumerate().skip(1) {
                     for channel in &mut linear {
                         *channel = next_level(size, channel, weights);
                     }
                     size = halved(size);
-                    let want = plain_alpha::unpremultiply(size, &domain, &linear);
+                    let want = plain_alpha::unpremultiply(size, &domain, colors, &linear);
                     take(level, &domain, got, &want, &linear[0]);
                 }
             }

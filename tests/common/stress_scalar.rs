@@ -4,7 +4,7 @@ use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::levels::AlphaDomain;
 use mipvog_bake::unstable::model::activate::{self, lanes};
 use mipvog_bake::unstable::model::baked::DensityDomain;
-use mipvog_bake::unstable::model::field::{Activation, ActivationOrder};
+use mipvog_bake::unstable::model::field::Activation;
 use mipvog_bake::unstable::model::view_mlp::{Layer, RAYS, ViewMlp};
 
 use super::plain_render::specular;
@@ -23,7 +23,7 @@ pub const SHIFTS: [f32; 2] = [0.0, -4.595_12];
 
 /// As a stage's activation.
 pub fn activation(shift: f32, interval: f32) -> Activation {
-    Activation { shift, interval, order: ActivationOrder::Raw }
+    Activation::logits(shift, interval)
 }
 
 pub fn stored_activation() -> Worst {

@@ -107,35 +107,57 @@ LEVEL = {
     "blocks_stored": whole(0),
     "blocks_filled": whole(1),
     "density": maybe(encoding("raw_density", "sqrt_optical_depth", "opacity")),
-    "diffuse": encoding("logit"),
+    "diffuse": encoding("logit", "linear", "band_0"),
     "features": maybe(encoding("logit")),
+    "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
 }
 
 
+def present(form, value, optional):
+    """A form without the optional keys that a value does not have."""
+    keys = value.keys() if type(value) is dict else ()
+    return {key: of for key, of in form.items() if key not in optional or key in keys}
+
+
 def level_form(value):
-    """The form of a level: it counts filled blocks only where it has some."""
-    filled = type(value) is dict and "blocks_filled" in value
-    return {key: form for key, form in LEVEL.items() if filled or key != "blocks_filled"}
+    """The form of a level: it counts filled blocks, and has bands, only where there are some."""
+    return present(LEVEL, value, ("blocks_filled", "bands"))
+
+
+ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
+BOX = {"max": [number] * 3, "min": [number] * 3}
+MARCH = {"far": maybe(number), "sampled": BOX} | dict.fromkeys(
+    ("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number
+)
+NETWORK = {
+    "frequencies": whole(0),
+    "input": {"diffuse_and_features", "features"},
+    "widths": many(whole(1), 2, 2**16),
+}
+HARMONICS = {
+    "clamp": {"zero", "none", "sigmoid"},
+    "degree": whole(0, 3),
+    "kind": {"spherical_harmonics"},
+    "offset": f32,
+    "where": {"ray", "sample"},
+}
+
+
+def view_form(value):
+    check(value, HARMONICS if type(value) is dict and "kind" in value else NETWORK)
 
 
 META = {
-    "bounds": {"max": [number] * 3, "min": [number] * 3},
-    "activation": {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number},
-    "march": {"far": maybe(number)}
-    | dict.fromkeys(("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number),
+    "bounds": BOX,
+    "activation": lambda value: check(value, present(ACTIVATION, value, ("function",))),
+    "march": lambda value: check(value, present(MARCH, value, ("sampled",))),
     "step_rule": {"constant", "level_of_detail"},
     "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
     "blend": {"before_activation", "after_activation"},
     "background": [number] * 3,
     "color_space": {"srgb_display"},
     "features": whole(0),
-    "view": maybe(
-        {
-            "frequencies": whole(0),
-            "input": {"diffuse_and_features", "features"},
-            "widths": many(whole(1), 2, 2**16),
-        }
-    ),
+    "view": maybe(view_form),
     "free_space": bool,
     "alpha_threshold": number,
     "filter": str,
@@ -158,6 +180,9 @@ def metadata(data):
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]
     march = meta["march"]
+    sampled, bounds = march.get("sampled", meta["bounds"]), meta["bounds"]
+    for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
+        need(low <= from_ < to <= high, "samples outside of the box")
     need(march["stepsize"] > 0 and march["voxel_size"] > 0, "a step without length")
     diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
     need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
@@ -165,18 +190,54 @@ def metadata(data):
     for level, finer in zip(levels[1:], levels):
         need(all(a <= b for a, b in zip(level["dimensions"], finer["dimensions"])), "a level is finer than the next")
     for level in levels:
-        need((level["features"] is None) == (meta["features"] == 0), "encodings of features disagree with `features`")
+        features = 0 if harmonics_of(meta) else meta["features"]
+        need((level["features"] is None) == (features == 0), "encodings of features disagree with `features`")
+        decodes(meta, level)
         need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
     for level, coarser in zip(levels, levels[1:] + [None]):
         filled = level.get("blocks_filled", 0)
         need(filled <= level["blocks_stored"], "more blocks are filled than are stored")
         colours = [of[key] for of in (level, coarser) if of for key in ("diffuse", "features") if of[key]]
+        colours += [band for of in (level, coarser) if of for band in of.get("bands", [])]
         integers = all(colour["number"] in ("u8", "u16") for colour in colours)
         need(not filled or (coarser and integers), "blocks are filled that cannot be")
-    if view := meta["view"]:
+    if harmonics := harmonics_of(meta):
+        need(meta["features"] == 3 * ((harmonics["degree"] + 1) ** 2 - 1), "features and degree disagree")
+        need(harmonics["clamp"] != "sigmoid" or harmonics["where"] == "sample", "a sigmoid once a ray")
+    if "function" in meta["activation"]:
+        need(meta["activation"]["shift"] == 0, "a shift beside relu")
+    if view := network_of(meta):
         first = 3 + 6 * view["frequencies"] + meta["features"] + 3 * (view["input"] == "diffuse_and_features")
         need(view["widths"][0] == first and view["widths"][-1] == 3, "first or last width of the network")
     return meta
+
+
+def harmonics_of(meta):
+    view = meta["view"]
+    return view if view and "kind" in view else None
+
+
+def network_of(meta):
+    view = meta["view"]
+    return view if view and "kind" not in view else None
+
+
+def decodes(meta, level):
+    """Values mean what the view dependence asks for."""
+    harmonics, bands = harmonics_of(meta), level.get("bands", [])
+    need(len(bands) == (harmonics["degree"] if harmonics else 0), "another number of bands than the degree")
+    for number, band in enumerate(bands, 1):
+        need(band["decode"] == f"band_{number}", f"band {number} decodes as {band['decode']}")
+    linear = meta["levels"][0]["diffuse"]["decode"] == "linear"
+    need(not linear or meta["view"] is None, "linear colours beside view dependence")
+    wanted = "band_0" if harmonics else "linear" if linear else "logit"
+    need(level["diffuse"]["decode"] == wanted, f"diffuse colour decodes as {level['diffuse']['decode']}")
+
+
+def is_linear(meta):
+    """Bit 1 of the required features."""
+    linear = any(level["diffuse"]["decode"] == "linear" for level in meta["levels"])
+    return linear or harmonics_of(meta) is not None or "function" in meta["activation"] or "sampled" in meta["march"]
 
 
 def blocks_of(level):
@@ -188,12 +249,12 @@ def blocks_of(level):
 
 def directory(data):
     """The chunks, as (type, level, bytes, prefix, end with padding), after every check that needs no metadata, and
-    whether blocks are filled."""
+    the required features."""
     need(data[:8] == b"\x89MVG\r\n\x1a\n", "another signature")
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
     need(major == 1, f"major version {major}")
-    need(required in (0, 1), f"unknown required features {required:#x}")
+    need(required in range(4), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -215,23 +276,32 @@ def directory(data):
         need(kind in KNOWN or kind[0].islower(), f"unknown critical chunk {kind}")
         chunks.append((kind, level, body, prefix, end))
     need(end == len(data), "bytes after the last chunk")
-    return chunks, required == 1
+    return chunks, required
 
 
-KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT")
-ATLASES = (("DENS", "density"), ("DIFF", "diffuse"), ("FEAT", "features"))
+KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC")
 
 
-def arrange(chunks, filled):
+def atlases_of(meta, level):
+    """The atlases of a level in their order, as (type, name of the array, encoding, channels)."""
+    found = [("DENS", "density", level["density"], 1), ("DIFF", "diffuse", level["diffuse"], 3)]
+    found.append(("FEAT", "features", level["features"], meta["features"]))
+    for number, (kind, band) in enumerate(zip(("BNDA", "BNDB", "BNDC"), level.get("bands", [])), 1):
+        found.append((kind, f"band {number}", band, 3 * (2 * number + 1)))
+    return [atlas for atlas in found if atlas[2] is not None]
+
+
+def arrange(chunks, required):
     """The metadata, and the bytes of known chunks by type and level, once they are those that the metadata asks for."""
     need(chunks and chunks[0][0] == "META", "the first chunk is not META")
     meta = metadata(chunks[0][2])
-    need(filled == any("blocks_filled" in level for level in meta["levels"]), "the feature of filled blocks disagrees")
+    filled = any("blocks_filled" in level for level in meta["levels"])
+    need(required == filled + 2 * is_linear(meta), "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
-    wanted += [("VMLP", NO_LEVEL)] * (meta["view"] is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
+    wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]
     for k in reversed(range(len(meta["levels"]))):
-        wanted += [("TABL", k)] + [(kind, k) for kind, key in ATLASES if meta["levels"][k][key] is not None]
+        wanted += [("TABL", k)] + [(kind, k) for kind, *_ in atlases_of(meta, meta["levels"][k])]
     known = [chunk for chunk in chunks if chunk[0] in KNOWN]
     found = [chunk[:2] for chunk in known]
     need(found == wanted, f"chunks {found}, but the metadata asks for {wanted}")
@@ -429,10 +499,11 @@ def read(data):
     """Every array of a container, by the names of unpacked files, and its metadata."""
     meta, chunks = arrange(*directory(data))
     out = {}
-    if meta["view"]:
+    if network_of(meta):
         out |= network(chunks["VMLP", NO_LEVEL], meta["view"]["widths"])
     if meta["free_space"]:
         out |= mask(chunks["MASK", NO_LEVEL])
+    own = {}
     # Coarse to fine: filled blocks are made of the level before.
     for k, level in reversed(list(enumerate(meta["levels"]))):
         blocks = blocks_of(level)
@@ -441,13 +512,19 @@ def read(data):
         need(np.count_nonzero(table) == level["blocks_stored"], f"TABL {k} disagrees with blocks_stored")
         need(np.count_nonzero(table == 2) == level.get("blocks_filled", 0), f"TABL {k} disagrees with blocks_filled")
         out[f"level{k}.occupied"] = table
-        for (kind, key), channels in zip(ATLASES, (1, 3, meta["features"])):
-            if level[key] is not None:
-                coarser = None
-                if kind != "DENS" and level.get("blocks_filled"):
-                    coarser = out[f"level{k + 1}.{key}"], meta["levels"][k + 1]
-                dense = atlas(chunks[kind, k], channels, level, table, level[key], f"{kind} {k}", coarser)
+        bands = []
+        for kind, key, of, channels in atlases_of(meta, level):
+            coarser = None
+            if kind != "DENS" and level.get("blocks_filled"):
+                coarser = own[k + 1, kind], meta["levels"][k + 1]
+            dense = own[k, kind] = atlas(chunks[kind, k], channels, level, table, of, f"{kind} {k}", coarser)
+            if kind.startswith("BND"):
+                bands.append(dense)
+            else:
                 out[f"level{k}.{key}"] = dense[0] if kind == "DENS" else dense
+        # Unpacked files hold all bands in one array.
+        if bands:
+            out[f"level{k}.features"] = np.concatenate(bands)
     return out, meta
 
 

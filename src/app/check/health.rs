@@ -9,8 +9,7 @@ use serde::Serialize;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::parallel;
-use crate::model::activate;
-use crate::model::field::{Nonfinite, NonfiniteCount, Planes, RadianceField, Volume, verify_crc32};
+use crate::model::field::{Grid, Nonfinite, NonfiniteCount, Planes, RadianceField, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
 /// Opacity over one interval up to which a node counts as empty: the threshold of a bake without
@@ -70,7 +69,7 @@ pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health
         empty_share: (nodes - visible) as f64 / nodes as f64,
         nonfinite: whole.iter().map(|tally| tally.found.count).sum(),
         channels: whole.iter().enumerate().map(|(channel, tally)| tally.health(channel)).collect(),
-        unused_network_inputs: field.view_mlp.as_ref().map_or(Vec::new(), unused_inputs),
+        unused_network_inputs: field.network().map_or(Vec::new(), unused_inputs),
     };
     whole.iter().enumerate().try_for_each(|(channel, tally)| values(channel, tally, report))?;
     space(&health, report)?;
@@ -94,16 +93,15 @@ struct Plane {
 fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
     let [nx, ny, nz] = field.scene.nodes.0;
     let activation = &field.scene.activation;
-    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-    let threshold = activate::raw_at_opacity(EMPTY_OPACITY, shift, interval) as f32;
+    let threshold = activation.raw_at_opacity(EMPTY_OPACITY) as f32;
     parallel::map(nx, |x| {
         let (mut density, mut values) = (vec![0.0; ny * nz], vec![0.0; ny * nz]);
         let mut channels = vec![read(&field.density, 0, x, &mut density)?];
         let is_visible = |value: &f32| *value > threshold;
         channels[0].take(0, x, nz, &density, |at| density.get(at).is_some_and(is_visible));
-        for volume in &field.color {
-            for channel in 0..volume.channels {
-                let mut tally = read(volume, channel, x, &mut values)?;
+        for grid in &field.color {
+            for channel in 0..grid.channels() {
+                let mut tally = read(grid, channel, x, &mut values)?;
                 let number = channels.len();
                 tally.take(number, x, nz, &values, |at| density.get(at).is_some_and(is_visible));
                 channels.push(tally);
@@ -115,14 +113,9 @@ fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
 }
 
 /// Reads a plane; the tally knows its checksum.
-fn read(volume: &Volume, channel: usize, x: usize, values: &mut [f32]) -> Result<Tally> {
+fn read(grid: &Grid, channel: usize, x: usize, values: &mut [f32]) -> Result<Tally> {
     let mut tally = Tally::default();
-    let mut scratch = Vec::new();
-    let row = if volume.rows_are_contiguous() { values.len() } else { volume.nodes.0[2] };
-    for (y, row) in values.chunks_exact_mut(row).enumerate() {
-        let see = |stored: &[u8]| tally.checksum.update(stored);
-        volume.read_run(channel, [x, y, 0], row, &mut scratch, see)?;
-    }
+    grid.read_plane(channel, x, values, |stored| tally.checksum.update(stored))?;
     Ok(tally)
 }
 

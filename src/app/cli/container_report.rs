@@ -10,7 +10,7 @@ use super::outcome::readable;
 use crate::bake::{GroupReport, LevelReport, level_reports};
 use crate::base::error::Result;
 use crate::codec::container::Container;
-use crate::model::baked::{Group, Metadata};
+use crate::model::baked::{Group, Metadata, ViewMetadata};
 use crate::model::grid::Bounds;
 
 #[derive(Debug, Serialize)]
@@ -42,6 +42,7 @@ pub(super) struct ChunkReport {
 impl ContainerReport {
     pub(super) fn of(container: &Container) -> Result<Self> {
         let metadata = container.metadata();
+        let network = metadata.view.as_ref().and_then(ViewMetadata::network);
         let chunk = |entry: &crate::codec::container::layout::Entry| ChunkReport {
             kind: entry.kind.escape_ascii().to_string(),
             level: entry.level,
@@ -55,7 +56,7 @@ impl ContainerReport {
             dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
             bounds: metadata.bounds,
             levels: level_reports(metadata, container.entries()),
-            mlp: metadata.view.as_ref().map(|view| view.widths.clone()),
+            mlp: network.map(|network| network.widths.clone()),
             levels_missing: Vec::new(),
             chunks: container.entries().iter().map(chunk).collect(),
             metadata: metadata.clone(),

@@ -17,7 +17,6 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, Prefix, is_container};
 use crate::input;
-use crate::input::checkpoint::MlpChoice;
 use crate::input::tensor::describe;
 use crate::model::baked::BakedField;
 use crate::model::field::March;
@@ -99,7 +98,7 @@ impl SceneArguments {
         }
         let scene = &source.field.scene;
         let levels = filter.as_ref().map(|filter| TrainedLevels::of_training(filter, scene));
-        Renderer::trained(&source.field, levels, &limits).map_err(|error| error.in_file(path))
+        Renderer::of_source(&source, levels, &limits).map_err(|error| error.in_file(path))
     }
 
     /// As [`Self::open`]; of a container that ends at a level, the levels that are there.
@@ -131,9 +130,9 @@ impl SceneArguments {
         limits: &Limits,
     ) -> Result<Renderer> {
         self.source_options().check()?;
-        if filter.is_some() || self.coarse.is_some() || self.mlp != MlpChoice::Auto {
-            let message = "--filter, --coarse and --mlp belong to trained inputs; a container \
-                           states these itself";
+        if filter.is_some() || self.reads_a_model() {
+            let message = "--filter, --coarse, --mlp, --scene-scale, --view and --drop-background \
+                           belong to trained inputs; a container states these itself";
             return Err(Error::usage(message));
         }
         let mut renderer = Renderer::baked(field, limits)?;

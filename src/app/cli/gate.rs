@@ -13,6 +13,7 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::Container;
+use crate::input::Source;
 use crate::model::camera::Camera;
 use crate::model::field::RadianceField;
 use crate::view::compare::{Reference, ScaleErrors, compare};
@@ -71,10 +72,10 @@ impl GateArguments {
         self.cameras.cameras(&field.scene.bounds, limits)
     }
 
-    /// Compares the container in the file `written` with the field it was baked from.
+    /// Compares the container in the file `written` with the input it was baked from.
     pub fn measure(
         &self,
-        field: &RadianceField,
+        source: &Source,
         cameras: &[Camera],
         written: &Path,
         limits: &Limits,
@@ -82,7 +83,7 @@ impl GateArguments {
     ) -> Result<GateReport> {
         let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
         let baked = Renderer::baked(&container.read()?, limits)?;
-        let reference = Reference::Field(Box::new(Renderer::trained(field, None, limits)?));
+        let reference = Reference::Field(Box::new(Renderer::of_source(source, None, limits)?));
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();

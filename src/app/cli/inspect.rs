@@ -18,7 +18,8 @@ use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input;
-use crate::input::checkpoint::{Inspection, SourceOptions};
+use crate::input::Inspection;
+use crate::input::checkpoint::SourceOptions;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
 
 /// Show the contents of containers, glTF assets and checkpoints, without decoding them
@@ -114,14 +115,12 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
         [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes].map(readable);
     writeln!(text, "  model {model}, optimizer {optimizer} (never read), other {other}").ok();
     if let Some(model) = &inspection.model {
-        let [x, y, z] = model.dimensions;
-        writeln!(
-            text,
-            "  {}: {x} x {y} x {z} nodes, {} colour channels",
-            model.family.name(),
-            model.channels
-        )
-        .ok();
+        write!(text, "  {}", model.name()).ok();
+        if let Some(scene) = &inspection.scene {
+            let ([x, y, z], channels) = (scene.dimensions, scene.channels);
+            write!(text, ": {x} x {y} x {z} nodes, {channels} colour channels").ok();
+        }
+        text.push('\n');
     }
     if let Some(problem) = &inspection.problem {
         writeln!(text, "  cannot be baked: {problem}").ok();

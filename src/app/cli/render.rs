@@ -166,7 +166,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         seconds: clock.elapsed().as_secs_f64(),
         rays_per_second: statistics.rays as f64 / rendering,
         samples_per_ray: statistics.samples as f64 / statistics.rays.max(1) as f64,
-        skipped_share: 1.0 - statistics.samples as f64 / statistics.steps.max(1) as f64,
+        skipped_share: match statistics.steps {
+            0 => 0.0,
+            steps => 1.0 - statistics.samples as f64 / steps as f64,
+        },
         settings: Settings::of(field.view()),
         frames,
     };

@@ -11,10 +11,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::output::STANDARD_STREAM;
-use super::values::{Background, parse_background, parse_mlp};
+use super::values::{Background, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{MlpChoice, SourceOptions};
+use crate::input::checkpoint::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::{SceneSettings, Source};
 
 /// The user's settings for a scene, beside those of its file.
@@ -44,6 +44,16 @@ pub struct SceneArguments {
     /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
     #[arg(long, value_name = "FILE")]
     pub coarse: Option<std::path::PathBuf>,
+    /// The input's world is the scene's times this: Plenoxels scale cameras by 2/3 [default: as the
+    /// input or a file beside it says, else 1]
+    #[arg(long, value_name = "F")]
+    pub scene_scale: Option<f32>,
+    /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
+    #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
+    pub view: ViewChoice,
+    /// Leave out a background that no container can hold, such as Plenoxels' spheres
+    #[arg(long)]
+    pub drop_background: bool,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -79,7 +89,16 @@ impl SceneArguments {
             far: self.far,
             background: self.background.map(|Background(color)| color),
             color_threshold: self.color_threshold,
+            scene_scale: self.scene_scale,
+            view: self.view,
+            drop_background: self.drop_background,
         }
+    }
+
+    /// True if an option says how a trained model is read, which no container needs.
+    pub fn reads_a_model(&self) -> bool {
+        let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
+        other_view || self.coarse.is_some() || self.scene_scale.is_some() || self.drop_background
     }
 
     /// The settings for a trained input, which `cameras` are looked through for too.

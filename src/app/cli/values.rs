@@ -8,7 +8,8 @@ use clap::builder::PossibleValue;
 use crate::bake::{Filter, LevelRule, Preset};
 use crate::base::limits::Limits;
 use crate::codec::quantize::Bits;
-use crate::input::checkpoint::MlpChoice;
+use crate::input::checkpoint::{MlpChoice, ViewChoice};
+use crate::model::harmonics::Harmonics;
 
 /// Every number of bits, by name.
 const BITS: [&str; 15] =
@@ -72,6 +73,17 @@ pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
         _ => Err("expected one number or three with commas between, 0 to 1, or a colour such as \
                   #369, white or black"
             .to_owned()),
+    }
+}
+
+/// `keep`, `none`, or the degree of harmonics.
+pub fn parse_view(text: &str) -> std::result::Result<ViewChoice, String> {
+    let degree = text.strip_prefix("sh:").and_then(|degree| degree.parse().ok());
+    match (text, degree) {
+        ("keep", _) => Ok(ViewChoice::Keep),
+        ("none", _) => Ok(ViewChoice::None),
+        (_, Some(degree @ 0..=Harmonics::MAX_DEGREE)) => Ok(ViewChoice::Harmonics(degree)),
+        _ => Err("expected keep, none, or sh:D with a degree from 0 to 3".to_owned()),
     }
 }
 

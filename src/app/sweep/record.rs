@@ -123,7 +123,7 @@ impl Basis {
         let mut basis = Self(Sha256::new());
         basis.add(env!("CARGO_PKG_VERSION").as_bytes());
         basis.add(&source.digest);
-        if source.field.density.storage.crc32().is_none() {
+        if !source.field.density.has_checksum() {
             basis.add_file(&source.file)?;
         }
         for companion in &source.companions {
@@ -132,7 +132,7 @@ impl Basis {
         }
         let field = &source.field;
         // Debug text names every value of these, to the last bit, and fields that will be added.
-        basis.add(format!("{:?} {:?}", field.scene, field.view_mlp).as_bytes());
+        basis.add(format!("{:?} {:?}", field.scene, field.view).as_bytes());
         if let Some(free_space) = &field.free_space {
             let (nodes, scale, shift) = (free_space.nodes, free_space.scale, free_space.shift);
             basis.add(format!("{nodes:?} {scale:?} {shift:?}").as_bytes());

@@ -86,7 +86,7 @@ fn results(
         let found = settings.into_iter().filter_map(|(_, _, found)| found);
         return Ok(found.map(|result| (true, Ok(result))).collect());
     }
-    let reference = Renderer::trained(&source.field, None, &options.limits)
+    let reference = Renderer::of_source(source, None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
     // A folder that stays empty goes again.

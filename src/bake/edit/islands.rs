@@ -14,7 +14,6 @@ use crate::bake::report::IslandReport;
 use crate::base::error::Result;
 use crate::codec::unpack::Unpacked;
 use crate::levels::{Filter, Kernel, LevelFilter, RequiredNodes};
-use crate::model::activate;
 use crate::model::baked::{DensityDomain, Group, StepRule};
 use crate::model::grid::{NodeMask, Nodes, row};
 
@@ -89,7 +88,7 @@ fn visible_nodes(unpacked: &Unpacked, number: usize) -> Result<NodeMask> {
     let least = match density.decode.density() {
         Some(DensityDomain::SqrtOpticalDepth) => depth.sqrt(),
         Some(DensityDomain::Opacity) => opacity,
-        _ => activate::raw_at_opacity(opacity, activation.shift.into(), activation.interval.into()),
+        _ => activation.raw_at_opacity(opacity),
     };
     let [_, ny, nz] = nodes.0;
     let words = row::words(nodes);

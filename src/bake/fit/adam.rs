@@ -3,11 +3,15 @@
 use super::gradient::{Gradient, NOT_FITTED};
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
 use crate::view::sample::Dense;
 
-/// Step lengths at the start: of the square root of optical depth, and of logits.
-const RATES: [f32; 2] = [0.03, 0.15];
+/// Step length at the start of the square root of optical depth.
+const DENSITY_RATE: f32 = 0.03;
+/// Step lengths at the start of logits, and of linear colours and coefficients. A step of a logit
+/// moves a colour by at most as much as one of a linear colour.
+const COLOR_RATES: [f32; 2] = [0.15, 0.0375];
 /// The part of the step lengths that is left at the end.
 const LAST_RATE: f32 = 0.1;
 /// Decay of the running means of gradients and of their squares.
@@ -38,13 +42,21 @@ pub struct Adam<const C: usize> {
     level: usize,
     numbers: Vec<u32>,
     moments: Vec<Moments<C>>,
+    /// Step length of colours at the start.
+    color_rate: f32,
     /// Mean squares of the first derivatives, by density and by colour.
     squares: Option<[f32; 2]>,
 }
 
 impl<const C: usize> Adam<C> {
     /// For the `retained` nodes of a level.
-    pub fn new(field: &mut Dense<C>, level: usize, retained: &NodeMask) -> Self {
+    pub fn new(
+        field: &mut Dense<C>,
+        level: usize,
+        retained: &NodeMask,
+        colors: ColorDomain,
+    ) -> Self {
+        let color_rate = COLOR_RATES[usize::from(colors == ColorDomain::Linear)];
         let [nx, ny, nz] = retained.nodes().0;
         let (density, _) = field.values_mut(level);
         let mut numbers = vec![NOT_FITTED; nx * ny * nz];
@@ -58,7 +70,7 @@ impl<const C: usize> Adam<C> {
                 density[node] = 0.0;
             }
         }
-        Self { level, numbers, moments, squares: None }
+        Self { level, numbers, moments, color_rate, squares: None }
     }
 
     /// Nodes that are fitted.
@@ -95,7 +107,7 @@ impl<const C: usize> Adam<C> {
     ) -> Result<()> {
         // Falls evenly to its last value.
         let fade = 1.0 + (LAST_RATE - 1.0) * progress;
-        let [density_rate, color_rate] = RATES.map(|rate| rate * fade);
+        let [density_rate, color_rate] = [DENSITY_RATE, self.color_rate].map(|rate| rate * fade);
         let nodes = self.moments.len();
         let squares = *self.squares.get_or_insert_with(|| mean_squares(gradients, nodes));
         let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);

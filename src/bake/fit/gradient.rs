@@ -11,8 +11,9 @@
 
 use super::target::Targets;
 use crate::model::activate::lanes;
-use crate::model::field::ActivationOrder;
-use crate::view::render::{Route, View};
+use crate::model::field::{ActivationOrder, DensityFunction};
+use crate::model::view_dependence::ViewDependence;
+use crate::view::render::{ColorRule, Route, View};
 use crate::view::sample::{Cell, Dense, Sample};
 
 /// Marks nodes that are not fitted.
@@ -79,14 +80,24 @@ struct Sampled<const C: usize> {
     color: Option<[f32; C]>,
 }
 
-/// Derivatives of half a ray's squared error by the accumulated colour and by the light left, the
-/// light left, and the squared error.
-type Traced<const C: usize> = ([f32; C], f32, f32, f32);
+/// A ray's squared error and what it follows from.
+#[derive(Debug, Clone, Copy)]
+struct Traced<const C: usize> {
+    /// Derivative of half the squared error by the accumulated colour.
+    by_color: [f32; C],
+    /// Derivative by the light left.
+    by_left: f32,
+    /// Light left.
+    left: f32,
+    /// The squared error, over three channels.
+    square: f32,
+}
 
 impl<const C: usize> Rays<'_, C> {
     /// Adds the derivatives of ray `number`'s squared error.
     pub fn differentiate(&self, number: usize, gradient: &mut Gradient<C>) {
-        let Some((by_color, by_left, left, _)) = self.trace(number, gradient) else { return };
+        let Some((traced, rule)) = self.trace(number, gradient) else { return };
+        let Traced { by_color, by_left, left, .. } = traced;
         let samples = std::mem::take(&mut gradient.samples);
         // Back to front: the derivative by the light behind a sample.
         let mut behind = left * by_left;
@@ -94,7 +105,7 @@ impl<const C: usize> Rays<'_, C> {
             let worth = sample.color.map_or(0.0, |color| dot(&by_color, &color));
             let by_depth = (sample.left * worth - behind) * sample.intervals;
             for part in sample.parts.iter().flatten().filter(|part| part.level == self.level) {
-                self.add(part, by_depth, sample, &by_color, gradient);
+                self.add(part, by_depth, sample, (&rule, &by_color), gradient);
             }
             behind += sample.weight * worth;
         }
@@ -103,11 +114,15 @@ impl<const C: usize> Rays<'_, C> {
 
     /// Ray `number`'s squared error, over three channels.
     pub fn square(&self, number: usize, gradient: &mut Gradient<C>) -> f32 {
-        self.trace(number, gradient).map_or(0.0, |(_, _, _, square)| square)
+        self.trace(number, gradient).map_or(0.0, |(traced, _)| traced.square)
     }
 
     /// Composites ray `number`, leaving its samples in `gradient`.
-    fn trace(&self, number: usize, gradient: &mut Gradient<C>) -> Option<Traced<C>> {
+    fn trace(
+        &self,
+        number: usize,
+        gradient: &mut Gradient<C>,
+    ) -> Option<(Traced<C>, ColorRule<'_>)> {
         let (target, pixel) = self.targets.draw(self.level, number)?;
         let camera = &target.camera;
         let [x, y] = [pixel % camera.lens.width, pixel / camera.lens.width];
@@ -117,26 +132,32 @@ impl<const C: usize> Rays<'_, C> {
         let route = Route::new(self.view, self.levels, &ray, aside, None)?;
         let samples = &mut gradient.samples;
         samples.clear();
+        let unit = (ray.direction / ray.direction.length()).to_array();
+        let rule = ColorRule::of(self.view, unit);
         let mut accumulated = [0.0f32; C];
         let mut depth = 0.0f32;
         route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
             let position = route.path.position(k);
-            self.composite(position, lambda, intervals, &mut depth, &mut accumulated, samples);
+            let sums = (&mut depth, &mut accumulated);
+            self.composite(&rule, position, lambda, intervals, sums, samples);
             depth < OPAQUE_DEPTH
         });
         let left = lanes::exp(-depth);
-        Some(self.by_accumulated(&ray, &accumulated, left, target.color[pixel]))
+        rule.finish(&mut accumulated);
+        let mut traced = self.by_accumulated(unit, &accumulated, left, target.color[pixel]);
+        rule.by_sums(&accumulated, &mut traced.by_color);
+        Some((traced, rule))
     }
 
     /// Interpolates and composites one sample.
     #[inline(always)]
     fn composite(
         &self,
+        rule: &ColorRule,
         position: [f64; 3],
         lambda: f32,
         intervals: f32,
-        depth: &mut f32,
-        accumulated: &mut [f32; C],
+        (depth, accumulated): (&mut f32, &mut [f32; C]),
         samples: &mut Vec<Sampled<C>>,
     ) {
         let level = lambda as usize;
@@ -162,9 +183,9 @@ impl<const C: usize> Rays<'_, C> {
         if sample.weight > self.view.march.color_threshold {
             let mut mixed = [0.0; C];
             for part in sample.parts.iter_mut().flatten() {
-                let raw = self.field.color(part.level, &part.cell);
+                part.color = self.field.color(part.level, &part.cell);
+                rule.activate(&mut part.color);
                 for lane in 0..C {
-                    part.color[lane] = lanes::sigmoid(raw[lane]);
                     mixed[lane] += part.share * part.color[lane];
                 }
             }
@@ -182,9 +203,12 @@ impl<const C: usize> Rays<'_, C> {
     fn optical_depth(&self, level: usize, density: f32) -> f32 {
         let activation = &self.view.activation;
         match (level, activation.order) {
-            (0, ActivationOrder::Raw) => {
-                lanes::softplus(density + activation.shift) * activation.interval
-            }
+            (0, ActivationOrder::Raw) => match activation.function {
+                DensityFunction::Softplus => {
+                    lanes::softplus(density + activation.shift) * activation.interval
+                }
+                DensityFunction::Relu => density.max(0.0) * activation.interval,
+            },
             (0, ActivationOrder::Density) => density * activation.interval,
             (0, ActivationOrder::Opacity) => -libm::log1pf(-density.min(1.0 - f32::EPSILON)),
             _ => density * density,
@@ -194,15 +218,14 @@ impl<const C: usize> Rays<'_, C> {
     /// Derivatives of half the squared error of the ray's colour.
     fn by_accumulated(
         &self,
-        ray: &crate::model::camera::Ray,
+        unit: [f64; 3],
         accumulated: &[f32; C],
         left: f32,
         target: [f32; 3],
     ) -> Traced<C> {
         let background = self.view.background;
         let channels = 3 + self.view.features;
-        let unit = (ray.direction / ray.direction.length()).to_array();
-        let network = self.view.view_mlp.as_ref();
+        let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
         let mut by_color = [0.0; C];
         let error = |specular: [f32; 3]| {
             [0, 1, 2].map(|c| accumulated[c] + specular[c] + left * background[c] - target[c])
@@ -220,7 +243,8 @@ impl<const C: usize> Rays<'_, C> {
             *by_color += error;
         }
         let by_left = (0..3).map(|c| errors[c] * background[c]).sum();
-        (by_color, by_left, left, errors.iter().map(|error| error * error).sum())
+        let square = errors.iter().map(|error| error * error).sum();
+        Traced { by_color, by_left, left, square }
     }
 
     /// Adds a sample's part to the derivatives of the level's nodes around it.
@@ -229,17 +253,15 @@ impl<const C: usize> Rays<'_, C> {
         part: &Part<C>,
         by_depth: f32,
         sample: &Sampled<C>,
-        by_color: &[f32; C],
+        (rule, by_color): (&ColorRule, &[f32; C]),
         gradient: &mut Gradient<C>,
     ) {
         // depth = density^2
         let by_density = by_depth * part.share * 2.0 * part.density;
         let mut by_raw = [0.0; C];
         if sample.color.is_some() {
-            for lane in 0..C {
-                let color = part.color[lane];
-                by_raw[lane] = sample.weight * by_color[lane] * part.share * color * (1.0 - color);
-            }
+            let by_part = by_color.map(|by_color| sample.weight * by_color * part.share);
+            by_raw = rule.by_values(&part.color, &by_part);
         }
         for (node, weight) in self.field.corners(self.level, &part.cell) {
             let number = self.numbers[node];

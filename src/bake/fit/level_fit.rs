@@ -46,7 +46,7 @@ impl LevelFit<'_> {
         let before = self.validation_psnr(field)?;
         let mut fitted =
             FittedLevel { level: self.level, steps: 0, psnr_before: before, psnr_after: before };
-        let mut adam = Adam::new(field, self.level, self.retained);
+        let mut adam = Adam::new(field, self.level, self.retained, self.view.color_domain);
         let mut gradients: Vec<Gradient<C>> =
             (0..PARTS).map(|_| Gradient::new(adam.nodes())).collect();
         let mut best = adam.state(field);

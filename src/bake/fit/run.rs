@@ -64,7 +64,7 @@ pub fn fit(
     let before = clock.elapsed().as_secs_f64();
     let context =
         FitContext { targets: &targets, retained, options, start, clock, before, progress };
-    let (view, values) = rendered.into_parts();
+    let (view, values) = rendered.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored))
 }
 

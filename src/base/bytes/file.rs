@@ -58,6 +58,12 @@ impl SourceFile {
         Ok(Self::new(Bytes::File { file, start: 0 }, path, length))
     }
 
+    /// A nameless file of bytes that were decoded from the file `path`.
+    pub fn nameless(file: File, path: &Path, length: u64) -> Self {
+        let file = Arc::new(OpenFile { file, _guard: None });
+        Self::new(Bytes::File { file, start: 0 }, path, length)
+    }
+
     /// Bytes that were decoded from the file `path`.
     pub fn decoded(bytes: Vec<u8>, path: &Path) -> Self {
         let length = bytes.len() as u64;

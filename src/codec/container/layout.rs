@@ -2,17 +2,21 @@
 
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::model::baked::GROUPS;
 
 /// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line
 /// ends and an end-of-file character, so that text-mode transfers damage it visibly.
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
-pub const VERSION: [u16; 2] = [1, 1];
+pub const VERSION: [u16; 2] = [1, 2];
 /// Required feature: there are blocks whose colours are inherited from the next coarser level.
 /// Since 1.1.
 pub const INHERITED_BLOCKS: u64 = 1;
+/// Required feature: colours are linear, coefficients of harmonics among them, or the function of
+/// density is not softplus. Since 1.2.
+pub const LINEAR_VALUES: u64 = 2;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS;
+pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.
@@ -37,7 +41,8 @@ pub const PROVENANCE: ChunkKind = *b"prov";
 /// Occupancy of a level's blocks.
 pub const TABLE: ChunkKind = *b"TABL";
 /// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
-pub const ATLASES: [ChunkKind; 3] = [*b"DENS", *b"DIFF", *b"FEAT"];
+pub const ATLASES: [ChunkKind; GROUPS] =
+    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC"];
 
 /// The header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,7 +131,11 @@ impl Header {
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
         let mut fields = Vec::with_capacity(64);
         fields.extend(SIGNATURE);
-        let minor = if features == 0 { 0 } else { VERSION[1] };
+        let minor = match features {
+            0 => 0,
+            INHERITED_BLOCKS => 1,
+            _ => VERSION[1],
+        };
         [VERSION[0], minor].iter().for_each(|part| fields.extend(part.to_le_bytes()));
         fields.extend([0; 4]);
         fields.extend(features.to_le_bytes());

@@ -3,7 +3,7 @@
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits;
-use crate::model::baked::{Metadata, ViewMetadata};
+use crate::model::baked::{Metadata, NetworkMetadata};
 use crate::model::view_mlp::{Layer, ViewMlp};
 
 /// The chunk's bytes.
@@ -14,7 +14,7 @@ pub fn to_bytes(network: &ViewMlp) -> Vec<u8> {
 
 /// Reads the network that the metadata describes.
 pub fn read(
-    view: &ViewMetadata,
+    view: &NetworkMetadata,
     metadata: &Metadata,
     reader: &mut ByteReader,
     place: &Place,

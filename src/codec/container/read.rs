@@ -10,7 +10,9 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked, strict};
 use crate::base::limits::{self, Budget};
 use crate::codec::quantize::{FrameShape, InheritedColors};
-use crate::model::baked::{BakedField, BakedLevel, Codes, Group, LevelMetadata, Occupancy, Table};
+use crate::model::baked::{
+    BakedField, BakedLevel, Codes, GROUPS, Group, LevelMetadata, Occupancy, Table, ViewMetadata,
+};
 use crate::model::field::FreeSpace;
 use crate::model::view_mlp::ViewMlp;
 
@@ -133,7 +135,8 @@ impl Container {
             let place = entry.place();
             self.with_chunk(entry, budget, report, |bytes, budget, report| {
                 let mut reader = ByteReader::new(bytes, entry.offset);
-                match (entry.kind, &self.metadata.view) {
+                let network = self.metadata.view.as_ref().and_then(ViewMetadata::network);
+                match (entry.kind, network) {
                     (VMLP, Some(view)) => {
                         let read = network::read(view, &self.metadata, &mut reader, &place);
                         view_mlp = checked(read, Code::Network, report)?;
@@ -171,7 +174,7 @@ impl Container {
             checked(table, Code::Table, report)
         })?;
         let Some(table) = table else { return Ok(None) };
-        let mut atlases = [None, None, None];
+        let mut atlases = [const { None }; GROUPS];
         let mut whole = true;
         for ((group, kind), atlas) in Group::ALL.into_iter().zip(ATLASES).zip(&mut atlases) {
             if level.encoding(group).is_some() {
@@ -203,7 +206,7 @@ impl Container {
         let Some(entry) = self.entry(kind, Some(number)) else { return Ok(None) };
         let shape = FrameShape {
             number: encoding.number,
-            channels: group.channels(self.metadata.features),
+            channels: group.channels(self.metadata.layout()),
             edge: level.block_size,
         };
         self.with_chunk(entry, budget, report, |bytes, budget, report| {
@@ -229,7 +232,7 @@ impl Container {
         else {
             return Ok(None);
         };
-        let channels = group.channels(self.metadata.features);
+        let channels = group.channels(self.metadata.layout());
         let bytes = level.encoding(group).map_or(0, |encoding| encoding.number.bytes());
         let size = (table.frames() * channels * bytes) as u64 * level.grid().block_nodes() as u64;
         let place = Place::Chunk { kind: TABLE, level: u32::try_from(number).ok() };

@@ -2,7 +2,7 @@
 
 use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
-    KNOWN_FEATURES, MASK, META, PROVENANCE, TABLE, VMLP,
+    KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -10,8 +10,9 @@ use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::base::limits::{self, Limits};
 use crate::model::baked::{
     Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
+    ViewMetadata,
 };
-use crate::model::field::Activation;
+use crate::model::field::{Activation, ColorDomain, DensityFunction};
 use crate::model::grid::Nodes;
 
 /// Nodes along a block's edge, at most.
@@ -27,7 +28,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
-        let expected = "bit 0 (inherited blocks) or none";
+        let expected = "bit 0 (inherited blocks), bit 1 (linear values) or none";
         let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
@@ -67,7 +68,7 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
         next = entry.padded_end();
         if !is_known(entry.kind) && entry.is_critical() {
             let found = format!("the critical chunk {}", entry.kind.escape_ascii());
-            let error = Error::unsupported(entry.place(), found, "critical chunks of version 1.1");
+            let error = Error::unsupported(entry.place(), found, "critical chunks of version 1.2");
             report(Finding { code: Code::ChunkUnknown, error })?;
         }
         let twin = |other: &&Entry| other.kind == entry.kind && other.level == entry.level;
@@ -103,14 +104,25 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     Ok(())
 }
 
-/// The header says just whether there are inherited blocks.
-pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
+/// The features that a reader of the metadata's file must know.
+pub fn required_features(metadata: &Metadata) -> u64 {
     let inherits = metadata.levels.iter().any(|level| level.blocks_filled > 0);
-    if inherits == (header.features & INHERITED_BLOCKS != 0) {
+    let linear = metadata.color_domain() == ColorDomain::Linear
+        || metadata.activation.function != DensityFunction::Softplus
+        || metadata.march.sampled.is_some()
+        || metadata.view.as_ref().and_then(ViewMetadata::harmonics).is_some();
+    let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES)];
+    bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
+}
+
+/// The header says just what the metadata needs.
+pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
+    let required = required_features(metadata);
+    if required == header.features & KNOWN_FEATURES {
         return Ok(());
     }
     let found = format!("required features {:#x}", header.features);
-    let expected = if inherits { "bit 0: blocks inherit" } else { "no bit 0: no block inherits" };
+    let expected = format!("{required:#x}, as the metadata says");
     let error = Error::malformed(Place::Offset(16), found, expected);
     report(Finding { code: Code::Header, error })
 }
@@ -127,7 +139,10 @@ pub fn metadata(
     let features = metadata.features as u64;
     let max_features = limits.channels.saturating_sub(3);
     rules.hold("features", |place| limits::check("features", features, max_features, place))?;
-    if let Some(view) = &metadata.view {
+    if let Some(ViewMetadata::Harmonics(harmonics)) = &metadata.view {
+        rules.hold("view", |place| harmonics.rules.check(metadata.features, place))?;
+    }
+    if let Some(ViewMetadata::Network(view)) = &metadata.view {
         let count = view.widths.len();
         let found = format!("{count} widths");
         rules.require((2..=32).contains(&count), "view.widths", found, "2 to 32 widths")?;
@@ -201,12 +216,18 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let found = boxed.err().map(|error| error.to_string()).unwrap_or_default();
     rules.require(found.is_empty(), "bounds", found, "finite corners, min below max")?;
     let Activation { shift, interval, .. } = *activation;
-    rules.require(shift.is_finite(), "activation.shift", shift, "a finite number")?;
+    let relu = activation.function == DensityFunction::Relu;
+    let shifts = shift.is_finite() && !(relu && shift != 0.0);
+    let expected = "a finite number, 0 beside relu";
+    rules.require(shifts, "activation.shift", shift, expected)?;
     rules.require(positive(interval), "activation.interval", interval, "a positive number")?;
     let lengths = [("march.stepsize", march.stepsize), ("march.voxel_size", march.voxel_size)];
     for (key, length) in lengths {
         rules.require(positive(length), key, length, "a positive number")?;
     }
+    let found = format!("{:?}", march.sampled);
+    let within = march.samples_within(&metadata.bounds);
+    rules.require(within, "march.sampled", found, "a box within bounds")?;
     let near = march.near >= 0.0 && march.near.is_finite();
     rules.require(near, "march.near", march.near, "a number from 0")?;
     let far = march.far.unwrap_or(f32::INFINITY);
@@ -270,12 +291,18 @@ fn level(
         "at most the stored blocks, of a level with a coarser one, both with colours in integers",
     )?;
     rules.require(level.diffuse.is_some(), &key("diffuse"), "null", "an encoding")?;
-    let has_features = level.features.is_some() == (metadata.features > 0);
+    let layout = metadata.layout();
+    let has_features = level.features.is_some() == (layout.features > 0);
     let found = if level.features.is_some() { "an encoding" } else { "null" };
     rules.require(has_features, &key("features"), found, "an encoding where there are features")?;
+    let found = format!("{} encodings", level.bands.len());
+    let expected = "one for each band of harmonics";
+    rules.require(level.bands.len() == layout.degree, &key("bands"), found, expected)?;
+    let linear = metadata.color_domain() == ColorDomain::Linear;
     for group in Group::ALL {
         let Some(encoding) = level.encoding(group) else { continue };
-        let sound = encoding_is_sound(encoding) && decodes(metadata.blend, group, encoding.decode);
+        let sound =
+            encoding_is_sound(encoding) && decodes(metadata, linear, group, encoding.decode);
         let found = format!("{:?} with {} bits", encoding.decode, encoding.bits);
         let expected = "a meaning of the group, a type with as many bits, a finite range";
         rules.require(sound, &key(group.name()), found, expected)?;
@@ -290,11 +317,20 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
 
 /// True if values of a group can mean this. Levels that are mixed before activation must mean the
 /// same.
-fn decodes(blend: Blend, group: Group, decode: Decode) -> bool {
-    match (group, blend) {
-        (Group::Density, Blend::BeforeActivation) => decode == Decode::Density(DensityDomain::Raw),
-        (Group::Density, Blend::AfterActivation) => decode.density().is_some(),
-        (Group::Diffuse | Group::Features, _) => decode == Decode::Logit,
+fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> bool {
+    let harmonics = metadata.view.as_ref().and_then(ViewMetadata::harmonics);
+    match (group, harmonics, metadata.blend) {
+        (Group::Density, _, Blend::BeforeActivation) => {
+            decode == Decode::Density(DensityDomain::Raw)
+        }
+        (Group::Density, _, Blend::AfterActivation) => decode.density().is_some(),
+        (Group::Diffuse, Some(_), _) => decode == Decode::Coefficient(0),
+        (Group::Band(band), _, _) => decode == Decode::Coefficient(band as u8),
+        // Levels that are mixed must mean the same.
+        (Group::Diffuse | Group::Features, _, _) if linear && metadata.view.is_none() => {
+            decode == Decode::Linear
+        }
+        (Group::Diffuse | Group::Features, _, _) => decode == Decode::Logit,
     }
 }
 
@@ -327,7 +363,8 @@ pub fn contents(
     report: &mut Report,
 ) -> Result<()> {
     let mut expected = vec![(META, None)];
-    expected.extend(metadata.view.iter().map(|_| (VMLP, None)));
+    let network = metadata.view.as_ref().and_then(ViewMetadata::network);
+    expected.extend(network.map(|_| (VMLP, None)));
     expected.extend(metadata.free_space.then_some((MASK, None)));
     for (number, level) in metadata.levels.iter().enumerate().rev() {
         let number = u32::try_from(number).ok();

@@ -2,16 +2,16 @@
 
 use super::json::to_canonical;
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
-    MASK, META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
+    PROVENANCE, TABLE, VMLP,
 };
-use super::rules::{check_metadata, level_prefix};
+use super::rules::{check_metadata, level_prefix, required_features};
 use super::runs::{EncodedAtlas, compress};
 use super::{mask, network};
 use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
-use crate::model::baked::{Group, Metadata, Table};
+use crate::model::baked::{GROUPS, Group, Metadata, Table};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
 
@@ -21,7 +21,7 @@ pub struct EncodedLevel {
     /// The indirection table.
     pub table: Table,
     /// Atlases by [`Group`].
-    pub atlases: [Option<EncodedAtlas>; 3],
+    pub atlases: [Option<EncodedAtlas>; GROUPS],
 }
 
 /// An ancillary chunk that this version does not know.
@@ -105,8 +105,7 @@ pub fn write(
     let prefix = |level| level_prefix(&entries, head.metadata, level, offset);
     let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
     entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
-    let inherits = head.metadata.levels.iter().any(|level| level.blocks_filled > 0);
-    let features = if inherits { INHERITED_BLOCKS } else { 0 };
+    let features = required_features(head.metadata);
     output.append(&Header::with_directory(features, offset, &entries)?)?;
     for chunk in &chunks {
         chunk.content.for_each_piece(|piece| output.append(piece))?;

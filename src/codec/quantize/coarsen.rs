@@ -85,7 +85,6 @@ mod tests {
     use super::*;
     use crate::codec::quantize::{Bits, color_encoding};
     use crate::model::baked::NumberType;
-    use crate::model::field::ActivationOrder;
 
     /// The mean of the lower neighbours, as the specification says it.
     fn plain_mean(codes: &[u8], edge: usize, node: usize) -> i64 {
@@ -102,7 +101,7 @@ mod tests {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) % end
         };
-        let activation = Activation { shift: 0.0, interval: 0.5, order: ActivationOrder::Raw };
+        let activation = Activation::logits(0.0, 0.5);
         let encoding = color_encoding(Bits::Integer(6));
         let coarsener = Coarsener::new(&encoding, &activation).expect("integers");
         for edge in [1, 2, 5, 8] {
@@ -145,7 +144,7 @@ mod tests {
 
     #[test]
     fn floats_are_not_coarsened() {
-        let activation = Activation { shift: 0.0, interval: 0.5, order: ActivationOrder::Raw };
+        let activation = Activation::logits(0.0, 0.5);
         for bits in [Bits::F16, Bits::F32] {
             assert!(Coarsener::new(&color_encoding(bits), &activation).is_none());
         }

@@ -92,7 +92,7 @@ mod tests {
     use super::*;
     use crate::codec::quantize::{Bits, color_encoding, density_encoding};
     use crate::model::baked::DensityDomain;
-    use crate::model::field::{Activation, ActivationOrder};
+    use crate::model::field::Activation;
 
     fn round_trip(encoding: &Encoding, value: f32) -> (u32, f32) {
         let (mut code, mut back) = ([0], [0.0]);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn activation() -> Activation {
-        Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw }
+        Activation::logits(-4.6, 0.5)
     }
 
     fn encodings(bits: Bits) -> [Encoding; 4] {

@@ -64,7 +64,7 @@ impl<'a> InheritedColors<'a> {
             borders: values.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0).collect(),
             coarser: coarser_metadata.grid(),
             frames,
-            codes: coarser.atlases[group as usize].as_ref()?,
+            codes: coarser.atlases[group.index()].as_ref()?,
             values: other.values().map(f64::from).collect(),
             empty: other.empty.into(),
         })

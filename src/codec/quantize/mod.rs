@@ -1,6 +1,7 @@
 //! Values to codes, plane by plane, and blocks of codes to bytes that compress well.
 //!
-//! [`range`] picks the encoding of a level's group and proves its error bound, [`search`] the one
+//! [`range`] picks the encoding of a level's group and proves its error bound, [`linear`] that of
+//! values without bounds, [`search`] the one
 //! with the fewest bits within an error, [`code`] turns values into integer codes and back
 //! ([`nearest`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`]
 //! drops some of them at nodes that pictures hardly show, [`inherited_colors`] makes them from the
@@ -17,6 +18,7 @@ mod frame;
 mod inherited_colors;
 mod lanes;
 mod least_squares;
+mod linear;
 mod nearest;
 mod planes;
 mod predict;
@@ -24,6 +26,7 @@ mod range;
 mod read_run;
 mod run;
 mod search;
+mod value_range;
 mod write_run;
 
 pub use block::{BlockEncoder, BlockSource};
@@ -32,7 +35,9 @@ pub use code::decode_codes;
 pub use code_word::Code;
 pub use frame::{Frame, FrameShape, RunBytes};
 pub use inherited_colors::InheritedColors;
+pub use linear::{encoding_over, planned_encoding};
 pub use planes::{CodePlanes, CodeSlab, Moved};
-pub use range::{Bits, color_encoding, density_encoding};
+pub use range::{Bits, color_encoding, density_encoding, is_laid_over_values};
 pub use run::{run_bytes, run_codes};
-pub use search::{ValueRange, encoding_within};
+pub use search::encoding_within;
+pub use value_range::ValueRange;

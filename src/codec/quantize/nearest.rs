@@ -193,7 +193,7 @@ mod tests {
     use super::*;
     use crate::codec::quantize::{Bits, color_encoding, density_encoding};
     use crate::model::baked::DensityDomain;
-    use crate::model::field::{Activation, ActivationOrder};
+    use crate::model::field::Activation;
 
     /// Holds codes to a search through all borders, for values on and around each and far from all.
     fn hold(encoding: &Encoding) {
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn codes_are_those_of_a_search() {
-        let activation = Activation { shift: -4.6, interval: 0.5, order: ActivationOrder::Raw };
+        let activation = Activation::logits(-4.6, 0.5);
         for bits in 4..=16 {
             let bits = Bits::Integer(bits);
             for domain in DensityDomain::ALL {

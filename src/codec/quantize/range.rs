@@ -19,7 +19,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::nearest::border;
 use crate::model::activate;
 use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
-use crate::model::field::{Activation, EMPTY_DENSITY};
+use crate::model::field::{Activation, DensityFunction, EMPTY_LOGIT};
 
 /// Bits of codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,14 +89,26 @@ impl<'de> Deserialize<'de> for Bits {
 }
 
 /// Largest move of opacity at 8 bits, at its steepest.
-const OPACITY_ERROR: f64 = 0.0108;
+pub(super) const OPACITY_ERROR: f64 = 0.0108;
 /// Largest move of a colour at 8 bits, where the sigmoid is steepest.
 const COLOR_ERROR: f64 = 0.0082;
 /// Raw colour that codes extent: the sigmoid ends 1e-14 before.
 const COLOR_EXTENT: f64 = 32.0;
 
+/// Larger linear values have no codes: sums of two of them would be infinite.
+pub(super) const LARGEST: f64 = 1e30;
+
 /// Square root of the largest optical depth that codes extent: opacity 1 - 1e-7 over one interval.
 const SQRT_DEPTH_EXTENT: f64 = 4.0;
+
+/// True if codes of this meaning are laid over the range of the values.
+pub fn is_laid_over_values(decode: Decode, activation: &Activation) -> bool {
+    match decode {
+        Decode::Linear | Decode::Coefficient(_) => true,
+        Decode::Density(DensityDomain::Raw) => activation.function == DensityFunction::Relu,
+        Decode::Density(_) | Decode::Logit => false,
+    }
+}
 
 /// The encoding of a level's density.
 pub fn density_encoding(bits: Bits, domain: DensityDomain, activation: &Activation) -> Encoding {
@@ -141,7 +153,7 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
         (1.0 + libm::log(interval).max(0.0)) / std::f64::consts::E + shift.abs() * slope;
     let opacity = |raw| DensityDomain::Raw.opacity(raw, activation);
     let decode = Decode::Density(DensityDomain::Raw);
-    let mut encoding = float_encoding(bits, decode, EMPTY_DENSITY, slope_times_value, opacity);
+    let mut encoding = float_encoding(bits, decode, EMPTY_LOGIT, slope_times_value, opacity);
     if let Bits::Integer(_) = bits {
         let (center, extent) = raw_density_extent(activation);
         set_codes(&mut encoding, center, 2.0 * OPACITY_ERROR / slope, extent);
@@ -159,17 +171,17 @@ fn raw_density_extent(activation: &Activation) -> (f64, f64) {
     let center = -libm::log(interval) - shift;
     let clear = activate::raw_at_opacity(0.9999, shift, interval);
     // The lowest code stays above emptiness, which has its own.
-    (center, (center - f64::from(EMPTY_DENSITY) - 2.0).max(clear - center))
+    (center, (center - f64::from(EMPTY_LOGIT) - 2.0).max(clear - center))
 }
 
 /// Raw density of emptiness: below the lowest code.
 fn emptiness(center: f64, extent: f64) -> f32 {
-    EMPTY_DENSITY.min((center - extent - 1.0) as f32)
+    EMPTY_LOGIT.min((center - extent - 1.0) as f32)
 }
 
 /// Lays codes around `center`: there `step` apart at 8 bits (in proportion at others), at the ends
 /// `extent` away.
-fn set_codes(encoding: &mut Encoding, center: f64, step: f64, extent: f64) {
+pub(super) fn set_codes(encoding: &mut Encoding, center: f64, step: f64, extent: f64) {
     let half = f64::from((1u32 << (encoding.bits - 1)) - 1);
     // If codes are plenty, they are equally far apart.
     let step = (step * 127.0 / half).min(extent / half);
@@ -195,6 +207,10 @@ impl Domain {
     /// Of values that mean this.
     pub fn of(decode: Decode, activation: &Activation) -> Self {
         match decode {
+            Decode::Density(DensityDomain::Raw) if activation.function == DensityFunction::Relu => {
+                let (floor, ceiling) = (-LARGEST, LARGEST);
+                Self { steepest: 0.0, floor, ceiling, empty: 0.0 }
+            }
             Decode::Density(DensityDomain::Raw) => {
                 let (steepest, extent) = raw_density_extent(activation);
                 let empty = emptiness(steepest, extent);
@@ -210,13 +226,21 @@ impl Domain {
             Decode::Logit => {
                 Self { steepest: 0.0, floor: -COLOR_EXTENT, ceiling: COLOR_EXTENT, empty: 0.0 }
             }
+            Decode::Linear | Decode::Coefficient(_) => {
+                let (floor, ceiling) = (-LARGEST, LARGEST);
+                Self { steepest: 0.0, floor, ceiling, empty: 0.0 }
+            }
         }
     }
 }
 
 /// The largest distance of a value's activation from its code's, of values whose activations lie
 /// between `activations`; see the module's proof.
-fn bound(encoding: &Encoding, activations: [f64; 2], activation: impl Fn(f64) -> f64) -> f32 {
+pub(super) fn bound(
+    encoding: &Encoding,
+    activations: [f64; 2],
+    activation: impl Fn(f64) -> f64,
+) -> f32 {
     let codes = 0..=encoding.last_code();
     round_up(
         codes.fold(0.0, |max, code| max.max(code_error(encoding, code, activations, &activation))),
@@ -259,7 +283,7 @@ pub fn color_encoding(bits: Bits) -> Encoding {
 /// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
 /// that are subnormal in f16. Beyond 65504, where f16 ends, `activation` may go on: short intervals
 /// see raw density grow for long.
-fn float_encoding(
+pub(super) fn float_encoding(
     bits: Bits,
     decode: Decode,
     empty: f32,
@@ -295,10 +319,9 @@ pub(super) fn round_up(bound: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::field::ActivationOrder;
 
     fn activation(interval: f32) -> Activation {
-        Activation { shift: -4.595_12, interval, order: ActivationOrder::Raw }
+        Activation::logits(-4.595_12, interval)
     }
 
     #[test]

@@ -15,8 +15,9 @@
 //!
 //! Everything is computed in f64 by `libm` in a fixed order: the same values give the same codes.
 
-use super::range::{self, Bits, Domain, code_error, round_up};
-use crate::model::activate;
+use super::linear;
+use super::range::{Bits, Domain, code_error, is_laid_over_values, round_up};
+use super::value_range::ValueRange;
 use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
 use crate::model::field::Activation;
 
@@ -28,46 +29,6 @@ const CURVES_PER_HALVING: u32 = 8;
 /// Codes whose errors are looked at first; where one is too large, the others are not looked at.
 const PROBED_FIRST: u32 = 256;
 
-/// The lowest and the highest of some values.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ValueRange {
-    /// Lowest of them; above `high` where there are none.
-    low: f32,
-    high: f32,
-    /// Values up to this one count as empty.
-    empty: f32,
-}
-
-impl ValueRange {
-    /// Of no values yet, which will mean `decode`.
-    pub fn new(decode: Decode, activation: &Activation) -> Self {
-        let empty = match decode {
-            Decode::Logit => f32::NEG_INFINITY,
-            Decode::Density(_) => Domain::of(decode, activation).empty,
-        };
-        Self { low: f32::INFINITY, high: f32::NEG_INFINITY, empty }
-    }
-
-    /// Takes values. Zeros of both signs are the same: of equal ones the first stays.
-    pub fn take(&mut self, values: &[f32]) {
-        for &value in values {
-            if value > self.empty && value < self.low {
-                self.low = value;
-            }
-            if value > self.empty && value > self.high {
-                self.high = value;
-            }
-        }
-    }
-
-    /// Takes those of another span of the same meaning.
-    pub fn join(&mut self, other: &Self) {
-        self.take(
-            &[other.low, other.high].map(|end| if end.is_finite() { end } else { self.empty }),
-        );
-    }
-}
-
 /// The encoding with the fewest bits that holds the values in `span` (and emptiness) within
 /// `max_error`, in opacity over one interval or in colour from 0 to 1; f32 if 16 bits cannot.
 pub fn encoding_within(
@@ -76,11 +37,12 @@ pub fn encoding_within(
     activation: &Activation,
     span: &ValueRange,
 ) -> Encoding {
+    if matches!(decode, Decode::Linear | Decode::Coefficient(_)) {
+        return linear::colors_within(max_error, decode, activation, span);
+    }
     let search = Search::new(max_error, decode, activation, span);
-    (4..=16).find_map(|bits| search.with_bits(bits)).unwrap_or_else(|| match decode {
-        Decode::Logit => range::color_encoding(Bits::F32),
-        Decode::Density(domain) => range::density_encoding(Bits::F32, domain, activation),
-    })
+    let found = (4..=16).find_map(|bits| search.with_bits(bits));
+    found.unwrap_or_else(|| linear::planned_encoding(Bits::F32, decode, activation))
 }
 
 struct Search<'a> {
@@ -93,6 +55,8 @@ struct Search<'a> {
     high: f64,
     /// Activations of the lowest and the highest value.
     activations: [f64; 2],
+    /// True if codes lie around 0, which is empty, and reach below it.
+    is_signed: bool,
 }
 
 impl<'a> Search<'a> {
@@ -100,16 +64,14 @@ impl<'a> Search<'a> {
         let domain = Domain::of(decode, activation);
         let activated = |value: f32| decode.activated(value.into(), activation);
         // Without values any will do.
-        let (low, high) = match span.low <= span.high {
-            true => (span.low, span.high),
-            false => (domain.steepest as f32, domain.steepest as f32),
-        };
+        let [low, high] = span.ends().unwrap_or([domain.steepest as f32; 2]);
+        let is_signed = is_laid_over_values(decode, activation);
+        let (low, high) = if is_signed { (low.min(0.0), high.max(0.0)) } else { (low, high) };
         let mut ceiling = domain.ceiling;
         if decode == Decode::Density(DensityDomain::Raw) {
             // Over short intervals opacity goes on for long.
             let almost = 1.0 - f64::from(max_error);
-            let (shift, interval) = (activation.shift.into(), activation.interval.into());
-            ceiling = ceiling.max(activate::raw_at_opacity(almost, shift, interval));
+            ceiling = ceiling.max(activation.raw_at_opacity(almost));
         }
         Self {
             max_error,
@@ -119,6 +81,7 @@ impl<'a> Search<'a> {
             low: f64::from(low).clamp(domain.floor, ceiling),
             high: f64::from(high).clamp(domain.floor, ceiling),
             activations: [low, high].map(activated),
+            is_signed,
         }
     }
 
@@ -141,7 +104,7 @@ impl<'a> Search<'a> {
     /// Codes of so many bits from the lowest to the highest value, with their widest steps.
     fn ways(&self, bits: u32) -> Vec<(f64, Encoding)> {
         let (mut low, high) = (self.low, self.high);
-        let empty_code = self.decode.density().is_some();
+        let empty_code = self.decode.density().is_some() && !self.is_signed;
         // Codes below and above the center.
         let above = f64::from((1u32 << (bits - 1)) - 1);
         let mut below = above + 1.0;
@@ -154,7 +117,8 @@ impl<'a> Search<'a> {
         let steepest = self.domain.steepest.clamp(low, high);
         let middle = low + (high - low) * below / (below + above);
         let mut ways = Vec::new();
-        for i in 0..CENTERS {
+        let centers = if self.is_signed { 1 } else { CENTERS };
+        for i in 0..centers {
             let share = f64::from(i) / f64::from(CENTERS - 1);
             let center = steepest + share * (middle - steepest);
             let sides = [(center - low, below), (high - center, above)];
@@ -208,10 +172,9 @@ impl<'a> Search<'a> {
 mod tests {
     use super::*;
     use crate::codec::quantize::code::{Quantizer, decode_values};
-    use crate::model::field::ActivationOrder;
 
     fn activation(interval: f32) -> Activation {
-        Activation { shift: -4.595_12, interval, order: ActivationOrder::Raw }
+        Activation::logits(-4.595_12, interval)
     }
 
     fn span(decode: Decode, activation: &Activation, values: &[f32]) -> ValueRange {
@@ -266,13 +229,10 @@ mod tests {
     fn whole_ranges_take_no_more_bits_than_the_fixed_encodings() {
         let activation = activation(0.5);
         for bits in 4..=12 {
-            let fixed = |decode| match decode {
-                Decode::Logit => range::color_encoding(Bits::Integer(bits)),
-                Decode::Density(domain) => {
-                    range::density_encoding(Bits::Integer(bits), domain, &activation)
-                }
-            };
-            for decode in Decode::ALL {
+            let fixed = |decode| linear::planned_encoding(Bits::Integer(bits), decode, &activation);
+            let bounded = Decode::ALL.into_iter();
+            let bounded = bounded.filter(|&decode| !is_laid_over_values(decode, &activation));
+            for decode in bounded {
                 let fixed = fixed(decode);
                 let values: Vec<f32> = fixed.values().collect();
                 let span = span(decode, &activation, &values);

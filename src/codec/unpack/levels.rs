@@ -10,9 +10,12 @@ use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::{Container, OtherChunk};
-use crate::model::baked::{BakedLevel, DensityDomain, Group, LevelMetadata, Metadata, Table};
-use crate::model::field::{FreeSpace, RadianceField, Scene, Volume};
+use crate::model::baked::{
+    BakedLevel, ColorLayout, DensityDomain, GROUPS, Group, LevelMetadata, Metadata, Table,
+};
+use crate::model::field::{FreeSpace, Grid, RadianceField, Scene, Volume};
 use crate::model::grid::{Element, NodeMask, row};
+use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 
 /// An unpacked container: of a file of dense arrays, or of the container itself. Both give the
@@ -53,7 +56,7 @@ pub struct UnpackedLevel {
 #[derive(Debug, Clone)]
 pub enum LevelValues {
     /// Dense arrays.
-    Volumes(Box<[Option<Volume>; 3]>),
+    Volumes(Box<[Option<Volume>; GROUPS]>),
     /// A container's codes, and the encodings that they have there.
     Codes(Arc<(BakedLevel, LevelMetadata)>),
 }
@@ -101,9 +104,9 @@ impl Unpacked {
             let expected = "one with it, or the checkpoint, to bake anew";
             return Err(Error::unsupported(Place::File, found, expected));
         }
-        let volume = |group| finest.volume(group, stated, metadata.features);
+        let volume = |group| finest.volume(group, stated, metadata.layout());
         let Some(density) = volume(Group::Density)? else { return Ok(None) };
-        let color = [volume(Group::Diffuse)?, volume(Group::Features)?];
+        let color: Result<Vec<Option<Volume>>> = Group::COLORS.into_iter().map(volume).collect();
         let scene = Scene {
             bounds: metadata.bounds,
             nodes: finest.table.grid().nodes,
@@ -113,11 +116,18 @@ impl Unpacked {
         };
         Ok(Some(RadianceField {
             scene,
-            density,
-            color: color.into_iter().flatten().collect(),
-            view_mlp: self.view_mlp.clone(),
+            density: density.into(),
+            color: color?.into_iter().flatten().map(Grid::from).collect(),
+            color_domain: metadata.color_domain(),
+            view: self.view_dependence(),
             free_space: self.free_space.clone(),
         }))
+    }
+}
+
+impl Unpacked {
+    fn view_dependence(&self) -> Option<ViewDependence> {
+        self.metadata.view_dependence(self.view_mlp.as_ref())
     }
 }
 
@@ -153,7 +163,7 @@ impl UnpackedLevel {
     ) -> Result<()> {
         match &self.values {
             LevelValues::Volumes(volumes) => {
-                let Some(volume) = &volumes[group as usize] else { return Ok(()) };
+                let Some(volume) = &volumes[group.index()] else { return Ok(()) };
                 let mut scratch = Vec::new();
                 for (y, row) in out.chunks_exact_mut(volume.nodes.0[2]).enumerate() {
                     volume.read_run(channel, [x, y, 0], row, &mut scratch, |_| {})?;
@@ -184,15 +194,15 @@ impl UnpackedLevel {
         &self,
         group: Group,
         stated: &LevelMetadata,
-        features: usize,
+        layout: ColorLayout,
     ) -> Result<Option<Volume>> {
         if let LevelValues::Volumes(volumes) = &self.values {
-            return Ok(volumes[group as usize].clone());
+            return Ok(volumes[group.index()].clone());
         }
         let Some(encoding) = stated.encoding(group) else { return Ok(None) };
         let nodes = self.table.grid().nodes;
         let [nx, ny, nz] = nodes.0;
-        let channels = group.channels(features);
+        let channels = group.channels(layout);
         let mut values = vec![0.0; channels * nodes.count()];
         let mut planes: Vec<&mut [f32]> = values.chunks_exact_mut(ny * nz).collect();
         parallel::map_mut(&mut planes, |plane, out| {

@@ -28,7 +28,7 @@ pub fn fill_plane(
     x: usize,
     out: &mut [f32],
 ) -> bool {
-    let (Some(codes), Some(encoding)) = (&level.atlases[group as usize], metadata.encoding(group))
+    let (Some(codes), Some(encoding)) = (&level.atlases[group.index()], metadata.encoding(group))
     else {
         return false;
     };

@@ -2,12 +2,13 @@
 
 use serde_json::Value as Json;
 
+use super::tensors::tensor_name;
 use super::{LevelValues, Unpacked, UnpackedLevel};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::codec::container::{check_metadata, json::from_canonical};
 use crate::input::tensor::{Tensor, TensorFile, Value};
-use crate::model::baked::{Group, Metadata, Occupancy, Table};
+use crate::model::baked::{GROUPS, Group, Metadata, Occupancy, Table, ViewMetadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Element, Nodes};
 use crate::model::view_mlp::{Layer, ViewMlp};
@@ -56,18 +57,25 @@ impl Unpacked {
             let blocks = blocks.ok_or_else(|| {
                 Error::malformed(place_of(occupied), "an unknown occupancy", "0, 1 or 2")
             })?;
-            let mut volumes = [None, None, None];
+            let mut volumes = [const { None }; GROUPS];
+            let layout = metadata.layout();
+            let mut band_channel = 0;
             for (group, volume) in Group::ALL.into_iter().zip(&mut volumes) {
                 if level.encoding(group).is_none() {
                     continue;
                 }
-                let tensor = tensor(file, &name(group.name()))?;
-                let found = tensor.volume(limits)?;
-                let channels = group.channels(metadata.features);
+                let tensor = tensor(file, &name(tensor_name(group)))?;
+                let mut found = tensor.volume(limits)?;
+                let own = group.channels(layout);
+                let channels = if let Group::Band(_) = group { metadata.features } else { own };
                 if found.nodes != Nodes(level.dimensions) || found.channels != channels {
                     let shape = format!("shape {:?}", tensor.shape());
                     let expected = format!("{channels} channels of {:?} nodes", level.dimensions);
                     return Err(Error::malformed(place_of(tensor), shape, expected));
+                }
+                if let Group::Band(_) = group {
+                    found = found.with_channels(band_channel..band_channel + own);
+                    band_channel += own;
                 }
                 *volume = Some(found);
             }
@@ -127,7 +135,8 @@ fn shaped<'a>(tensor: &'a Tensor, shape: &[usize]) -> Result<&'a Tensor> {
 }
 
 fn network(file: &TensorFile, metadata: &Metadata, budget: &mut Budget) -> Result<Option<ViewMlp>> {
-    let Some(view) = &metadata.view else { return Ok(None) };
+    let network = metadata.view.as_ref().and_then(ViewMetadata::network);
+    let Some(view) = network else { return Ok(None) };
     let mut layers = Vec::new();
     for (i, pair) in view.widths.windows(2).enumerate() {
         let (inputs, outputs) = (pair[0], pair[1]);

@@ -9,7 +9,6 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::picture;
 use crate::codec::container::Container;
-use crate::model::activate;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 
 /// The content of a slice.
@@ -100,9 +99,13 @@ fn slice(
         for (channel, name) in ["R", "G", "B"].into_iter().enumerate() {
             channels.extend(plane(Group::Diffuse, channel).map(|plane| (name.to_owned(), plane)));
         }
-        for channel in 0..metadata.features {
-            let name = format!("feature{channel}");
-            channels.extend(plane(Group::Features, channel).map(|plane| (name, plane)));
+        let layout = metadata.layout();
+        let features = Group::COLORS.into_iter().filter(|&group| group != Group::Diffuse);
+        let features =
+            features.flat_map(|group| (0..group.channels(layout)).map(move |at| (group, at)));
+        for (number, (group, channel)) in features.enumerate() {
+            let name = format!("feature{number}");
+            channels.extend(plane(group, channel).map(|plane| (name, plane)));
         }
         return Ok(vec![picture::exr(nz, ny, channels)?]);
     }
@@ -118,7 +121,7 @@ fn slice(
     for channel in 0..3 {
         let values = plane(Group::Diffuse, channel).unwrap_or_default();
         for (pixel, &raw) in rgb.chunks_exact_mut(3).zip(&values) {
-            pixel[channel] = byte(activate::sigmoid(raw.into()));
+            pixel[channel] = byte(metadata.mean_color(raw));
         }
     }
     files.push(picture::png(nz, ny, &rgb)?);

@@ -23,7 +23,7 @@ use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::codec::container::json::to_canonical;
 use crate::input::tensor::{self, Row, safetensors_header};
-use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
+use crate::model::baked::{BakedLevel, ColorLayout, Group, LevelMetadata, Metadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
 
@@ -87,7 +87,7 @@ fn append_all(
             return Err(Error::cancelled());
         }
         match metadata.levels.get(number).filter(|_| wanted(number)) {
-            Some(level_metadata) => append_level(level, level_metadata, metadata.features, output),
+            Some(level_metadata) => append_level(level, level_metadata, metadata.layout(), output),
             None => Ok(()),
         }
     })
@@ -118,15 +118,27 @@ fn rows(
     Ok(rows)
 }
 
+/// The tensor that holds a group's values.
+pub(super) fn tensor_name(group: Group) -> &'static str {
+    match group {
+        Group::Band(_) => Group::Features.name(),
+        group => group.name(),
+    }
+}
+
 fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Result<Vec<Row>> {
     let name = |part: &str| format!("level{number}.{part}");
     let mut rows = vec![Row::new(name("occupied"), "U8", &level.grid().counts())?];
     let [nx, ny, nz] = level.dimensions;
     for group in Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some()) {
-        let channels = group.channels(metadata.features);
-        let shape =
-            if group == Group::Density { vec![nx, ny, nz] } else { vec![channels, nx, ny, nz] };
-        rows.push(Row::new(name(group.name()), "F32", &shape)?);
+        let shape = match group {
+            Group::Density => vec![nx, ny, nz],
+            Group::Diffuse => vec![3, nx, ny, nz],
+            // All bands follow each other in one tensor.
+            Group::Features | Group::Band(1) => vec![metadata.features, nx, ny, nz],
+            Group::Band(_) => continue,
+        };
+        rows.push(Row::new(name(tensor_name(group)), "F32", &shape)?);
     }
     Ok(rows)
 }
@@ -175,14 +187,14 @@ fn append_small(
 fn append_level(
     level: &BakedLevel,
     metadata: &LevelMetadata,
-    features: usize,
+    layout: ColorLayout,
     output: &mut dyn ByteSink,
 ) -> Result<()> {
     let occupied: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
     output.append(&occupied)?;
     let [nx, ny, nz] = metadata.dimensions;
     for group in Group::ALL.into_iter().filter(|&group| metadata.encoding(group).is_some()) {
-        for channel in 0..group.channels(features) {
+        for channel in 0..group.channels(layout) {
             for start in (0..nx).step_by(metadata.block_size) {
                 let count = metadata.block_size.min(nx - start);
                 let planes = parallel::map(count, |i| {

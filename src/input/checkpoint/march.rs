@@ -10,7 +10,7 @@ use super::names::NamedValues;
 use super::options::SourceOptions;
 use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
-use crate::model::field::{Activation, ActivationOrder, March};
+use crate::model::field::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 
 /// Step length in voxels where no option says another: DirectVoxGO's.
@@ -77,6 +77,7 @@ pub(super) fn find(
         color_threshold,
         // Mip-VoG keeps faint samples, for their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
+        sampled: None,
     };
     march.check(nodes).map_err(|error| match options.stepsize {
         Some(given) if *error.place() == Place::Key("march.stepsize".to_owned()) => {
@@ -86,7 +87,8 @@ pub(super) fn find(
         }
         _ => error,
     })?;
-    Ok((Activation { shift, interval, order }, march))
+    let function = DensityFunction::Softplus;
+    Ok((Activation { shift, interval, order, function }, march))
 }
 
 /// Settings of rays that the checkpoint records.

@@ -11,7 +11,6 @@
 
 mod coarse;
 mod grids;
-mod inspect;
 mod march;
 mod mask;
 mod mlp;
@@ -20,7 +19,7 @@ mod open;
 mod options;
 mod source;
 
-pub use inspect::{Inspection, ListedValue, Model, inspect, inspect_tensors};
-pub use open::open_tensors;
-pub use options::{MlpChoice, SourceOptions};
+pub use names::STATE;
+pub use open::{describe, open_tensors};
+pub use options::{MlpChoice, SourceOptions, ViewChoice};
 pub use source::{Assumption, Companion, Family, Source};

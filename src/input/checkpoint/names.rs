@@ -11,7 +11,7 @@ use crate::base::error::Result;
 use crate::input::tensor::{Tensor, TensorFile, Value};
 
 /// The dictionary of weights.
-pub(super) const STATE: &str = "model_state_dict";
+pub const STATE: &str = "model_state_dict";
 /// The dictionary of settings.
 pub(super) const SETTINGS: &str = "model_kwargs";
 /// The dictionary that describes a checkpoint's own density, for scenes that use it as a mask.

@@ -5,14 +5,15 @@ use std::sync::Arc;
 use super::march::Recorded;
 use super::mask::Mask;
 use super::names::NamedValues;
-use super::options::{MlpChoice, SourceOptions};
+use super::options::{MlpChoice, SourceOptions, ViewChoice};
 use super::source::{Assumption, Companion, Family, Source};
 use super::{grids, march, mlp};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::tensor::{self, TensorFile};
-use crate::model::field::{RadianceField, Scene};
+use crate::model::field::{ColorDomain, RadianceField, Scene};
+use crate::model::view_dependence::ViewDependence;
 
 /// Opacity that coarse stages start from, at most; fine ones start from 1e-2.
 const COARSE_ALPHA: f64 = 1e-5;
@@ -33,13 +34,35 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     Ok(source)
 }
 
+/// The same without the mask's values, and the mask's nodes.
+///
+/// # Errors
+/// Those of [`open_tensors`].
+pub fn describe(
+    file: &TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+) -> Result<(Source, Option<[usize; 3]>)> {
+    let (source, mask) = assemble(file, options, limits)?;
+    Ok((source, mask.map(|mask| mask.nodes.0)))
+}
+
 /// Everything but the mask's values.
-pub(super) fn assemble<'a>(
+fn assemble<'a>(
     file: &'a TensorFile,
     options: &SourceOptions,
     limits: &Limits,
 ) -> Result<(Source, Option<Mask<'a>>)> {
     options.check()?;
+    if let ViewChoice::Harmonics(_) = options.view {
+        return Err(Error::usage(
+            "--view sh:D takes harmonics, and this model's view-dependent colour is a network",
+        ));
+    }
+    let mlp_choice = match options.view {
+        ViewChoice::None => &MlpChoice::None,
+        _ => &options.mlp,
+    };
     let path = file.file.path();
     let names = NamedValues::new(file);
     let (mut assumptions, mut companions) = (Vec::new(), Vec::new());
@@ -52,7 +75,7 @@ pub(super) fn assemble<'a>(
     let (activation, march) =
         march::find(&names, family, &bounds, nodes, options, &recorded, &mut assumptions)?;
     let features = color.channels - 3;
-    let view_mlp = match &options.mlp {
+    let view_mlp = match mlp_choice {
         MlpChoice::None => None,
         MlpChoice::Auto => mlp::find(&names, family, features, limits, &mut assumptions)?,
         MlpChoice::File(path) => {
@@ -73,7 +96,7 @@ pub(super) fn assemble<'a>(
         }
     };
     if view_mlp.is_none() {
-        let asked = options.mlp == MlpChoice::None;
+        let asked = *mlp_choice == MlpChoice::None;
         grids::drop_features(&mut color, asked, &mut assumptions);
     }
     if view_mlp.is_none() && names.number("alpha_init")?.is_some_and(|alpha| alpha <= COARSE_ALPHA)
@@ -108,9 +131,18 @@ pub(super) fn assemble<'a>(
     }
     let background = options.background.or(recorded.background).unwrap_or([1.0; 3]);
     let scene = Scene { bounds, nodes, activation, march, background };
-    let field = RadianceField { scene, density, color: vec![color], view_mlp, free_space: None };
+    let field = RadianceField {
+        scene,
+        density: density.into(),
+        color: vec![color.into()],
+        color_domain: ColorDomain::Logit,
+        view: view_mlp.map(ViewDependence::Network),
+        free_space: None,
+    };
     let source = Source {
         field,
+        model: None,
+        scene_scale: 1.0,
         family,
         kind: file.kind,
         assumptions,

@@ -23,6 +23,25 @@ pub struct SourceOptions {
     /// Samples of at most this weight add no colour. Default: the checkpoint's
     /// `fast_color_thres`, else 1e-4
     pub color_threshold: Option<f32>,
+    /// The input's world is the scene's times this, above 0: positions are divided by it, and
+    /// densities are multiplied. Default: as the input says, else 1
+    pub scene_scale: Option<f32>,
+    /// The part of the view-dependent colour that is kept. Default: all
+    pub view: ViewChoice,
+    /// Leaves out a background that no container can hold. Default: such inputs are refused
+    pub drop_background: bool,
+}
+
+/// The part of the view-dependent colour that is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ViewChoice {
+    /// All that the model has.
+    #[default]
+    Keep,
+    /// Harmonics up to this degree, 0 to 3.
+    Harmonics(usize),
+    /// Colours that do not depend on the view.
+    None,
 }
 
 /// The network to bake.
@@ -56,6 +75,10 @@ impl SourceOptions {
         if let Some(color) = self.background.filter(|c| !c.iter().all(|v| (0.0..=1.0).contains(v)))
         {
             return refuse("background", &color, "three numbers from 0 to 1");
+        }
+        let scale = self.scene_scale;
+        if let Some(scale) = scale.filter(|scale| !(*scale > 0.0 && scale.is_finite())) {
+            return refuse("scene_scale", &scale, "a number above 0");
         }
         if let Some(least) = self.color_threshold.filter(|t| !(0.0..1.0).contains(t)) {
             return refuse("color_threshold", &least, "a weight from 0 to below 1");

@@ -6,16 +6,22 @@ use std::sync::Arc;
 use crate::base::bytes::SourceFile;
 use crate::input::tensor::FileKind;
 use crate::model::field::RadianceField;
+use crate::model::trained_model::LoadModel;
 
 /// A checkpoint, understood.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// The trained scene; its grids are still in the file.
     pub field: RadianceField,
+    /// The model by the rules of its own program, where they differ from the field's. Pictures of
+    /// the unbaked input are made of it.
+    pub model: Option<Arc<dyn LoadModel>>,
     /// The program family that wrote it.
     pub family: Family,
     /// Format of the file.
     pub kind: FileKind,
+    /// The input's world is the scene's times this, unless the user says otherwise.
+    pub scene_scale: f32,
     /// Settings that it lacks and that were assumed, to be shown to the user.
     pub assumptions: Vec<Assumption>,
     /// Names of the settings of [`SourceOptions`](super::SourceOptions) that the file records.
@@ -32,7 +38,7 @@ pub struct Source {
 /// Another file that a scene was read from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Companion {
-    /// `coarse` or `mlp`.
+    /// `coarse`, `mlp` or `args`.
     pub role: &'static str,
     /// Its path.
     pub path: PathBuf,
@@ -48,14 +54,29 @@ pub enum Family {
     MipVog,
     /// DirectVoxGO, either generation of names.
     Dvgo,
+    /// Plenoxels (svox2).
+    Plenoxels,
+    /// PlenOctrees (svox, volrend).
+    #[serde(rename = "plenoctree")]
+    PlenOctree,
+    /// Arrays of density and colour that anybody's code sampled.
+    Sampled,
 }
 
 impl Family {
+    /// True for models without values at the nodes of a grid: the field is made of samples.
+    pub const fn is_resampled(self) -> bool {
+        matches!(self, Self::PlenOctree)
+    }
+
     /// Its name, as people know it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::MipVog => "Mip-VoG",
             Self::Dvgo => "DirectVoxGO",
+            Self::Plenoxels => "Plenoxels",
+            Self::PlenOctree => "PlenOctree",
+            Self::Sampled => "sampled",
         }
     }
 }

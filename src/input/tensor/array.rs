@@ -27,9 +27,9 @@ pub struct Tensor {
     element: Element,
     shape: Vec<u64>,
     strides: Vec<u64>,
-    first: u64,
+    pub(super) first: u64,
     count: u64,
-    data: Data,
+    pub(super) data: Data,
 }
 
 impl Tensor {
@@ -233,7 +233,7 @@ impl Tensor {
         self.first..self.first + reach.sum::<u64>() + 1
     }
 
-    fn is_dense(&self) -> bool {
+    pub(super) fn is_dense(&self) -> bool {
         let mut dense = 1;
         self.shape.iter().zip(&self.strides).rev().all(|(&size, &stride)| {
             let fits = size == 1 || stride == dense;
@@ -243,7 +243,7 @@ impl Tensor {
     }
 
     /// The elements' bytes in C order.
-    fn packed(&self, budget: &mut Budget) -> Result<Vec<u8>> {
+    pub(super) fn packed(&self, budget: &mut Budget) -> Result<Vec<u8>> {
         if self.count == 0 {
             return Ok(Vec::new());
         }

@@ -19,6 +19,13 @@ pub struct TensorFile {
     pub file: Arc<SourceFile>,
 }
 
+impl TensorFile {
+    /// A setting: a value of the file, or among the texts of a safetensors file.
+    pub fn setting(&self, key: &str) -> Option<&Value> {
+        self.root.get(key).or_else(|| self.root.at(&["__metadata__", key]))
+    }
+}
+
 /// Formats of files of tensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]

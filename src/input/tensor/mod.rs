@@ -17,6 +17,7 @@ mod open;
 mod pickle;
 mod row;
 mod safetensors;
+mod storage;
 mod torch;
 mod value;
 mod zip;

@@ -122,6 +122,7 @@ fn element(dtype: &str, name: &str) -> Result<Element> {
         "U8" => Element::U8,
         "I8" => Element::I8,
         "I16" => Element::I16,
+        "U16" => Element::U16,
         "I32" => Element::I32,
         "I64" => Element::I64,
         _ => {

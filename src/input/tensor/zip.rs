@@ -5,7 +5,7 @@
 //! opening reads the directory and one header an entry, whatever the archive's size.
 
 use std::collections::BTreeMap;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::Arc;
 
 use ::zip::result::ZipError;
@@ -14,6 +14,9 @@ use ::zip::{CompressionMethod, ZipArchive};
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
+
+/// Bytes that are inflated at once.
+const INFLATED_PIECE: usize = 1 << 20;
 
 /// An archive whose directory was read and checked.
 #[derive(Debug)]
@@ -196,6 +199,39 @@ impl Archive {
             return Err(Error::malformed(place(), found, "no more"));
         }
         Ok(bytes)
+    }
+
+    /// Inflates an entry into a nameless file in the folder for temporary files; the checksum is
+    /// verified. The budget bounds the bytes.
+    pub(super) fn inflate_to_file(&self, number: usize, budget: &mut Budget) -> Result<SourceFile> {
+        let entry = self.entry(number)?;
+        let place = || Place::Entry(entry.name.clone());
+        budget.spend(entry.length, "inflated bytes", &place())?;
+        let mut zip = self.zip.clone();
+        let mut reader = zip.by_index(number).map_err(|error| refused(error, place()))?;
+        let folder = std::env::temp_dir();
+        let mut file = tempfile::tempfile().map_err(|error| Error::io(error, &folder))?;
+        let mut left = entry.length;
+        let mut piece = vec![0; INFLATED_PIECE];
+        loop {
+            let read = reader.read(&mut piece);
+            let count = read.map_err(|error| refused(ZipError::Io(error), place()))? as u64;
+            if count == 0 {
+                break;
+            }
+            left = left.checked_sub(count).ok_or_else(|| {
+                let found =
+                    format!("more than the {} bytes that the directory states", entry.length);
+                Error::malformed(place(), found, "no more")
+            })?;
+            let bytes = piece.get(..usize::try_from(count).unwrap_or(0)).unwrap_or_default();
+            file.write_all(bytes).map_err(|error| Error::io(error, &folder))?;
+        }
+        if left > 0 {
+            let kind = ErrorKind::Truncated { wanted: entry.length, left: entry.length - left };
+            return Err(Error::new(kind, place()));
+        }
+        Ok(SourceFile::nameless(file, self.file.path(), entry.length))
     }
 
     fn entry(&self, number: usize) -> Result<&Entry> {

@@ -4,12 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::activate;
 use crate::model::field::{Activation, INVISIBLE_OPACITY};
+use crate::model::harmonics::BAND_GAIN;
 
 /// The form in which a level stores density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DensityDomain {
-    /// Raw density, a logit: `sigma = softplus(value + shift)`.
+    /// Raw density: the activation's function makes density of it.
     #[serde(rename = "raw_density")]
     Raw,
     /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
@@ -25,9 +26,7 @@ impl DensityDomain {
     /// Opacity over one interval, 0 to 1. It never falls where values rise.
     pub fn opacity(self, value: f64, activation: &Activation) -> f64 {
         match self {
-            Self::Raw => {
-                activate::opacity(value, activation.shift.into(), activation.interval.into())
-            }
+            Self::Raw => activation.opacity(value),
             Self::SqrtOpticalDepth => -libm::expm1(-value * value),
             Self::Opacity => value.clamp(0.0, 1.0),
         }
@@ -51,23 +50,35 @@ pub enum Decode {
     Density(DensityDomain),
     /// Raw colour: `sigmoid(value)`.
     Logit,
+    /// Colour itself.
+    Linear,
+    /// A coefficient of this band of harmonics, 0 to 3.
+    Coefficient(u8),
 }
 
 impl Decode {
     /// Every meaning.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 9] = [
         Self::Density(DensityDomain::Raw),
         Self::Density(DensityDomain::SqrtOpticalDepth),
         Self::Density(DensityDomain::Opacity),
         Self::Logit,
+        Self::Linear,
+        Self::Coefficient(0),
+        Self::Coefficient(1),
+        Self::Coefficient(2),
+        Self::Coefficient(3),
     ];
 
-    /// Opacity over one interval, or colour from 0 to 1. Errors are stated in these. It never falls
+    /// Opacity over one interval, or colour from 0 to 1. Of coefficients, the largest colour that a
+    /// band of such coefficients adds in any direction. Errors are stated in these. It never falls
     /// where values rise.
     pub fn activated(self, value: f64, activation: &Activation) -> f64 {
         match self {
             Self::Density(domain) => domain.opacity(value, activation),
             Self::Logit => activate::sigmoid(value),
+            Self::Linear => value,
+            Self::Coefficient(band) => value * BAND_GAIN[usize::from(band.min(3))],
         }
     }
 
@@ -75,7 +86,7 @@ impl Decode {
     pub const fn density(self) -> Option<DensityDomain> {
         match self {
             Self::Density(domain) => Some(domain),
-            Self::Logit => None,
+            Self::Logit | Self::Linear | Self::Coefficient(_) => None,
         }
     }
 }
@@ -88,6 +99,15 @@ enum Name {
     Logit,
     SqrtOpticalDepth,
     Opacity,
+    Linear,
+    #[serde(rename = "band_0")]
+    Band0,
+    #[serde(rename = "band_1")]
+    Band1,
+    #[serde(rename = "band_2")]
+    Band2,
+    #[serde(rename = "band_3")]
+    Band3,
 }
 
 impl From<Name> for Decode {
@@ -97,6 +117,11 @@ impl From<Name> for Decode {
             Name::SqrtOpticalDepth => Self::Density(DensityDomain::SqrtOpticalDepth),
             Name::Opacity => Self::Density(DensityDomain::Opacity),
             Name::Logit => Self::Logit,
+            Name::Linear => Self::Linear,
+            Name::Band0 => Self::Coefficient(0),
+            Name::Band1 => Self::Coefficient(1),
+            Name::Band2 => Self::Coefficient(2),
+            Name::Band3 => Self::Coefficient(3),
         }
     }
 }
@@ -108,6 +133,11 @@ impl From<Decode> for Name {
             Decode::Density(DensityDomain::SqrtOpticalDepth) => Self::SqrtOpticalDepth,
             Decode::Density(DensityDomain::Opacity) => Self::Opacity,
             Decode::Logit => Self::Logit,
+            Decode::Linear => Self::Linear,
+            Decode::Coefficient(0) => Self::Band0,
+            Decode::Coefficient(1) => Self::Band1,
+            Decode::Coefficient(2) => Self::Band2,
+            Decode::Coefficient(_) => Self::Band3,
         }
     }
 }

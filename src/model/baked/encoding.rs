@@ -17,6 +17,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Decode;
 
+/// Number of groups.
+pub const GROUPS: usize = 6;
+
 /// Values that share an encoding and a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
@@ -26,11 +29,34 @@ pub enum Group {
     Diffuse,
     /// Specular features.
     Features,
+    /// Coefficients of one band of harmonics, 1 to 3.
+    Band(usize),
+}
+
+/// The parts of a node's colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ColorLayout {
+    /// Specular features; 0 beside harmonics.
+    pub features: usize,
+    /// The highest band of harmonics; 0 without them.
+    pub degree: usize,
+}
+
+impl ColorLayout {
+    /// All colour channels of a node.
+    pub fn channels(self) -> usize {
+        Group::COLORS.into_iter().map(|group| group.channels(self)).sum()
+    }
 }
 
 impl Group {
     /// Every group, in the order of a level's chunks.
-    pub const ALL: [Self; 3] = [Self::Density, Self::Diffuse, Self::Features];
+    pub const ALL: [Self; GROUPS] =
+        [Self::Density, Self::Diffuse, Self::Features, Self::Band(1), Self::Band(2), Self::Band(3)];
+
+    /// The groups of colour.
+    pub const COLORS: [Self; GROUPS - 1] =
+        [Self::Diffuse, Self::Features, Self::Band(1), Self::Band(2), Self::Band(3)];
 
     /// Its name in metadata and in unpacked files.
     pub const fn name(self) -> &'static str {
@@ -38,15 +64,30 @@ impl Group {
             Self::Density => "density",
             Self::Diffuse => "diffuse",
             Self::Features => "features",
+            Self::Band(1) => "band_1",
+            Self::Band(2) => "band_2",
+            Self::Band(_) => "band_3",
         }
     }
 
-    /// Channels, in a field with this many features.
-    pub const fn channels(self, features: usize) -> usize {
+    /// Channels of a node.
+    pub const fn channels(self, layout: ColorLayout) -> usize {
         match self {
             Self::Density => 1,
             Self::Diffuse => 3,
-            Self::Features => features,
+            Self::Features => layout.features,
+            Self::Band(band) if band <= layout.degree => 3 * (2 * band + 1),
+            Self::Band(_) => 0,
+        }
+    }
+
+    /// Its place in [`Self::ALL`].
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Density => 0,
+            Self::Diffuse => 1,
+            Self::Features => 2,
+            Self::Band(band) => 2 + band,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A container's content, decoded to codes.
 
-use super::{Codes, Group, Metadata, Table};
+use super::{Codes, GROUPS, Group, Metadata, Table};
 use crate::base::error::{Error, Place, Result};
 use crate::model::field::FreeSpace;
 use crate::model::view_mlp::ViewMlp;
@@ -45,7 +45,7 @@ impl BakedField {
                 return refuse(key(), "a table of other blocks", "those of the metadata");
             }
             for (group, codes) in Group::ALL.into_iter().zip(&level.atlases) {
-                let channels = group.channels(self.metadata.features);
+                let channels = group.channels(self.metadata.layout());
                 let count = level.table.frames() * channels * metadata.grid().block_nodes();
                 let fits = match (metadata.encoding(group), codes) {
                     (Some(encoding), Some(codes)) => codes.fit(encoding.number, count),
@@ -71,5 +71,5 @@ pub struct BakedLevel {
     /// The indirection table.
     pub table: Table,
     /// Codes by [`Group`]; `None` where the level has no such values.
-    pub atlases: [Option<Codes>; 3],
+    pub atlases: [Option<Codes>; GROUPS],
 }

@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{DensityDomain, Encoding, Group};
-use crate::model::field::{Activation, March, nullable};
+use super::{ColorLayout, Decode, DensityDomain, Encoding, Group};
+use crate::model::activate;
+use crate::model::field::{Activation, ColorDomain, March, nullable};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
-use crate::model::view_mlp::ViewInput;
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::view_dependence::ViewDependence;
+use crate::model::view_mlp::{ViewInput, ViewMlp};
 
 /// All that is not bulk. Levels go fine to coarse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,7 +30,8 @@ pub struct Metadata {
     pub background: [f32; 3],
     /// Color space of colours.
     pub color_space: ColorSpace,
-    /// Specular features of a node.
+    /// Colour channels of a node beyond three: specular features, or coefficients of harmonics
+    /// beyond band 0.
     pub features: usize,
     /// View-dependent colour; `None` for a diffuse field.
     #[serde(deserialize_with = "nullable")]
@@ -40,6 +44,47 @@ pub struct Metadata {
     pub filter: String,
     /// Fine to coarse.
     pub levels: Vec<LevelMetadata>,
+}
+
+impl Metadata {
+    /// The meaning of colours.
+    pub fn color_domain(&self) -> ColorDomain {
+        let diffuse = self.levels.first().and_then(|level| level.diffuse.as_ref());
+        match diffuse.map(|encoding| encoding.decode) {
+            Some(Decode::Linear | Decode::Coefficient(_)) => ColorDomain::Linear,
+            _ => ColorDomain::Logit,
+        }
+    }
+
+    /// The view dependence that is stated, with its `network` where it has one.
+    pub fn view_dependence(&self, network: Option<&ViewMlp>) -> Option<ViewDependence> {
+        match self.view.as_ref()? {
+            ViewMetadata::Harmonics(harmonics) => Some(ViewDependence::Harmonics(harmonics.rules)),
+            ViewMetadata::Network(_) => network.cloned().map(ViewDependence::Network),
+        }
+    }
+
+    /// A colour channel from 0 to 1 of a diffuse value; of harmonics the mean over all directions.
+    pub fn mean_color(&self, value: f32) -> f64 {
+        let view = self.view.as_ref().and_then(ViewMetadata::harmonics);
+        match (view, self.color_domain()) {
+            (Some(rules), _) => {
+                let band_0 = Harmonics { degree: 0, ..*rules };
+                let [color, ..] = band_0.color(&[BAND_0; FUNCTIONS], &[value; 3]);
+                f64::from(color).clamp(0.0, 1.0)
+            }
+            (None, ColorDomain::Linear) => f64::from(value).clamp(0.0, 1.0),
+            (None, ColorDomain::Logit) => activate::sigmoid(value.into()),
+        }
+    }
+
+    /// The parts of a node's colour.
+    pub fn layout(&self) -> ColorLayout {
+        match self.view.as_ref().and_then(ViewMetadata::harmonics) {
+            Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree },
+            None => ColorLayout { features: self.features, degree: 0 },
+        }
+    }
 }
 
 /// One level.
@@ -65,6 +110,9 @@ pub struct LevelMetadata {
     /// Specular features; `None` without any.
     #[serde(deserialize_with = "nullable")]
     pub features: Option<Encoding>,
+    /// Coefficients of harmonics, band 1 first; left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<Encoding>,
 }
 
 fn is_none(count: &usize) -> bool {
@@ -85,8 +133,20 @@ impl LevelMetadata {
 
     /// True if colours are stored in integer codes, as inherited blocks require.
     pub fn has_integer_colors(&self) -> bool {
-        let mut colors = [&self.diffuse, &self.features].into_iter().flatten();
+        let mut colors = Group::COLORS.into_iter().filter_map(|group| self.encoding(group));
         colors.all(|encoding| !encoding.number.is_float())
+    }
+
+    /// All encodings with their groups, to be changed, in the order of [`Group::ALL`].
+    pub fn encodings_mut(&mut self) -> impl Iterator<Item = (Group, &mut Encoding)> {
+        let bands = self.bands.iter_mut().enumerate();
+        let groups = [
+            (Group::Density, self.density.as_mut()),
+            (Group::Diffuse, self.diffuse.as_mut()),
+            (Group::Features, self.features.as_mut()),
+        ];
+        let groups = groups.into_iter().filter_map(|(group, encoding)| Some((group, encoding?)));
+        groups.chain(bands.map(|(i, encoding)| (Group::Band(i + 1), encoding)))
     }
 
     /// The encoding of a group, to be changed.
@@ -95,6 +155,7 @@ impl LevelMetadata {
             Group::Density => self.density.as_mut(),
             Group::Diffuse => self.diffuse.as_mut(),
             Group::Features => self.features.as_mut(),
+            Group::Band(band) => self.bands.get_mut(band - 1),
         }
     }
 
@@ -104,6 +165,7 @@ impl LevelMetadata {
             Group::Density => self.density.as_ref(),
             Group::Diffuse => self.diffuse.as_ref(),
             Group::Features => self.features.as_ref(),
+            Group::Band(band) => self.bands.get(band - 1),
         }
     }
 }
@@ -164,10 +226,70 @@ pub struct LevelOfDetail {
     pub bound: Option<f32>,
 }
 
+/// View-dependent colour.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum ViewMetadata {
+    /// Harmonics.
+    Harmonics(HarmonicsMetadata),
+    /// The network of chunk `VMLP`.
+    Network(NetworkMetadata),
+}
+
+impl ViewMetadata {
+    /// The network, if it is one.
+    pub fn network(&self) -> Option<&NetworkMetadata> {
+        match self {
+            Self::Network(network) => Some(network),
+            Self::Harmonics(_) => None,
+        }
+    }
+
+    /// The harmonics, if it is them.
+    pub fn harmonics(&self) -> Option<&Harmonics> {
+        match self {
+            Self::Network(_) => None,
+            Self::Harmonics(harmonics) => Some(&harmonics.rules),
+        }
+    }
+
+    /// The facts of a field's view dependence.
+    pub fn of(view: &ViewDependence) -> Self {
+        match view {
+            ViewDependence::Network(network) => Self::Network(NetworkMetadata {
+                widths: network.widths(),
+                frequencies: network.frequencies,
+                input: network.input,
+            }),
+            ViewDependence::Harmonics(rules) => {
+                Self::Harmonics(HarmonicsMetadata { kind: HarmonicsKind::default(), rules: *rules })
+            }
+        }
+    }
+}
+
+/// The rules of harmonics.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct HarmonicsMetadata {
+    /// The name of the kind.
+    kind: HarmonicsKind,
+    /// The rules.
+    #[serde(flatten)]
+    pub rules: Harmonics,
+}
+
+/// The name of the kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+enum HarmonicsKind {
+    #[default]
+    #[serde(rename = "spherical_harmonics")]
+    SphericalHarmonics,
+}
+
 /// The network of chunk `VMLP`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ViewMetadata {
+pub struct NetworkMetadata {
     /// Widths from input to output.
     pub widths: Vec<usize>,
     /// Octaves of the direction embedding.

@@ -15,10 +15,10 @@ mod occupancy;
 pub use codes::Codes;
 pub(crate) use codes::with_codes;
 pub use domain::{Decode, DensityDomain};
-pub use encoding::{Encoding, Group, NumberType};
+pub use encoding::{ColorLayout, Encoding, GROUPS, Group, NumberType};
 pub use field::{BakedField, BakedLevel};
 pub use metadata::{
-    Blend, ColorSpace, FootprintNeighbour, LevelMetadata, LevelOfDetail, Metadata, StepRule,
-    ViewMetadata,
+    Blend, ColorSpace, FootprintNeighbour, HarmonicsMetadata, LevelMetadata, LevelOfDetail,
+    Metadata, NetworkMetadata, StepRule, ViewMetadata,
 };
 pub use occupancy::{Occupancy, Table};

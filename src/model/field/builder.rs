@@ -2,10 +2,15 @@
 
 use std::sync::Arc;
 
-use super::{Activation, ActivationOrder, FreeSpace, March, RadianceField, Scene, Volume};
+use super::{
+    Activation, ActivationOrder, ColorDomain, DensityFunction, FreeSpace, Grid, March,
+    RadianceField, Scene, Volume,
+};
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::model::grid::{Bounds, Element, Nodes};
+use crate::model::harmonics::Harmonics;
+use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 
 /// Makes a [`RadianceField`] of arrays in memory.
@@ -39,7 +44,9 @@ pub struct FieldBuilder {
     near: f32,
     far: Option<f32>,
     background: [f32; 3],
-    network: Option<ViewMlp>,
+    function: DensityFunction,
+    color_domain: ColorDomain,
+    view: Option<ViewDependence>,
     free_space: Option<FreeSpace>,
 }
 
@@ -58,7 +65,9 @@ impl RadianceField {
             near: 0.0,
             far: None,
             background: [1.0; 3],
-            network: None,
+            function: DensityFunction::Softplus,
+            color_domain: ColorDomain::Logit,
+            view: None,
             free_space: None,
         }
     }
@@ -106,8 +115,30 @@ impl FieldBuilder {
     /// network that makes view-dependent colour of them.
     #[must_use]
     pub fn view_dependence(mut self, features: Vec<f32>, network: ViewMlp) -> Self {
-        (self.features, self.network) = (features, Some(network));
+        (self.features, self.view) = (features, Some(ViewDependence::Network(network)));
         self
+    }
+
+    /// The function from raw density to density. Default: softplus. Beside relu there is no shift.
+    #[must_use]
+    pub fn density_function(mut self, function: DensityFunction) -> Self {
+        self.function = function;
+        self
+    }
+
+    /// The colours are no logits but colours themselves, 0 to 1 and beyond.
+    #[must_use]
+    pub fn linear_colors(mut self) -> Self {
+        self.color_domain = ColorDomain::Linear;
+        self
+    }
+
+    /// Colours are harmonics: the diffuse array holds the coefficients of band 0, `higher` those of
+    /// the other functions in their order, three channels each.
+    #[must_use]
+    pub fn harmonics(mut self, higher: Vec<f32>, harmonics: Harmonics) -> Self {
+        (self.features, self.view) = (higher, Some(ViewDependence::Harmonics(harmonics)));
+        self.linear_colors()
     }
 
     /// The mask of the space that training left free. Default: none.
@@ -162,6 +193,7 @@ impl FieldBuilder {
                 shift: self.shift,
                 interval: self.stepsize,
                 order: ActivationOrder::Raw,
+                function: self.function,
             },
             march: March {
                 stepsize: self.stepsize,
@@ -170,14 +202,16 @@ impl FieldBuilder {
                 far: self.far,
                 color_threshold: 1e-4,
                 alpha_threshold: 0.0,
+                sampled: None,
             },
             background: self.background,
         };
         let field = RadianceField {
             scene,
-            density: volume("density", self.density)?,
-            color,
-            view_mlp: self.network,
+            density: volume("density", self.density)?.into(),
+            color: color.into_iter().map(Grid::from).collect(),
+            color_domain: self.color_domain,
+            view: self.view,
             free_space: self.free_space,
         };
         field.check()?;

@@ -3,6 +3,7 @@
 
 mod builder;
 mod free_space;
+mod grid;
 mod planes;
 mod radiance_field;
 mod scene;
@@ -10,8 +11,12 @@ mod volume;
 
 pub use builder::FieldBuilder;
 pub use free_space::{FreeSpace, Lookup};
-pub use planes::{EMPTY_DENSITY, Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
+pub use grid::{Grid, NodeValues};
+pub use planes::{Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub use radiance_field::RadianceField;
 pub(crate) use scene::nullable;
-pub use scene::{Activation, ActivationOrder, INVISIBLE_OPACITY, March, Scene};
+pub use scene::{
+    Activation, ActivationOrder, ColorDomain, DensityFunction, EMPTY_LOGIT, INVISIBLE_OPACITY,
+    March, Scene,
+};
 pub use volume::Volume;

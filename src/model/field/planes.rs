@@ -4,12 +4,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::model::field::{RadianceField, Volume};
-use crate::model::grid::{NodeMask, row};
-
-/// Raw density of a node that is not there. Far below any threshold, and the value of invisible
-/// nodes of trained scenes hold.
-pub const EMPTY_DENSITY: f32 = -100.0;
+use crate::model::field::{Grid, RadianceField, Volume};
+use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
 const BRIDGED_BYTES: usize = 1024;
@@ -91,7 +87,7 @@ impl<'a> Planes<'a> {
         region: &[u64],
         out: &mut [f32],
     ) -> Result<PlaneRead> {
-        let Some((volume, volume_channel)) = self.field.volume_of(channel) else {
+        let Some((grid, grid_channel)) = self.field.grid_of(channel) else {
             return Err(Error::new(ErrorKind::Overflow { what: "channel" }, Place::File));
         };
         let mut scratch = Vec::new();
@@ -100,20 +96,38 @@ impl<'a> Planes<'a> {
             checksum: crc32fast::Hasher::new(),
             nonfinite: NonfiniteCount::default(),
         };
-        let nz = volume.nodes.0[2];
-        for run in runs(volume, region) {
-            let at = [x, run.start / nz, run.start % nz];
-            let values = &mut out[run.clone()];
-            volume.read_run(volume_channel, at, values, &mut scratch, |stored| {
-                read.checksum.update(stored);
-                read.bytes += stored.len() as u64;
-            })?;
+        let Nodes([_, ny, nz]) = grid.nodes();
+        let empty_raw = self.field.scene.activation.empty_raw();
+        let empty = if channel == 0 { empty_raw } else { 0.0 };
+        let mut replace = |start: usize, values: &mut [f32]| {
             if !all_finite(values) {
-                read.nonfinite.join(replace_nonfinite([channel, x], run.start, nz, values));
+                let found = replace_nonfinite([channel, x], start, nz, values, empty);
+                read.nonfinite.join(found);
+            }
+        };
+        match grid {
+            Grid::Array(volume) => {
+                for run in runs(volume, region) {
+                    let at = [x, run.start / nz, run.start % nz];
+                    let values = &mut out[run.clone()];
+                    volume.read_run(grid_channel, at, values, &mut scratch, |stored| {
+                        read.checksum.update(stored);
+                        read.bytes += stored.len() as u64;
+                    })?;
+                    replace(run.start, values);
+                }
+            }
+            Grid::Values(values) => {
+                read.bytes = values.read(grid_channel, x, region, out)?;
+                for (y, row) in region.chunks_exact(region.len() / ny).enumerate() {
+                    for (start, end) in row::runs(row) {
+                        replace(y * nz + start, &mut out[y * nz + start..y * nz + end]);
+                    }
+                }
             }
         }
         if let Some(outside) = self.outside.as_ref().filter(|_| channel == 0) {
-            empty(outside, x, out);
+            lower(outside, x, out, empty_raw);
         }
         Ok(read)
     }
@@ -156,8 +170,8 @@ fn replace_nonfinite(
     start: usize,
     nz: usize,
     values: &mut [f32],
+    empty: f32,
 ) -> NonfiniteCount {
-    let empty = if channel == 0 { EMPTY_DENSITY } else { 0.0 };
     let mut found = NonfiniteCount::default();
     for (i, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
         *value = empty;
@@ -175,7 +189,8 @@ fn all_finite(values: &[f32]) -> bool {
     values.iter().fold(0, found) == 0
 }
 
-fn stated_crc32(volume: &Volume) -> Option<u32> {
+fn stated_crc32(grid: &Grid) -> Option<u32> {
+    let volume = grid.array()?;
     volume.storage.crc32().filter(|_| volume.fills_storage())
 }
 
@@ -221,12 +236,12 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
 
 /// Lowers nodes outside the mask to emptiness. Lower values stay: levels as trained average them as
 /// they are.
-fn empty(outside: &NodeMask, x: usize, plane: &mut [f32]) {
+fn lower(outside: &NodeMask, x: usize, plane: &mut [f32], empty: f32) {
     let nz = outside.nodes().0[2];
     for (y, values) in plane.chunks_exact_mut(nz).enumerate() {
         for (start, end) in row::runs(outside.row(x, y)) {
             for value in &mut values[start..end] {
-                *value = value.min(EMPTY_DENSITY);
+                *value = value.min(empty);
             }
         }
     }

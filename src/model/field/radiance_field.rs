@@ -1,7 +1,9 @@
 //! The trained scene: its grids, its network and its mask.
 
-use super::{Activation, FreeSpace, Scene, Volume};
+use super::{Activation, ColorDomain, DensityFunction, FreeSpace, Grid, Scene};
 use crate::base::error::{Error, Place, Result};
+use crate::model::harmonics::Harmonics;
+use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 
 /// A trained scene, grids not yet read.
@@ -9,12 +11,15 @@ use crate::model::view_mlp::ViewMlp;
 pub struct RadianceField {
     /// The renderer's settings beside the grids.
     pub scene: Scene,
-    /// Raw logits, one channel.
-    pub density: Volume,
-    /// Raw logits: 3 diffuse colour channels, then the specular features, in one volume or more.
-    pub color: Vec<Volume>,
-    /// View-dependent colour, added once a ray; without it the scene is diffuse.
-    pub view_mlp: Option<ViewMlp>,
+    /// Raw density, one channel.
+    pub density: Grid,
+    /// Raw colour in one grid or more: 3 diffuse channels, then the specular features; or the
+    /// coefficients of harmonics, function by function, each red, green and blue.
+    pub color: Vec<Grid>,
+    /// The meaning of raw colour; linear beside harmonics.
+    pub color_domain: ColorDomain,
+    /// View-dependent colour; without it the scene is diffuse.
+    pub view: Option<ViewDependence>,
     /// The space in which training kept samples; none means everywhere.
     pub free_space: Option<FreeSpace>,
 }
@@ -34,40 +39,64 @@ impl RadianceField {
         bounds.check(&place("bounds"))?;
         let large = nodes.0.iter().all(|&size| size >= 2);
         require(large, "nodes", format!("{:?}", nodes.0), "at least 2 nodes along each axis")?;
-        let Activation { shift, interval, .. } = *activation;
+        let Activation { shift, interval, function, .. } = *activation;
         let opaque = shift.is_finite() && interval > 0.0 && interval.is_finite();
         let found = format!("shift {shift}, interval {interval}");
         require(opaque, "activation", found, "a finite shift and a positive interval")?;
+        let shifted = function == DensityFunction::Relu && shift != 0.0;
+        require(!shifted, "activation", format!("relu with shift {shift}"), "no shift")?;
         march.check(*nodes)?;
-        let found = format!("{} channels", self.density.channels);
-        require(self.density.channels == 1, "density", found, "one channel")?;
+        let found = format!("{:?}", march.sampled);
+        require(march.samples_within(bounds), "march.sampled", found, "a box within the field's")?;
+        let found = format!("{} channels", self.density.channels());
+        require(self.density.channels() == 1, "density", found, "one channel")?;
         let found = format!("{} channels", self.color_channels());
         require(self.color_channels() >= 3, "colour", found, "at least 3 channels")?;
-        for volume in std::iter::once(&self.density).chain(&self.color) {
-            let found = format!("a volume of {:?} nodes", volume.nodes.0);
+        for grid in self.grids() {
+            let found = format!("a grid of {:?} nodes", grid.nodes().0);
             let expected = format!("{:?} nodes", nodes.0);
-            require(volume.nodes == *nodes, "volumes", found, &expected)?;
+            require(grid.nodes() == *nodes, "grids", found, &expected)?;
         }
-        if let Some(network) = &self.view_mlp {
-            network.check(self.color_channels() - 3, &place("view network"))?;
+        if let Some(view) = &self.view {
+            view.check(self.color_channels() - 3, &place("view dependence"))?;
+            let harmonics = view.harmonics().is_some();
+            let expected = "linear colours beside harmonics, logits beside a network";
+            let found = format!("{:?}", self.color_domain);
+            let fits = harmonics == (self.color_domain == ColorDomain::Linear);
+            require(fits, "colour", found, expected)?;
         }
         self.free_space.as_ref().map_or(Ok(()), FreeSpace::check)
     }
 
     /// Channels of colour and features together.
     pub fn color_channels(&self) -> usize {
-        self.color.iter().map(|volume| volume.channels).sum()
+        self.color.iter().map(Grid::channels).sum()
     }
 
-    /// The volume that holds a channel, 0 being density and the others colour, and the channel's
+    /// The network that makes view-dependent colour, if there is one.
+    pub fn network(&self) -> Option<&ViewMlp> {
+        self.view.as_ref().and_then(ViewDependence::network)
+    }
+
+    /// The harmonics, if there are any.
+    pub fn harmonics(&self) -> Option<&Harmonics> {
+        self.view.as_ref().and_then(ViewDependence::harmonics)
+    }
+
+    /// All grids, density first.
+    pub fn grids(&self) -> impl Iterator<Item = &Grid> {
+        std::iter::once(&self.density).chain(&self.color)
+    }
+
+    /// The grid that holds a channel, 0 being density and the others colour, and the channel's
     /// number in it.
-    pub(super) fn volume_of(&self, channel: usize) -> Option<(&Volume, usize)> {
+    pub fn grid_of(&self, channel: usize) -> Option<(&Grid, usize)> {
         let mut left = channel;
-        for volume in std::iter::once(&self.density).chain(&self.color) {
-            if left < volume.channels {
-                return Some((volume, left));
+        for grid in self.grids() {
+            if left < grid.channels() {
+                return Some((grid, left));
             }
-            left -= volume.channels;
+            left -= grid.channels();
         }
         None
     }

@@ -9,6 +9,9 @@ use crate::model::grid::{Bounds, Nodes};
 /// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
 pub const INVISIBLE_OPACITY: f64 = 1e-10;
 
+/// Logit of empty space.
+pub const EMPTY_LOGIT: f32 = -100.0;
+
 /// Opacity of raw density, and the march of rays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
@@ -24,23 +27,94 @@ pub struct Scene {
     pub background: [f32; 3],
 }
 
-/// `sigma = softplus(raw + shift)`, `alpha = 1 - exp(-sigma * interval)`.
+/// `sigma = softplus(raw + shift)` or `max(raw, 0)`, `alpha = 1 - exp(-sigma * interval)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Activation {
-    /// Added to raw density before softplus.
+    /// Added to raw density before softplus; 0 beside `relu`.
     pub shift: f32,
     /// Step length over base voxel size.
     pub interval: f32,
     /// The values that are interpolated between nodes.
     pub order: ActivationOrder,
+    /// Raw density to density; left out where it is softplus.
+    #[serde(default, skip_serializing_if = "is_softplus")]
+    pub function: DensityFunction,
+}
+
+/// The function from raw density to density.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DensityFunction {
+    /// `softplus(raw + shift)`: raw densities are logits.
+    #[default]
+    Softplus,
+    /// `max(raw, 0)`: raw densities are densities, and may be negative.
+    Relu,
+}
+
+fn is_softplus(function: &DensityFunction) -> bool {
+    *function == DensityFunction::Softplus
+}
+
+/// The meaning of stored colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ColorDomain {
+    /// Logits: `sigmoid(value)` is a colour.
+    #[default]
+    Logit,
+    /// Colours themselves, or coefficients of harmonics.
+    Linear,
 }
 
 impl Activation {
+    /// Of raw densities that are logits, interpolated as they are.
+    pub const fn logits(shift: f32, interval: f32) -> Self {
+        let (order, function) = (ActivationOrder::Raw, DensityFunction::Softplus);
+        Self { shift, interval, order, function }
+    }
+
+    /// Of raw densities that may be negative, interpolated as they are.
+    pub const fn relu(interval: f32) -> Self {
+        let (order, function) = (ActivationOrder::Raw, DensityFunction::Relu);
+        Self { shift: 0.0, interval, order, function }
+    }
     /// The raw density of an opacity of 1e-10. Renderers need not look at cells whose corners are
     /// all at or below it, and bakes give don't-care nodes at most this value.
     pub fn invisible_raw(&self) -> f32 {
-        activate::raw_at_opacity(INVISIBLE_OPACITY, self.shift.into(), self.interval.into()) as f32
+        self.raw_at_opacity(INVISIBLE_OPACITY) as f32
+    }
+
+    /// Density of a raw density: optical depth over one interval, divided by the interval.
+    pub fn density(&self, raw: f64) -> f64 {
+        match self.function {
+            DensityFunction::Softplus => activate::softplus(raw + f64::from(self.shift)),
+            DensityFunction::Relu => raw.max(0.0),
+        }
+    }
+
+    /// Opacity over one interval of a raw density, 0 to 1. It never falls where raw densities rise.
+    pub fn opacity(&self, raw: f64) -> f64 {
+        -libm::expm1(-self.density(raw) * f64::from(self.interval))
+    }
+
+    /// The raw density of this opacity over one interval.
+    pub fn raw_at_opacity(&self, opacity: f64) -> f64 {
+        match self.function {
+            DensityFunction::Softplus => {
+                activate::raw_at_opacity(opacity, self.shift.into(), self.interval.into())
+            }
+            DensityFunction::Relu => -libm::log1p(-opacity) / f64::from(self.interval),
+        }
+    }
+
+    /// Raw density of a node that is not there. For logits it is far below any threshold, and the
+    /// value that invisible nodes of trained scenes hold.
+    pub fn empty_raw(&self) -> f32 {
+        match self.function {
+            DensityFunction::Softplus => EMPTY_LOGIT,
+            DensityFunction::Relu => 0.0,
+        }
     }
 }
 
@@ -73,6 +147,10 @@ pub struct March {
     pub color_threshold: f32,
     /// Samples of at most this opacity are dropped altogether.
     pub alpha_threshold: f32,
+    /// The part of the box in which rays are sampled; none is all of it. Samples outside of it, where
+    /// nodes may still be, are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampled: Option<Bounds>,
 }
 
 impl March {
@@ -80,6 +158,26 @@ impl March {
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.
     pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    /// The part of a box in which rays are sampled, 0 to 1 along each axis.
+    pub fn sampled_shares(&self, bounds: &Bounds) -> [[f64; 2]; 3] {
+        let Some(sampled) = &self.sampled else { return [[0.0, 1.0]; 3] };
+        let extent = bounds.extent();
+        std::array::from_fn(|axis| {
+            let corners = [sampled.min[axis], sampled.max[axis]];
+            corners.map(|at| (f64::from(at) - f64::from(bounds.min[axis])) / extent[axis])
+        })
+    }
+
+    /// True if the part in which rays are sampled is a box within `bounds`.
+    pub fn samples_within(&self, bounds: &Bounds) -> bool {
+        let Some(sampled) = &self.sampled else { return true };
+        let within = |axis: usize| {
+            let (low, high) = (sampled.min[axis], sampled.max[axis]);
+            bounds.min[axis] <= low && low < high && high <= bounds.max[axis]
+        };
+        (0..3).all(within)
+    }
 
     /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {

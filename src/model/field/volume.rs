@@ -28,6 +28,14 @@ impl Volume {
         (self.channels * self.nodes.count() * self.element.size()) as u64
     }
 
+    /// Some of its channels.
+    #[must_use]
+    pub fn with_channels(mut self, channels: std::ops::Range<usize>) -> Self {
+        self.first += channels.start as u64 * self.strides[0];
+        self.channels = channels.len();
+        self
+    }
+
     /// True if the values lie in the storage one after the other in C order and fill it. Then
     /// reading all of them reads the same bytes that the storage's checksum covers.
     pub fn fills_storage(&self) -> bool {

@@ -19,6 +19,8 @@ pub enum Element {
     I8,
     /// Two bytes, two's complement.
     I16,
+    /// Two bytes, unsigned.
+    U16,
     /// Four bytes, two's complement.
     I32,
     /// Eight bytes, two's complement.
@@ -30,7 +32,7 @@ impl Element {
     pub const fn size(self) -> usize {
         match self {
             Self::Bool | Self::U8 | Self::I8 => 1,
-            Self::F16 | Self::BF16 | Self::I16 => 2,
+            Self::F16 | Self::BF16 | Self::I16 | Self::U16 => 2,
             Self::F32 | Self::I32 => 4,
             Self::F64 | Self::I64 => 8,
         }
@@ -46,6 +48,7 @@ impl Element {
             "u1" => Self::U8,
             "i1" => Self::I8,
             "i2" => Self::I16,
+            "u2" => Self::U16,
             "i4" => Self::I32,
             "i8" => Self::I64,
             _ => return None,
@@ -63,6 +66,7 @@ impl Element {
             Self::U8 => "uint8",
             Self::I8 => "int8",
             Self::I16 => "int16",
+            Self::U16 => "uint16",
             Self::I32 => "int32",
             Self::I64 => "int64",
         }
@@ -87,6 +91,7 @@ impl Element {
             Self::U8 => each!(1, |[b]: [u8; 1]| f32::from(b)),
             Self::I8 => each!(1, |b| f32::from(i8::from_le_bytes(b))),
             Self::I16 => each!(2, |b| f32::from(i16::from_le_bytes(b))),
+            Self::U16 => each!(2, |b| f32::from(u16::from_le_bytes(b))),
             Self::I32 => each!(4, |b| i32::from_le_bytes(b) as f32),
             Self::I64 => each!(8, |b| i64::from_le_bytes(b) as f32),
         }
@@ -113,6 +118,7 @@ mod tests {
         assert_eq!(decoded(Element::U8, &[0, 255]), [0.0, 255.0]);
         assert_eq!(decoded(Element::I8, &[128, 127]), [-128.0, 127.0]);
         assert_eq!(decoded(Element::I16, &(-300i16).to_le_bytes()), [-300.0]);
+        assert_eq!(decoded(Element::U16, &[0xff, 0xff]), [65535.0]);
         assert_eq!(decoded(Element::I32, &7i32.to_le_bytes()), [7.0]);
         assert_eq!(decoded(Element::I64, &i64::MIN.to_le_bytes()), [-9.223_372e18]);
     }

@@ -77,7 +77,7 @@ pub fn camera_coverage(
             if let Some(lattice) = Lattice::new(view, &batch[i]) {
                 let unit = MAX_SUM / cameras.len() as f64 / lattice.points_of_picture();
                 let buffer = ImportanceBuffer { nodes: view.nodes, unit, sums: &sums };
-                with_values!(field, values => {
+                with_values!(field.lanes()?, values => {
                     follow(view, values, &lattice, least_weight, &buffer, &mut mask, progress)
                 })?;
             }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::march::{Gathered, march};
-use super::renderer::{Renderer, with_values};
+use super::renderer::{Content, Renderer, with_values};
 use super::shade::view_colors;
 use super::view::View;
 use crate::base::error::{Error, Result};
@@ -11,6 +11,7 @@ use crate::base::parallel;
 use crate::base::picture::box_means;
 use crate::base::progress::{Progress, Silent, Step};
 use crate::model::camera::{Camera, Lens};
+use crate::model::trained_model::{RayColor, TrainedModel};
 use crate::view::sample::Sample;
 
 /// Pixels along a tile's edge. Neighbouring rays read the same blocks.
@@ -70,9 +71,9 @@ pub struct Frame {
 pub struct Statistics {
     /// Rays.
     pub rays: u64,
-    /// Samples that were interpolated.
+    /// Samples that were interpolated; not counted for models with rules of their own.
     pub samples: u64,
-    /// Samples between the rays' entry and exit, looked at or not.
+    /// Samples between the rays' entry and exit, looked at or not; likewise.
     pub steps: u64,
 }
 
@@ -114,8 +115,12 @@ pub fn render(
     let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
     let view = field.view();
     view.check()?;
-    let frame =
-        with_values!(field, values => render_tiles(view, values, &fine, options, progress))?;
+    let frame = match field.content() {
+        Content::Values(lanes) => {
+            with_values!(lanes, values => render_tiles(view, values, &fine, options, progress))?
+        }
+        Content::Model(model) => render_model(&**model, view, &fine, progress)?,
+    };
     Ok(frame.box_downsampled(options.supersample))
 }
 
@@ -135,11 +140,9 @@ fn render_tiles<const C: usize>(
     progress: &dyn Progress,
 ) -> Result<Frame> {
     let Lens { width, height, .. } = camera.lens;
-    let across = width.div_ceil(TILE);
-    let tiles = parallel::map(across * height.div_ceil(TILE), |i| {
-        let origin = [i % across * TILE, i / across * TILE];
-        let size = [TILE.min(width - origin[0]), TILE.min(height - origin[1])];
-        let tile = render_tile(view, field, camera, options, [origin, size], progress);
+    let places = tile_places(&camera.lens);
+    let tiles = parallel::map(places.len(), |i| {
+        let tile = render_tile(view, field, camera, options, places[i], progress);
         progress.advance(Step::Render, 1);
         tile
     })?;
@@ -147,6 +150,59 @@ fn render_tiles<const C: usize>(
     let mut frame = Frame::black(width, height, channels);
     for tile in &tiles {
         tile.place(view, &mut frame);
+    }
+    Ok(frame)
+}
+
+/// Origin and size of each tile of a picture.
+fn tile_places(lens: &Lens) -> Vec<[[usize; 2]; 2]> {
+    let across = lens.width.div_ceil(TILE);
+    let place = |i: usize| {
+        let origin = [i % across * TILE, i / across * TILE];
+        [origin, [TILE.min(lens.width - origin[0]), TILE.min(lens.height - origin[1])]]
+    };
+    (0..across * lens.height.div_ceil(TILE)).map(place).collect()
+}
+
+/// The picture of a model by its own rules. All of its colour counts as diffuse.
+fn render_model(
+    model: &dyn TrainedModel,
+    view: &View,
+    camera: &Camera,
+    progress: &dyn Progress,
+) -> Result<Frame> {
+    let (rules, places) = (view.ray_rules(), tile_places(&camera.lens));
+    let pixel = |place: [[usize; 2]; 2], i: usize| {
+        let [[x, y], [width, _]] = place;
+        [x + i % width, y + i / width]
+    };
+    let tiles = parallel::map(places.len(), |number| {
+        let [_, [width, height]] = places[number];
+        let follow = |i| {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            let [x, y] = pixel(places[number], i).map(|at| at as f64 + 0.5);
+            Ok(model.ray_color(&camera.ray(x, y), &rules))
+        };
+        let tile: Result<Vec<RayColor>> = (0..width * height).map(follow).collect();
+        progress.advance(Step::Render, 1);
+        tile
+    })?;
+    let mut frame = Frame::black(camera.lens.width, camera.lens.height, 3);
+    for (&place, tile) in places.iter().zip(&tiles) {
+        for (i, light) in tile.iter().enumerate() {
+            let [x, y] = pixel(place, i);
+            let at = y * frame.width + x;
+            frame.color[at] = light.color;
+            frame.transmittance[at] = light.transmittance;
+            frame.distance[at] = light.distance;
+            for channel in 0..3 {
+                let behind = light.transmittance * rules.background[channel];
+                frame.accumulated[3 * at + channel] = light.color[channel] - behind;
+            }
+        }
+        frame.statistics.rays += tile.len() as u64;
     }
     Ok(frame)
 }

@@ -1,5 +1,6 @@
 //! One ray.
 
+use super::color_rule::ColorRule;
 use super::packet::{Packet, Sums};
 use super::route::Route;
 use super::view::View;
@@ -38,8 +39,10 @@ pub fn march<const C: usize>(
     fixed_level: Option<usize>,
 ) -> Gathered<C> {
     let mut sums = Sums::nothing();
+    let direction = ray.direction / ray.direction.length();
+    let rule = ColorRule::of(view, direction.to_array());
     let Some(route) = Route::new(view, field.levels(), ray, neighbours, fixed_level) else {
-        return Gathered::of(&sums, 0);
+        return Gathered::of(&sums, &rule, 0);
     };
     let path = &route.path;
     let steps = (path.last - path.first) as u32 + 1;
@@ -47,19 +50,21 @@ pub fn march<const C: usize>(
     route.walk(view, field.skip(), |k, lambda, interval| {
         let level = lambda as usize;
         if packet.refuses(level) {
-            packet.shade(view, field, path, &mut sums);
+            packet.shade(view, field, path, &rule, &mut sums);
         }
         packet.push(k, level, lambda - level as f32, interval);
         sums.depth < OPAQUE_DEPTH
     });
-    packet.shade(view, field, path, &mut sums);
-    Gathered::of(&sums, steps)
+    packet.shade(view, field, path, &rule, &mut sums);
+    Gathered::of(&sums, &rule, steps)
 }
 
 impl<const C: usize> Gathered<C> {
-    fn of(sums: &Sums<C>, steps: u32) -> Self {
+    fn of(sums: &Sums<C>, rule: &ColorRule, steps: u32) -> Self {
+        let mut color = sums.color.map(|sum| sum as f32);
+        rule.finish(&mut color);
         Self {
-            color: sums.color.map(|sum| sum as f32),
+            color,
             transmittance: lanes::exp(-sums.depth as f32),
             distance: sums.distance as f32,
             level: sums.level as f32,

@@ -7,6 +7,7 @@
 //! of a picture in parallel and adds the view-dependent colour, many rays at a time. The picture
 //! does not depend on the number of threads.
 
+mod color_rule;
 mod coverage;
 mod footprint;
 mod frame;
@@ -20,9 +21,9 @@ mod sample;
 mod shade;
 mod view;
 
+pub use color_rule::ColorRule;
 pub use coverage::{CameraCoverage, camera_coverage};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
-pub use rays::RayColor;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;

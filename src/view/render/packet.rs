@@ -3,11 +3,12 @@
 
 use multiversion::multiversion;
 
+use super::color_rule::ColorRule;
 use super::path::Path;
 use super::view::View;
 use crate::model::activate::lanes;
 use crate::model::baked::{Blend, DensityDomain};
-use crate::model::field::{Activation, ActivationOrder};
+use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::view::sample::{Cell, Sample};
 
 /// Samples of a packet: a cache line of f32, and about as many as a ray takes before it ends.
@@ -97,6 +98,7 @@ impl Packet {
         view: &View,
         field: &impl Sample<C>,
         path: &Path,
+        rule: &ColorRule,
         sums: &mut Sums<C>,
     ) {
         if self.count == 0 {
@@ -125,7 +127,8 @@ impl Packet {
             distance += weight * path.distance(self.k[i]) as f32;
             levels += weight * (self.level as f32 + self.blend[i]);
             if weight > view.march.color_threshold {
-                let color = self.color(view.blend, field, &located.cells[i], self.blend[i]);
+                let cells = &located.cells[i];
+                let color = self.color(view.blend, rule, field, cells, self.blend[i]);
                 for (sum, color) in colors.iter_mut().zip(color) {
                     *sum += weight * color;
                 }
@@ -191,6 +194,7 @@ impl Packet {
     fn color<const C: usize>(
         &self,
         order: Blend,
+        rule: &ColorRule,
         field: &impl Sample<C>,
         [fine, coarse]: &[Option<Cell>; 2],
         blend: f32,
@@ -201,28 +205,21 @@ impl Packet {
         };
         let mut color = at(self.level, fine);
         if blend == 0.0 {
-            activate(&mut color);
+            rule.activate(&mut color);
             return color;
         }
         let mut coarser = at(self.level + 1, coarse);
         if order == Blend::AfterActivation {
-            activate(&mut color);
-            activate(&mut coarser);
+            rule.activate(&mut color);
+            rule.activate(&mut coarser);
         }
         for (color, coarser) in color.iter_mut().zip(coarser) {
             *color += (coarser - *color) * blend;
         }
         if order == Blend::BeforeActivation {
-            activate(&mut color);
+            rule.activate(&mut color);
         }
         color
-    }
-}
-
-#[inline(always)]
-fn activate<const C: usize>(color: &mut [f32; C]) {
-    for color in color {
-        *color = lanes::sigmoid(*color);
     }
 }
 
@@ -236,9 +233,11 @@ struct Composited {
 
 /// Optical depths over one interval of interpolated densities.
 fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -> [f32; PACKET] {
-    let Activation { shift, interval, order } = view.activation;
-    match (domain, order) {
-        (DensityDomain::Raw, ActivationOrder::Raw) => raw_depths(density, shift, interval),
+    let Activation { shift, interval, order, function } = view.activation;
+    match (domain, order, function) {
+        (DensityDomain::Raw, ActivationOrder::Raw, DensityFunction::Softplus) => {
+            raw_depths(density, shift, interval)
+        }
         _ => density.map(|density| optical_depth(density, domain, view)),
     }
 }
@@ -247,10 +246,12 @@ fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -
 /// numbers, so that mixing two of them gives no NaN.
 #[inline(always)]
 pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
-    let Activation { shift, interval, order } = view.activation;
+    let Activation { shift, interval, order, function } = view.activation;
     match (domain, order) {
-        (DensityDomain::Raw, ActivationOrder::Raw) => raw_depth(density, shift, interval),
-        (DensityDomain::Raw, ActivationOrder::Density) => {
+        (DensityDomain::Raw, ActivationOrder::Raw) if function == DensityFunction::Softplus => {
+            raw_depth(density, shift, interval)
+        }
+        (DensityDomain::Raw, ActivationOrder::Raw | ActivationOrder::Density) => {
             (density.max(0.0) * interval).min(f32::MAX)
         }
         (DensityDomain::SqrtOpticalDepth, _) => {

@@ -35,15 +35,15 @@ impl Path {
         let (start, step) = samples(view, ray, entry, t_step);
         // The first and the last sample inside, along every axis.
         let (mut first, mut last) = (0.0f64, view.march.last_sample(view.nodes));
-        for axis in 0..3 {
+        for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
             let (from, by) = (start[axis], step[axis]);
             if by == 0.0 {
-                if !(-ON_FACE..=1.0 + ON_FACE).contains(&from) {
+                if !(low - ON_FACE..=high + ON_FACE).contains(&from) {
                     return None;
                 }
                 continue;
             }
-            let (a, b) = ((-ON_FACE - from) / by, (1.0 + ON_FACE - from) / by);
+            let (a, b) = ((low - ON_FACE - from) / by, (high + ON_FACE - from) / by);
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b));
         }
@@ -86,16 +86,18 @@ impl Path {
     }
 }
 
-/// `t` at which a ray enters the box, clamped to near and far.
+/// `t` at which a ray enters the sampled box, clamped to near and far.
 fn entry_t(view: &View, ray: &Ray) -> f64 {
     let mut entry = f64::NEG_INFINITY;
-    for axis in 0..3 {
+    let extent = view.bounds.extent();
+    for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
         // A ray along a face, or a hair beside it, is between the faces from the start or never.
         if direction == 0.0 {
             continue;
         }
-        let (min, max) = (f64::from(view.bounds.min[axis]), f64::from(view.bounds.max[axis]));
+        let first = f64::from(view.bounds.min[axis]);
+        let [min, max] = [low, high].map(|share| first + share * extent[axis]);
         entry = entry.max(((min - origin) / direction).min((max - origin) / direction));
     }
     let far = view.march.far.map_or(f64::INFINITY, f64::from);

@@ -1,29 +1,20 @@
 //! Colours along given rays, and colours of points along given directions.
 
 use super::march::march;
-use super::renderer::{Renderer, with_values};
+use super::renderer::{Content, Renderer, with_values};
 use super::shade::view_colors;
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Ray;
+use crate::model::harmonics::basis;
+use crate::model::trained_model::{RayColor, TrainedModel};
+use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::Sample;
 
 /// Rays that a thread takes at once.
 const CHUNK: usize = 256;
-
-/// The light that comes along a ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RayColor {
-    /// Colour over the field's background, not clamped.
-    pub color: [f32; 3],
-    /// Light left behind the field, 0 to 1.
-    pub transmittance: f32,
-    /// Expected distance in world units; light that passes the field counts at `far`, if there is
-    /// one.
-    pub distance: f32,
-}
 
 impl Renderer {
     /// The light along rays, all samples read from one `level`. [`Step::Render`] advances by rays.
@@ -39,7 +30,12 @@ impl Renderer {
     ) -> Result<Vec<RayColor>> {
         self.check_level(level)?;
         self.view().check()?;
-        with_values!(self, values => follow(self.view(), values, rays, level, progress))
+        match self.content() {
+            Content::Values(lanes) => {
+                with_values!(lanes, values => follow(self.view(), values, rays, level, progress))
+            }
+            Content::Model(model) => of_model(&**model, self.view(), rays, progress),
+        }
     }
 
     /// The colours of the matter at a `position` seen along unit `directions`, 0 to 1 and more
@@ -54,15 +50,43 @@ impl Renderer {
         directions: &[[f64; 3]],
         level: usize,
     ) -> Result<Vec<[f32; 3]>> {
+        if let Content::Model(model) = self.content() {
+            return Ok(model.colors(position, directions));
+        }
         let sample = self.sample(position, level)?;
-        let Some(network) = &self.view().view_mlp else {
-            return Ok(vec![sample.color; directions.len()]);
+        let network = match &self.view().view_dependence {
+            Some(ViewDependence::Network(network)) => network,
+            Some(ViewDependence::Harmonics(rules)) => {
+                let color = |&direction| rules.color(&basis(direction), &sample.coefficients);
+                return Ok(directions.iter().map(color).collect());
+            }
+            None => return Ok(vec![sample.color; directions.len()]),
         };
         let values = [&sample.color[..], &sample.features].concat();
         let added = directions.iter().map(|&direction| network.colors(&[direction], &[&values])[0]);
         let sum = |added: [f32; 3]| [0, 1, 2].map(|channel| sample.color[channel] + added[channel]);
         Ok(added.map(sum).collect())
     }
+}
+
+/// The light along rays, by a model's own rules.
+fn of_model(
+    model: &dyn TrainedModel,
+    view: &View,
+    rays: &[Ray],
+    progress: &dyn Progress,
+) -> Result<Vec<RayColor>> {
+    let (rules, chunks) = (view.ray_rules(), rays.chunks(CHUNK).collect::<Vec<_>>());
+    let colors = parallel::map(chunks.len(), |number| {
+        let follow = |ray| match progress.cancelled() {
+            true => Err(Error::cancelled()),
+            false => Ok(model.ray_color(ray, &rules)),
+        };
+        let colors: Result<Vec<RayColor>> = chunks[number].iter().map(follow).collect();
+        progress.advance(Step::Render, chunks[number].len() as u64);
+        colors
+    })?;
+    Ok(colors.concat())
 }
 
 fn follow<const C: usize>(

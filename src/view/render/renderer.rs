@@ -1,18 +1,30 @@
-//! A field to be rendered: its rules, and its values in as many lanes as its channels need.
+//! A field to be rendered: its rules, and its values in as many lanes as its channels need, or the
+//! model that evaluates itself.
 
 use super::view::{TrainedLevels, View};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, check_metadata};
+use crate::input::Source;
 use crate::model::baked::BakedField;
 use crate::model::field::RadianceField;
+use crate::model::trained_model::TrainedModel;
 use crate::view::sample::{Dense, Sample as _, Sparse, Stored};
 
 /// A field to be rendered.
 #[derive(Debug)]
 pub struct Renderer {
     view: View,
-    values: Lanes,
+    content: Content,
+}
+
+/// The source of a field's colours.
+#[derive(Debug)]
+pub(crate) enum Content {
+    /// Values at nodes, rendered by the rules of a [`View`].
+    Values(Lanes),
+    /// A model that has rules of its own; of the view's it takes box, background, near and far.
+    Model(Box<dyn TrainedModel>),
 }
 
 /// Values whose colours and features have so many lanes; lanes without a channel are zero.
@@ -41,8 +53,8 @@ pub(crate) use with_lanes;
 
 /// The same with values of each kind. The kind is chosen once a picture and not once a sample.
 macro_rules! with_values {
-    ($field:expr, $values:ident => $result:expr) => {
-        $crate::view::render::with_lanes!($field.lanes(), stored => match stored {
+    ($lanes:expr, $values:ident => $result:expr) => {
+        $crate::view::render::with_lanes!($lanes, stored => match stored {
             $crate::view::sample::Stored::Dense($values) => $result,
             $crate::view::sample::Stored::Sparse($values) => $result,
         })
@@ -82,7 +94,32 @@ impl Renderer {
         let filter = levels.map(|levels| (levels.filter, levels.count));
         let values: Result<Lanes> =
             in_lanes!(field.color_channels(), Stored::Dense(Dense::new(field, filter, limits)?));
-        Ok(Self { view, values: values? })
+        Ok(Self { view, content: Content::Values(values?) })
+    }
+
+    /// A trained input as its own program shows it, with coarser levels if `levels` says so. All of
+    /// its values are read.
+    ///
+    /// # Errors
+    /// As [`Self::trained`], and `Usage` for coarser levels of a model with rules of its own.
+    pub fn of_source(
+        source: &Source,
+        levels: Option<TrainedLevels>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let Some(model) = &source.model else {
+            return Self::trained(&source.field, levels, limits);
+        };
+        if levels.is_some() {
+            let name = source.family.name();
+            return Err(Error::usage(format!(
+                "--filter makes coarser levels of nodes, and an unbaked {name} model is rendered \
+                 by its own rules, which have none: bake it first"
+            )));
+        }
+        source.field.check()?;
+        let view = View::of_trained(&source.field, None);
+        Ok(Self { view, content: Content::Model(model.load(limits)?) })
     }
 
     /// A baked field.
@@ -94,7 +131,7 @@ impl Renderer {
         field.check()?;
         let values: Result<Lanes> =
             in_lanes!(3 + field.metadata.features, Stored::Sparse(Sparse::new(field, limits)?));
-        Ok(Self { view: View::of_baked(field), values: values? })
+        Ok(Self { view: View::of_baked(field), content: Content::Values(values?) })
     }
 
     /// All levels of a container, within the limits that it was opened with.
@@ -120,7 +157,10 @@ impl Renderer {
 
     /// Levels, finest first; those that a prefix of a container lacks count.
     pub fn level_count(&self) -> usize {
-        with_values!(self, values => values.levels())
+        match &self.content {
+            Content::Values(lanes) => with_values!(lanes, values => values.levels()),
+            Content::Model(_) => 1,
+        }
     }
 
     /// The rules, to be overridden.
@@ -128,13 +168,28 @@ impl Renderer {
         &mut self.view
     }
 
-    /// The values.
-    pub(crate) fn lanes(&self) -> &Lanes {
-        &self.values
+    /// The source of colours.
+    pub(super) fn content(&self) -> &Content {
+        &self.content
     }
 
-    /// Rules and values.
-    pub(crate) fn into_parts(self) -> (View, Lanes) {
-        (self.view, self.values)
+    /// The values at nodes.
+    pub(super) fn lanes(&self) -> Result<&Lanes> {
+        match &self.content {
+            Content::Values(lanes) => Ok(lanes),
+            Content::Model(_) => Err(without_nodes()),
+        }
     }
+
+    /// Rules and values at nodes.
+    pub(crate) fn into_parts(self) -> Result<(View, Lanes)> {
+        match self.content {
+            Content::Values(lanes) => Ok((self.view, lanes)),
+            Content::Model(_) => Err(without_nodes()),
+        }
+    }
+}
+
+fn without_nodes() -> Error {
+    Error::usage("this works on values at nodes, and the model is evaluated by its own rules")
 }

@@ -1,11 +1,14 @@
 //! A field's values at points of the world.
 
-use super::Renderer;
 use super::packet::optical_depth;
-use super::renderer::with_values;
+use super::renderer::{Content, Renderer, with_values};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
+use crate::model::field::ColorDomain;
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::trained_model::TrainedModel;
+use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::Sample as Values;
 
 /// A field's activated values at a point of one level.
@@ -16,16 +19,20 @@ pub struct Sample {
     pub opacity: f32,
     /// Optical depth per world unit, from 0.
     pub density: f32,
-    /// Diffuse colour, 0 to 1, in the colour space of training.
+    /// Diffuse colour in the colour space of training: 0 to 1 for logits. Of harmonics, that of
+    /// band 0 alone; of a model with rules of its own, that seen from above, along -z.
     pub color: [f32; 3],
-    /// Specular features, 0 to 1, as the view network takes them.
+    /// Specular features, 0 to 1, as the view network takes them; empty without one.
     pub features: Vec<f32>,
+    /// All coefficients of harmonics, function by function, each red, green and blue; empty without
+    /// them.
+    pub coefficients: Vec<f32>,
 }
 
 impl Renderer {
     /// Levels of the field; 0 is the finest.
     pub fn levels(&self) -> usize {
-        with_values!(self, values => values.levels())
+        self.level_count()
     }
 
     /// Refuses a level that the field does not have.
@@ -59,7 +66,24 @@ impl Renderer {
             let found = format!("{position:?}");
             return Err(Error::invalid_option("position", found, "finite numbers"));
         }
-        Ok(with_values!(self, values => sample(self.view(), values, position, level)))
+        let lanes = match self.content() {
+            Content::Values(lanes) => lanes,
+            Content::Model(model) => return Ok(of_model(&**model, self.view(), position)),
+        };
+        Ok(with_values!(lanes, values => sample(self.view(), values, position, level)))
+    }
+}
+
+/// Of a model that is evaluated by its own rules.
+fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample {
+    let density = model.density(position);
+    let seen = model.colors(position, &[[0.0, 0.0, -1.0]]);
+    Sample {
+        opacity: lanes::opacity(density * view.march.stepsize * view.march.voxel_size),
+        density,
+        color: seen.first().copied().unwrap_or_default(),
+        features: Vec::new(),
+        coefficients: Vec::new(),
     }
 }
 
@@ -74,7 +98,8 @@ fn sample<const C: usize>(
         (world[axis] - min) / (max - min)
     });
     let is_free = view.free_space.as_ref().is_none_or(|mask| mask.contains(world));
-    let inside = is_free && share.iter().all(|share| (0.0..=1.0).contains(share));
+    let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
+    let inside = is_free && sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
     let cell = |level| if inside { values.locate(level, share) } else { None };
     // A level without density has level 0's.
     let owner = if values.density_level(level) { level } else { 0 };
@@ -82,14 +107,27 @@ fn sample<const C: usize>(
         let density = values.density(owner, &cell);
         optical_depth(density, values.density_domain(owner), view)
     });
-    let raw =
+    let mut values =
         cell(level).map_or_else(|| values.empty_color(level), |cell| values.color(level, &cell));
-    let activated = raw.map(lanes::sigmoid);
+    let channels = 3 + view.features;
+    let harmonics = view.view_dependence.as_ref().and_then(ViewDependence::harmonics);
+    let coefficients = harmonics.map_or_else(Vec::new, |_| values[..channels].to_vec());
+    match (harmonics, view.color_domain) {
+        (Some(rules), _) => {
+            let band_0 = Harmonics { degree: 0, ..*rules };
+            let color = band_0.color(&[BAND_0; FUNCTIONS], &values[..3]);
+            values[..3].copy_from_slice(&color);
+        }
+        (None, ColorDomain::Linear) => {}
+        (None, ColorDomain::Logit) => values = values.map(lanes::sigmoid),
+    }
+    let features = if harmonics.is_some() { &[] } else { &values[3..channels] };
     let interval_world = view.march.stepsize * view.march.voxel_size;
     Sample {
         opacity: lanes::opacity(depth),
         density: depth / interval_world,
-        color: [activated[0], activated[1], activated[2]],
-        features: activated[3..3 + view.features].to_vec(),
+        color: [values[0], values[1], values[2]],
+        features: features.to_vec(),
+        coefficients,
     }
 }

@@ -2,6 +2,7 @@
 
 use super::march::Gathered;
 use super::view::View;
+use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::RAYS;
 
 /// View-dependent colours of rays with these unit directions.
@@ -10,7 +11,8 @@ pub fn view_colors<const C: usize>(
     gathered: &[Gathered<C>],
     directions: &[[f64; 3]],
 ) -> Vec<[f32; 3]> {
-    let Some(network) = &view.view_mlp else { return vec![[0.0; 3]; gathered.len()] };
+    let network = view.view_dependence.as_ref().and_then(ViewDependence::network);
+    let Some(network) = network else { return vec![[0.0; 3]; gathered.len()] };
     let channels = 3 + view.features;
     let mut colors = Vec::with_capacity(gathered.len());
     for (rays, directions) in gathered.chunks(RAYS).zip(directions.chunks(RAYS)) {

@@ -3,9 +3,10 @@
 use crate::base::error::{Place, Result};
 use crate::levels::LevelFilter;
 use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
-use crate::model::field::{Activation, FreeSpace, March, RadianceField, Scene};
+use crate::model::field::{Activation, ColorDomain, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
-use crate::model::view_mlp::ViewMlp;
+use crate::model::trained_model::RayRules;
+use crate::model::view_dependence::ViewDependence;
 
 /// Everything but the values between nodes.
 #[derive(Debug, Clone)]
@@ -31,7 +32,9 @@ pub struct View {
     /// The finest level that samples may read: 0 but for prefixes of containers.
     pub finest: usize,
     /// View-dependent colour.
-    pub view_mlp: Option<ViewMlp>,
+    pub view_dependence: Option<ViewDependence>,
+    /// Meaning of colours between nodes.
+    pub color_domain: ColorDomain,
     /// The space in which samples count.
     pub free_space: Option<FreeSpace>,
     /// Specular features.
@@ -77,7 +80,8 @@ impl View {
             step_rule: levels.map_or(StepRule::Constant, |levels| levels.filter.step_rule()),
             level_of_detail: levels.map(|levels| levels.level_of_detail),
             finest: 0,
-            view_mlp: field.view_mlp.clone(),
+            view_dependence: field.view.clone(),
+            color_domain: field.color_domain,
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),
         }
@@ -97,7 +101,8 @@ impl View {
             step_rule: metadata.step_rule,
             level_of_detail: Some(metadata.level_of_detail),
             finest: field.finest,
-            view_mlp: field.view_mlp.clone(),
+            view_dependence: metadata.view_dependence(field.view_mlp.as_ref()),
+            color_domain: metadata.color_domain(),
             free_space: field.free_space.clone(),
             features: metadata.features,
         }
@@ -110,10 +115,16 @@ impl View {
     pub fn check(&self) -> Result<()> {
         self.bounds.check(&Place::Key("bounds".to_owned()))?;
         self.march.check(self.nodes)?;
-        match &self.view_mlp {
-            Some(network) => network.check(self.features, &Place::Key("view network".to_owned())),
+        match &self.view_dependence {
+            Some(view) => view.check(self.features, &Place::Key("view dependence".to_owned())),
             None => Ok(()),
         }
+    }
+
+    /// The rules that models with rules of their own take from a picture.
+    pub(super) fn ray_rules(&self) -> RayRules {
+        let March { near, far, .. } = self.march;
+        RayRules { near, far, background: self.background }
     }
 
     /// Takes another step length, in voxels; the interval goes with it.

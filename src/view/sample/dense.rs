@@ -14,7 +14,7 @@ use crate::levels::{
     Content, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify, visible,
 };
 use crate::model::baked::DensityDomain;
-use crate::model::field::{EMPTY_DENSITY, Nonfinite, RadianceField};
+use crate::model::field::{Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
 
 /// Dense levels.
@@ -23,6 +23,8 @@ pub struct Dense<const C: usize> {
     nodes: Vec<Nodes>,
     values: Vec<Values<C>>,
     skip: SkipGrid,
+    /// Raw density of empty space.
+    empty_raw: f32,
 }
 
 impl<const C: usize> Dense<C> {
@@ -75,7 +77,7 @@ impl<const C: usize> Dense<C> {
         }
         let free_space = field.free_space.as_ref();
         let skip = SkipGrid::new(nodes[0], &field.scene.bounds, free_space, &visible)?;
-        Ok(Self { nodes, values, skip })
+        Ok(Self { nodes, values, skip, empty_raw: activation.empty_raw() })
     }
 }
 
@@ -136,7 +138,7 @@ impl<const C: usize> Sample<C> for Dense<C> {
     }
 
     fn empty_density(&self, level: usize) -> f32 {
-        if self.values[level].domain == DensityDomain::Raw { EMPTY_DENSITY } else { 0.0 }
+        if self.values[level].domain == DensityDomain::Raw { self.empty_raw } else { 0.0 }
     }
 
     fn empty_color(&self, _level: usize) -> [f32; C] {
@@ -172,7 +174,8 @@ fn fill<const C: usize>(
         Some(filter) => {
             let domain = filter.alpha(&field.scene.activation);
             let alpha = domain.zip(visibility.as_ref());
-            Content::of_levels(filter, alpha, channels, whole.iter().collect())
+            let colors = field.color_domain;
+            Content::of_levels(filter, alpha, colors, channels, whole.iter().collect())
         }
         None => Content::Logits(0..channels),
     };

@@ -1,6 +1,5 @@
 //! One level's arrays and trilinear interpolation in them.
 
-use crate::model::activate;
 use crate::model::baked::DensityDomain;
 use crate::model::field::{Activation, ActivationOrder};
 
@@ -78,10 +77,9 @@ pub fn interpolated_density(activation: &Activation, domain: DensityDomain, raw:
     if domain != DensityDomain::Raw {
         return raw;
     }
-    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
     match activation.order {
         ActivationOrder::Raw => raw,
-        ActivationOrder::Density => activate::softplus(f64::from(raw) + shift) as f32,
-        ActivationOrder::Opacity => activate::opacity(raw.into(), shift, interval) as f32,
+        ActivationOrder::Density => activation.density(raw.into()) as f32,
+        ActivationOrder::Opacity => activation.opacity(raw.into()) as f32,
     }
 }

@@ -12,7 +12,9 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::parallel;
 use crate::codec::quantize::decode_codes;
-use crate::model::baked::{BakedField, BakedLevel, DensityDomain, Group, LevelMetadata, Metadata};
+use crate::model::baked::{
+    BakedField, BakedLevel, ColorLayout, DensityDomain, Group, LevelMetadata, Metadata,
+};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -44,9 +46,10 @@ struct Level<const C: usize> {
 impl<const C: usize> Sparse<C> {
     /// Decodes `field`.
     pub fn new(field: &BakedField, limits: &Limits) -> Result<Self> {
-        let Metadata { activation, features, bounds, .. } = &field.metadata;
-        if features + 3 > C {
-            let found = format!("{} colour channels", features + 3);
+        let Metadata { activation, bounds, .. } = &field.metadata;
+        let layout = field.metadata.layout();
+        if layout.channels() > C {
+            let found = format!("{} colour channels", layout.channels());
             return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
         }
         let mut budget = Budget::new(limits);
@@ -56,7 +59,7 @@ impl<const C: usize> Sparse<C> {
             return Err(Error::malformed(Place::File, "no levels", "at least one"));
         };
         for (level, metadata) in field.levels.iter().zip(&field.metadata.levels) {
-            let decoded = Level::new(level, metadata, activation, *features, &mut budget)?;
+            let decoded = Level::new(level, metadata, activation, layout, &mut budget)?;
             let own = decoded.occupied(level, metadata, finest, activation);
             let own = own.map(|cells| cells.finish(finest));
             // A level of colour alone shows level 0's density.
@@ -126,7 +129,7 @@ impl<const C: usize> Level<C> {
         level: &BakedLevel,
         metadata: &LevelMetadata,
         activation: &Activation,
-        features: usize,
+        layout: ColorLayout,
         budget: &mut Budget,
     ) -> Result<Self> {
         let grid = metadata.grid();
@@ -145,9 +148,12 @@ impl<const C: usize> Level<C> {
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
         let empty_density = interpolated_density(activation, domain, empty(Group::Density));
         let mut empty_color = [0.0; C];
-        let (diffuse, rest) = empty_color.split_at_mut(3);
-        diffuse.fill(empty(Group::Diffuse));
-        rest[..features].fill(empty(Group::Features));
+        let mut rest = &mut empty_color[..];
+        for group in Group::COLORS {
+            let (own, others) = rest.split_at_mut(group.channels(layout));
+            own.fill(empty(group));
+            rest = others;
+        }
         let frame_count = table.frames();
         let has_density = metadata.density.is_some();
         let mut density = vec![0.0; if has_density { frame_count * nodes } else { 0 }];
@@ -163,8 +169,8 @@ impl<const C: usize> Level<C> {
                 stored.for_each(|raw| *raw = interpolated_density(activation, domain, *raw));
             }
             let mut lane = 0;
-            for group in [Group::Diffuse, Group::Features] {
-                let channels = group.channels(features);
+            for group in Group::COLORS {
+                let channels = group.channels(layout);
                 for channel in 0..channels {
                     let from = (channel, channels);
                     apron_frame(level, metadata, group, from, places[i], &mut scratch);
@@ -235,7 +241,7 @@ fn apron_frame(
     place: [usize; 3],
     out: &mut [f32],
 ) {
-    let (Some(codes), Some(encoding)) = (&level.atlases[group as usize], metadata.encoding(group))
+    let (Some(codes), Some(encoding)) = (&level.atlases[group.index()], metadata.encoding(group))
     else {
         return;
     };

@@ -45,6 +45,9 @@ uniform bool u_linear;
 uniform vec2 u_activation;
 uniform vec2 u_range;
 uniform vec2 u_thresholds;
+// The part of the box in which samples lie, 0 to 1.
+uniform vec3 u_lowest;
+uniform vec3 u_highest;
 uniform float u_step;
 uniform float u_mostSteps;
 // factor, bias, most.
@@ -88,7 +91,9 @@ float opaqueDepth(float alpha) {
 float opticalDepth(float density, int decode) {
   if (decode == 1) return min(density * density, LARGEST);
   if (decode == 2) return opaqueDepth(density);
-#if ORDER == 0
+#if ORDER == 0 && defined(RELU)
+  return min(max(density, 0.0) * u_activation.y, LARGEST);
+#elif ORDER == 0
   return min(softplus(density + u_activation.x) * u_activation.y, LARGEST);
 #elif ORDER == 1
   return min(max(density, 0.0) * u_activation.y, LARGEST);

@@ -13,6 +13,12 @@ export type Uniforms = Record<string, { value: any }>;
 /** As far as a ray without a far plane goes. */
 export const BEYOND = 1e30;
 
+/** A corner of the part of the box that rays are sampled in, 0 to 1. */
+function sampledShare({ bounds, march }: Metadata, corner: "min" | "max"): Vector3 {
+  const at = (march.sampled ?? bounds)[corner];
+  return new Vector3(...at.map((value, axis) => (value - bounds.min[axis]) / (bounds.max[axis] - bounds.min[axis])));
+}
+
 /** Uniforms that stay as they are. */
 export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): Uniforms {
   const { levels, march, activation, level_of_detail: rule, bounds } = metadata;
@@ -29,13 +35,15 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
     u_slotsDeep: plan.slots[2],
     u_nodes: levels.flatMap((level) => [...level.dimensions, level.block_size]),
     u_levels: levels.flatMap((level, i) => [atlas.tableStart[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density")]),
-    u_empty: levels.map(({ density, diffuse, features }) => {
+    u_empty: levels.map(({ density, diffuse, features, bands }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
-      return new Vector3(of, empty(diffuse), empty(features));
+      return new Vector3(of, empty(diffuse), empty(features ?? bands?.[0] ?? null));
     }),
     u_activation: new Vector2(activation.shift, activation.interval),
     u_range: new Vector2(),
     u_thresholds: new Vector2(march.alpha_threshold, march.color_threshold),
+    u_lowest: sampledShare(metadata, "min"),
+    u_highest: sampledShare(metadata, "max"),
     u_step: march.stepsize * march.voxel_size,
     u_mostSteps: Math.floor(Math.hypot(x, y, z) / march.stepsize),
     u_levelOfDetail: new Vector3(rule.factor, rule.bias, Math.min(levels.length - 1, rule.most ?? Infinity)),

@@ -19,8 +19,13 @@ use crate::base::error::Result;
 use crate::input;
 use crate::input::checkpoint::Source;
 use crate::input::tensor::TensorFile;
+use crate::model::camera::turntable;
 use crate::model::field::RadianceField;
 use crate::model::view_mlp::ViewMlp;
+
+/// Cameras around a model that is resampled for a bake, and pixels along a side of their pictures.
+const LOOKS: usize = 4;
+const LOOK_SIDE: usize = 160;
 
 /// Bakes a trained scene into `output`, and measures it where a gate asks for that.
 pub fn bake_trained(
@@ -41,6 +46,10 @@ pub fn bake_trained(
     let origin = Origin::of_source(&source);
     let cameras = match arguments.gate.measures()? {
         true => Some(arguments.gate.cameras(&source.field, limits)?),
+        // The loss of resampling is always told; a bound on memory excludes pictures.
+        false if source.family.is_resampled() && options.memory.is_none() => {
+            Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
+        }
         false => None,
     };
     if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
@@ -64,7 +73,7 @@ pub fn bake_trained(
         Some(cameras) => {
             let clock = Instant::now();
             let written = if report.unchanged { &*arguments.output } else { output.written() };
-            let gate = arguments.gate.measure(&source.field, &cameras, written, limits, bar)?;
+            let gate = arguments.gate.measure(&source, &cameras, written, limits, bar)?;
             let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
             report.stages.push(StageReport { name: "compare", seconds, bytes });
             Some(gate)
@@ -77,7 +86,7 @@ pub fn bake_trained(
         "march": scene.march,
         "activation": scene.activation,
         "background": scene.background,
-        "mlp": source.field.view_mlp.as_ref().map(ViewMlp::widths),
+        "mlp": source.field.network().map(ViewMlp::widths),
     });
     let reported = settings.report(&source);
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];

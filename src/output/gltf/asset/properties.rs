@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use crate::base::bytes::{hex, sha256};
 use crate::base::error::{Error, Place, Result};
 use crate::codec::container::Container;
-use crate::model::baked::{ColorSpace, DensityDomain};
-use crate::model::field::ActivationOrder;
+use crate::model::baked::{ColorSpace, DensityDomain, ViewMetadata};
+use crate::model::field::{ActivationOrder, DensityFunction};
+use crate::model::harmonics::Harmonics;
 use crate::model::view_mlp::ViewInput;
 
 /// Media type of the container.
@@ -47,6 +48,9 @@ pub struct RadianceField {
     /// The deferred network; none for a diffuse field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mlp: Option<Mlp>,
+    /// The rules of harmonics; none where colours are no coefficients.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<Harmonics>,
 }
 
 /// A level.
@@ -64,7 +68,8 @@ pub struct Level {
     pub density: Option<DensityDomain>,
 }
 
-/// `softplus(raw + shift) * interval` is the optical depth of raw density over one interval.
+/// `softplus(raw + shift) * interval`, or `max(raw, 0) * interval`, is the optical depth of raw
+/// density over one interval.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Opacity {
@@ -74,6 +79,13 @@ pub struct Opacity {
     pub shift: f32,
     /// Step length over base voxel size.
     pub interval: f32,
+    /// Raw density to density; left out where it is softplus.
+    #[serde(default, skip_serializing_if = "is_softplus")]
+    pub function: DensityFunction,
+}
+
+fn is_softplus(function: &DensityFunction) -> bool {
+    *function == DensityFunction::Softplus
 }
 
 /// The deferred network's shape.
@@ -119,14 +131,16 @@ impl RadianceField {
                 order: metadata.activation.order,
                 shift: metadata.activation.shift,
                 interval: metadata.activation.interval,
+                function: metadata.activation.function,
             },
             color_space: metadata.color_space,
             feature_count: metadata.features,
-            mlp: metadata.view.as_ref().map(|view| Mlp {
+            mlp: metadata.view.as_ref().and_then(ViewMetadata::network).map(|view| Mlp {
                 widths: view.widths.clone(),
                 frequencies: view.frequencies,
                 input: view.input,
             }),
+            harmonics: metadata.view.as_ref().and_then(ViewMetadata::harmonics).copied(),
         })
     }
 

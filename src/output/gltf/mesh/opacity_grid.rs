@@ -3,7 +3,6 @@
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::codec::unpack::fill_plane;
-use crate::model::activate;
 use crate::model::baked::{BakedLevel, DensityDomain, Group, Metadata};
 use crate::model::field::FreeSpace;
 
@@ -79,7 +78,7 @@ impl OpacityGrid {
                     };
                     if opacity > 0.0 && inside() {
                         for (sum, color) in sum.iter_mut().zip(&color) {
-                            *sum += opacity * activate::sigmoid(color[number].into());
+                            *sum += opacity * metadata.mean_color(color[number]);
                         }
                         *weight += opacity;
                     }
@@ -156,10 +155,7 @@ impl NodeRules<'_> {
         let depth = match self.domain {
             DensityDomain::SqrtOpticalDepth => value * value,
             DensityDomain::Opacity => -libm::log1p(-value.min(1.0 - f64::from(f32::EPSILON))),
-            DensityDomain::Raw => {
-                activate::softplus(value + f64::from(activation.shift))
-                    * f64::from(activation.interval)
-            }
+            DensityDomain::Raw => activation.density(value) * f64::from(activation.interval),
         };
         -libm::expm1(-depth * self.scale)
     }

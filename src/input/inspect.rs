@@ -1,24 +1,25 @@
-//! Everything that a checkpoint holds, without reading its grids.
+//! Everything that an input holds, without reading its grids.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::open::assemble;
-use super::options::SourceOptions;
-use super::source::{Assumption, Family};
+use super::checkpoint::{Assumption, Family, STATE, SourceOptions};
+use super::families;
+use super::tensor::{self, FileKind, TensorFile, Value};
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
-use crate::input::tensor::{self, FileKind, TensorFile, Value};
 use crate::model::field::{Activation, March};
 use crate::model::grid::Bounds;
+use crate::model::harmonics::Harmonics;
+use crate::model::view_mlp::ViewMlp;
 
 /// Tensors of up to this many elements are listed with their values.
 const SHOWN: u64 = 16;
 /// The most bytes that are read to show values of one tensor.
 const SHOWN_BYTES: u64 = 4 << 20;
 
-/// A checkpoint's contents and their meaning.
+/// An input's contents and their meaning.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
     /// Format of the file.
@@ -33,8 +34,10 @@ pub struct Inspection {
     pub optimizer_bytes: u64,
     /// Bytes of all other tensors.
     pub other_bytes: u64,
+    /// The family of models that it belongs to, as far as that is known.
+    pub model: Option<Family>,
     /// The scene as a bake would take it without options; none where it could not.
-    pub model: Option<Model>,
+    pub scene: Option<SceneContent>,
     /// The reason why it could not be baked.
     pub problem: Option<String>,
     /// Assumptions of a bake.
@@ -45,9 +48,7 @@ pub struct Inspection {
 
 /// A scene as a bake would take it.
 #[derive(Debug, Clone, Serialize)]
-pub struct Model {
-    /// The program family that wrote it.
-    pub family: Family,
+pub struct SceneContent {
     /// Nodes along x, y, z.
     pub dimensions: [usize; 3],
     /// The box that they span.
@@ -60,6 +61,8 @@ pub struct Model {
     pub march: March,
     /// The network's widths from input to output; none for a diffuse scene.
     pub mlp: Option<Vec<usize>>,
+    /// The rules of its harmonics; none where colours have none.
+    pub harmonics: Option<Harmonics>,
     /// Nodes of the free-space mask.
     pub free_space: Option<[usize; 3]>,
 }
@@ -88,7 +91,7 @@ pub struct ListedValue {
     pub offset: Option<u64>,
 }
 
-/// Lists a checkpoint of any kind.
+/// Lists an input of any kind.
 ///
 /// # Errors
 /// As [`tensor::open`]. A file that is read but could not be baked is no error: the result says
@@ -113,23 +116,25 @@ pub fn inspect_tensors(
         model_bytes,
         optimizer_bytes,
         other_bytes,
-        model: None,
+        model: families::family(file),
+        scene: None,
         problem: None,
         assumptions: Vec::new(),
         values: list.values,
     };
-    match assemble(file, options, limits) {
-        Ok((source, mask)) => {
+    match families::describe(file, options, limits) {
+        Ok((source, free_space)) => {
             let field = source.field;
-            inspection.model = Some(Model {
-                family: source.family,
+            inspection.model = Some(source.family);
+            inspection.scene = Some(SceneContent {
                 dimensions: field.scene.nodes.0,
                 bounds: field.scene.bounds,
                 channels: field.color_channels(),
                 activation: field.scene.activation,
                 march: field.scene.march,
-                mlp: field.view_mlp.map(|mlp| mlp.widths()),
-                free_space: mask.map(|mask| mask.nodes.0),
+                mlp: field.network().map(ViewMlp::widths),
+                harmonics: field.harmonics().copied(),
+                free_space,
             });
             inspection.assumptions = source.assumptions;
         }
@@ -185,7 +190,7 @@ impl List {
                 |dict: &str| self.key.strip_prefix(dict).is_some_and(|rest| rest.starts_with('.'));
             let part = match is_optimizer {
                 true => 1,
-                false if within(super::names::STATE) || !self.key.contains("kwargs.") => 0,
+                false if within(STATE) || !self.key.contains("kwargs.") => 0,
                 false => 2,
             };
             self.bytes[part] += tensor.bytes();

@@ -1,0 +1,63 @@
+//! The families of models, told by the keys of their files.
+
+use super::checkpoint::{self, Family, Source, SourceOptions};
+use super::scale::rescale;
+use super::tensor::TensorFile;
+use super::{plenoctree, plenoxels, sampled};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+
+/// A family with keys that no other has.
+struct Reader {
+    family: Family,
+    /// True for files that this family wrote.
+    knows: fn(&TensorFile) -> bool,
+    /// Reads settings; grids stay in the file.
+    open: fn(&TensorFile, &SourceOptions, &Limits) -> Result<Source>,
+}
+
+/// All but Mip-VoG and DirectVoxGO, to which every other file is held.
+const READERS: [Reader; 3] = [
+    Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
+    Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
+    Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
+];
+
+fn reader(file: &TensorFile) -> Option<&'static Reader> {
+    READERS.iter().find(|reader| (reader.knows)(file))
+}
+
+/// The family that wrote a file, if its keys alone tell.
+pub(super) fn family(file: &TensorFile) -> Option<Family> {
+    reader(file).map(|reader| reader.family)
+}
+
+/// Opens a model of any family.
+///
+/// # Errors
+/// Those of the family, and settings out of their range.
+pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    options.check()?;
+    let open = reader(file).map_or(checkpoint::open_tensors as _, |reader| reader.open);
+    let source = open(file, options, limits).map_err(|error| error.in_file(file.file.path()))?;
+    Ok(rescale(source, options))
+}
+
+/// A model of any family as a bake takes it, without the values of a free-space mask, and the nodes
+/// of that.
+///
+/// # Errors
+/// Those of [`open_tensors`].
+pub(super) fn describe(
+    file: &TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+) -> Result<(Source, Option<[usize; 3]>)> {
+    let Some(reader) = reader(file) else {
+        let (source, mask) = checkpoint::describe(file, options, limits)?;
+        return Ok((rescale(source, options), mask));
+    };
+    options.check()?;
+    let source = (reader.open)(file, options, limits)?;
+    Ok((rescale(source, options), None))
+}

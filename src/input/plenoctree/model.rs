@@ -1,0 +1,146 @@
+//! A tree by the rules of svox: leaf after leaf along a ray.
+
+use std::sync::Arc;
+
+use super::basis::Basis;
+use super::keys::Arrays;
+use crate::base::error::Result;
+use crate::base::limits::{Budget, Limits};
+use crate::input::sparse::Light;
+use crate::model::activate;
+use crate::model::camera::Ray;
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+
+/// Added to the chord of each leaf, in units of the tree's box: svox's `step_size`, as volrend has
+/// it.
+pub const MORE_LENGTH: f64 = 1e-4;
+/// Added to directions, so that none is 0.
+const NEARLY_ZERO: f64 = 1e-9;
+/// Optical depth from which a ray ends: no 8-bit picture shows what is behind.
+const OPAQUE_DEPTH: f64 = 20.0;
+
+/// A file, ready to be loaded.
+#[derive(Debug)]
+pub(super) struct TreeFile {
+    pub(super) arrays: Arc<Arrays>,
+    /// The first functions, which are used.
+    pub(super) functions: usize,
+}
+
+impl LoadModel for TreeFile {
+    fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>> {
+        let arrays = Arc::clone(&self.arrays);
+        let mut values = arrays.rows.values(&mut Budget::new(limits))?;
+        // Cells with children hold what is left of former leaves.
+        for (cell, row) in values.chunks_exact_mut(arrays.rows.width()).enumerate() {
+            if !arrays.tree.is_leaf(cell) {
+                row.fill(0.0);
+            }
+        }
+        arrays.rows.check_finite(&values)?;
+        Ok(Box::new(PlenOctree { arrays, values, functions: self.functions }))
+    }
+}
+
+/// A tree in memory.
+#[derive(Debug)]
+struct PlenOctree {
+    arrays: Arc<Arrays>,
+    values: Vec<f32>,
+    functions: usize,
+}
+
+impl PlenOctree {
+    /// The values of a leaf: colours, then density.
+    fn leaf(&self, cell: usize) -> &[f32] {
+        let width = self.arrays.rows.width();
+        self.values.get(cell * width..(cell + 1) * width).unwrap_or_default()
+    }
+
+    /// A position of the world in the tree, which spans 0 to 1.
+    fn to_tree(&self, world: [f64; 3]) -> [f64; 3] {
+        let mut at = world;
+        let axes = self.arrays.center.into_iter().zip(self.arrays.radius);
+        for (at, (center, radius)) in at.iter_mut().zip(axes) {
+            *at = 0.5 + 0.5 * (*at - center) / radius;
+        }
+        at
+    }
+
+    fn color(&self, leaf: &[f32], functions: &[f64]) -> [f64; 3] {
+        let stored = self.arrays.basis.functions();
+        let mut sums = [0.0; 3];
+        for (sum, coefficients) in sums.iter_mut().zip(leaf.chunks_exact(stored)) {
+            let terms = functions.iter().zip(coefficients).take(self.functions);
+            *sum = terms.map(|(function, k)| function * f64::from(*k)).sum();
+        }
+        match self.arrays.basis {
+            Basis::Colors { logits: false } => sums,
+            _ => sums.map(activate::sigmoid),
+        }
+    }
+}
+
+impl TrainedModel for PlenOctree {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+        let unit = (ray.direction / ray.direction.length()).to_array();
+        let functions = self.arrays.basis.values(unit);
+        let origin = self.to_tree(ray.origin.to_array());
+        let mut direction = unit;
+        direction.iter_mut().zip(self.arrays.radius).for_each(|(by, radius)| *by /= 2.0 * radius);
+        // World units for a unit of the tree along the ray.
+        let length = 1.0 / direction.iter().map(|by| by * by).sum::<f64>().sqrt();
+        let direction = direction.map(|by| by * length);
+        let inverse = direction.map(|by| 1.0 / (by + NEARLY_ZERO));
+        let [enter, end] = crossing(origin, inverse);
+        let near = f64::from(rules.near) / length;
+        let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / length);
+        let mut t = enter.max(near).min(far).max(0.0);
+        let mut light = Light::default();
+        while t < end && light.depth < OPAQUE_DEPTH {
+            let mut at = origin;
+            at.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let leaf = self.arrays.tree.leaf(at);
+            let [enter, exit] = crossing(leaf.at, inverse);
+            let chord = (exit - enter.max(0.0)) * leaf.size + MORE_LENGTH;
+            let values = self.leaf(leaf.cell);
+            let density = values.last().copied().map_or(0.0, f64::from);
+            if density > 0.0 {
+                let seen = self.color(values, &functions);
+                light.add(chord * length * density / self.arrays.unit, t * length, seen);
+            }
+            // A chord is never shorter than what is added to it.
+            t += chord.max(MORE_LENGTH);
+        }
+        light.over_background(rules)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
+    fn density(&self, position: [f64; 3]) -> f32 {
+        let at = self.to_tree(position);
+        if !at.iter().all(|value| (0.0..=1.0).contains(value)) {
+            return 0.0;
+        }
+        let leaf = self.leaf(self.arrays.tree.leaf(at).cell);
+        let density = leaf.last().copied().unwrap_or(0.0).max(0.0);
+        (f64::from(density) / self.arrays.unit) as f32
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
+        let leaf = self.leaf(self.arrays.tree.leaf(self.to_tree(position)).cell);
+        let colors = directions.iter().map(|&direction| {
+            self.color(leaf, &self.arrays.basis.values(direction)).map(|value| value as f32)
+        });
+        colors.collect()
+    }
+}
+
+/// Entry into and exit from the box from 0 to 1.
+fn crossing(origin: [f64; 3], inverse: [f64; 3]) -> [f64; 2] {
+    let axes = origin.into_iter().zip(inverse);
+    axes.fold([f64::NEG_INFINITY, f64::INFINITY], |[enter, exit], (from, inverse)| {
+        let (a, b) = (-from * inverse, (1.0 - from) * inverse);
+        [enter.max(a.min(b)), exit.min(a.max(b))]
+    })
+}

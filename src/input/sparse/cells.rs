@@ -1,0 +1,78 @@
+//! Grids whose values lie in the middle of cells, as fields whose nodes span a box.
+//!
+//! One node is added beyond each face, a copy of the face's own: so the outer half of the outermost
+//! cells stays, and rays are sampled from face to face of the cells.
+
+use crate::base::error::{Place, Result};
+use crate::model::grid::{Bounds, Nodes};
+
+use super::path::Lattice;
+
+/// A box of cells.
+#[derive(Debug, Clone, Copy)]
+pub struct CellBox {
+    /// Half the box's edges, in world units.
+    pub radius: [f64; 3],
+    /// Its middle.
+    pub center: [f64; 3],
+    /// Cells along each axis.
+    pub cells: Nodes,
+}
+
+impl CellBox {
+    /// Nodes of the field.
+    pub fn nodes(&self) -> Nodes {
+        Nodes(self.cells.0.map(|count| count + 2))
+    }
+
+    /// The box of the field's nodes.
+    ///
+    /// # Errors
+    /// `Malformed` for a box without extent, at `place`.
+    pub fn bounds(&self, place: &Place) -> Result<Bounds> {
+        let bounds = self.reaching(|radius, count| radius * (1.0 + 1.0 / count));
+        bounds.check(place)?;
+        Ok(bounds)
+    }
+
+    /// The box of the cells.
+    pub fn faces(&self) -> Bounds {
+        self.reaching(|radius, _| radius)
+    }
+
+    /// The box that reaches so far from the middle, of half the box's edge and the cells along it.
+    #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
+    fn reaching(&self, reach: impl Fn(f64, f64) -> f64) -> Bounds {
+        let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
+        let corners = bounds.min.iter_mut().zip(&mut bounds.max);
+        for ((min, max), (radius, center, count)) in corners.zip(self.axes()) {
+            let reach = reach(radius, count);
+            (*min, *max) = ((center - reach) as f32, (center + reach) as f32);
+        }
+        bounds
+    }
+
+    /// The edge of a cube of a cell's volume, in world units.
+    #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
+    pub fn voxel_size(&self) -> f32 {
+        libm::cbrt(self.axes().map(|(radius, _, count)| 2.0 * radius / count).product()) as f32
+    }
+
+    /// Positions in cells, 0 being the middle of the first one; samples lie within the cells.
+    pub fn lattice(&self) -> Lattice {
+        let (mut origin, mut per_unit, mut faces) = ([0.0; 3], [0.0; 3], [[0.0; 2]; 3]);
+        let maps = origin.iter_mut().zip(&mut per_unit).zip(&mut faces);
+        for (((origin, per_unit), faces), (radius, center, count)) in maps.zip(self.axes()) {
+            *per_unit = count / (2.0 * radius);
+            *origin = center - radius + 0.5 / *per_unit;
+            *faces = [-0.5, count - 0.5];
+        }
+        Lattice { origin, per_unit, faces }
+    }
+
+    /// Radius, middle and count along each axis.
+    fn axes(&self) -> impl Iterator<Item = (f64, f64, f64)> {
+        let axes = self.radius.into_iter().zip(self.center).zip(self.cells.0);
+        axes.map(|((radius, center), count)| (radius, center, count as f64))
+    }
+}

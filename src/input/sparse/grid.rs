@@ -1,0 +1,175 @@
+//! Channels of a trained field whose nodes are rows.
+
+use std::sync::Arc;
+
+use super::array::RowArray;
+use super::index::Index;
+use super::slab::Slabs;
+use crate::base::error::Result;
+use crate::model::field::NodeValues;
+use crate::model::grid::{Nodes, row};
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+
+/// The meaning of a channel: a weighted sum of consecutive columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    first: usize,
+    weights: Vec<f32>,
+    /// Makes the colour of a coefficient of band 0 by itself.
+    band_0: Option<Harmonics>,
+}
+
+impl Channel {
+    /// A column of the rows, as it is.
+    pub fn column(column: usize) -> Self {
+        Self { first: column, weights: vec![1.0], band_0: None }
+    }
+
+    fn value(&self, stored: &[f32]) -> f32 {
+        let terms = stored.iter().zip(&self.weights);
+        let sum = terms.map(|(value, weight)| value * weight).sum();
+        match self.band_0 {
+            None => sum,
+            Some(rules) => {
+                let [value, _, _] = rules.color(&[BAND_0; FUNCTIONS], &[sum; 3]);
+                value
+            }
+        }
+    }
+
+    /// The channels of harmonics, function by function, each red, green and blue. Rows hold
+    /// `stored` functions of red, then of green, then of blue, starting at column `first`; each row
+    /// of `weights` makes a harmonic of them.
+    pub fn of_weights(first: usize, stored: usize, weights: &[Vec<f32>]) -> Vec<Self> {
+        let of_function = |weights: &Vec<f32>| {
+            let weights = weights.clone();
+            [0, 1, 2].map(|color| {
+                // Columns beside a single one need not be read.
+                let single = weights.iter().filter(|weight| **weight != 0.0).count() == 1;
+                let at = weights.iter().position(|weight| *weight != 0.0).unwrap_or(0);
+                let (skip, weights) = match (single, weights.get(at)) {
+                    (true, Some(&weight)) => (at, vec![weight]),
+                    _ => (0, weights.clone()),
+                };
+                Self { first: first + color * stored + skip, weights, band_0: None }
+            })
+        };
+        weights.iter().flat_map(of_function).collect()
+    }
+
+    /// The same where the first `kept` of the functions are harmonics.
+    pub fn of_harmonics(first: usize, stored: usize, kept: usize) -> Vec<Self> {
+        let of_function = |function| (0..3).map(move |color| first + color * stored + function);
+        (0..kept).flat_map(of_function).map(Self::column).collect()
+    }
+
+    /// Colours that do not depend on the view, out of the channels of band 0.
+    pub fn of_band_0(channels: Vec<Self>, rules: Harmonics) -> Vec<Self> {
+        let rules = Harmonics { degree: 0, ..rules };
+        let band_0 = channels.into_iter().take(3);
+        band_0.map(|channel| Self { band_0: Some(rules), ..channel }).collect()
+    }
+}
+
+/// Channels whose nodes are rows behind an index. Nodes without a row hold what a row of zeros
+/// makes.
+#[derive(Debug)]
+pub struct RowGrid {
+    index: Arc<Index>,
+    array: Arc<RowArray>,
+    channels: Vec<Channel>,
+    /// Nodes beyond each face of the index, which repeat the face's.
+    border: usize,
+    /// Arrays that the file's digest does not cover by their checksums.
+    unchecked: Vec<Arc<RowArray>>,
+    slabs: Slabs,
+}
+
+impl RowGrid {
+    /// Of `array`, whose rows hold the columns of all `channels`. The field has `border` more nodes
+    /// beyond each face, which repeat the face's. A digest samples the arrays `unchecked`: all that
+    /// the field is made of, where the file's own digest holds no checksums of values.
+    pub fn new(
+        index: &Arc<Index>,
+        array: &Arc<RowArray>,
+        channels: Vec<Channel>,
+        border: usize,
+        unchecked: Vec<Arc<RowArray>>,
+    ) -> Self {
+        let slabs = Slabs::new(index, array, false);
+        let (index, array) = (Arc::clone(index), Arc::clone(array));
+        Self { index, array, channels, border, unchecked, slabs }
+    }
+
+    /// The same; nodes without a row that have neighbours with one take their mean.
+    #[must_use]
+    pub fn dilated(mut self) -> Self {
+        self.slabs = Slabs::new(&self.index, &self.array, true);
+        self
+    }
+}
+
+impl NodeValues for RowGrid {
+    fn nodes(&self) -> Nodes {
+        Nodes(self.index.nodes().0.map(|size| size + 2 * self.border))
+    }
+
+    fn channels(&self) -> usize {
+        self.channels.len()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        let inflated = self.index.memory_bytes() + self.array.memory_bytes();
+        self.slabs.memory_bytes(&self.index, &self.array) + inflated
+    }
+
+    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+        if !self.unchecked.is_empty() {
+            self.index.digest(see)?;
+        }
+        self.unchecked.iter().try_for_each(|array| array.sample(see))
+    }
+
+    fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
+        let [nx, ny, nz] = self.index.nodes().0;
+        let Nodes([_, _, outer_nz]) = self.nodes();
+        let Some(channel) = self.channels.get(channel) else { return Ok(0) };
+        let words = outer_nz.div_ceil(64);
+        let mut stored = vec![0.0; channel.weights.len()];
+        let empty = channel.value(&stored);
+        for (row, out) in region.chunks_exact(words).zip(out.chunks_exact_mut(outer_nz)) {
+            for (start, end) in row::runs(row) {
+                if let Some(out) = out.get_mut(start..end) {
+                    out.fill(empty);
+                }
+            }
+        }
+        if region.iter().all(|&word| word == 0) {
+            return Ok(0);
+        }
+        let inner = x.saturating_sub(self.border).min(nx - 1);
+        let element = self.slabs.element(&self.array);
+        let size = self.array.width() * element.size();
+        let at = channel.first * element.size();
+        // The places that repeat a node of the index along an axis.
+        let places = |node: usize, count: usize| {
+            let first = if node == 0 { 0 } else { node + self.border };
+            let last = if node + 1 == count { node + 2 * self.border } else { node + self.border };
+            first..last + 1
+        };
+        self.slabs.with_plane(&self.index, &self.array, inner, |plane| {
+            for (&node, row) in plane.nodes.iter().zip(plane.rows.chunks_exact(size)) {
+                element.decode(row.get(at..).unwrap_or_default(), &mut stored);
+                let value = channel.value(&stored);
+                let (y, z) = (node as usize / nz, node as usize % nz);
+                for y in places(y, ny) {
+                    for z in places(z, nz) {
+                        if let Some(out) = out.get_mut(y * outer_nz + z) {
+                            *out = value;
+                        }
+                    }
+                }
+            }
+        })
+    }
+}

@@ -1,0 +1,227 @@
+//! A few planes of rows, and the last ones that were wanted.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::array::RowArray;
+use super::index::{Index, NO_ROW};
+use crate::base::error::Result;
+use crate::model::grid::Element;
+
+/// Planes of a slab, at most: rows in Morton order then lie together.
+const PLANES: usize = 8;
+/// Bytes of a slab, at most, unless one plane is larger.
+const SLAB_BYTES: usize = 48 << 20;
+/// Slabs that are kept.
+const KEPT: usize = 3;
+
+/// The rows of the nodes of one plane.
+#[derive(Debug, Default)]
+pub(super) struct Plane {
+    /// Nodes that have a row, ascending, `y * nz + z`.
+    pub(super) nodes: Vec<u32>,
+    /// Their rows as stored.
+    pub(super) rows: Vec<u8>,
+}
+
+/// Consecutive planes.
+#[derive(Debug)]
+struct Slab {
+    planes: Vec<Plane>,
+}
+
+/// A slab that one thread fills while others wait.
+type Slot = Arc<Mutex<Option<Arc<Slab>>>>;
+
+/// The last slabs that were wanted.
+#[derive(Debug)]
+pub(super) struct Slabs {
+    planes: usize,
+    /// True if nodes without a row take the mean of their neighbours' rows.
+    dilates: bool,
+    kept: Mutex<VecDeque<(usize, Slot)>>,
+}
+
+impl Slabs {
+    pub(super) fn new(index: &Index, array: &RowArray, dilates: bool) -> Self {
+        let [_, ny, nz] = index.nodes().0;
+        let plane_bytes = (ny * nz).saturating_mul(array.row_bytes() + 4).max(1);
+        let planes = (SLAB_BYTES / plane_bytes).clamp(1, PLANES);
+        Self { planes, dilates, kept: Mutex::default() }
+    }
+
+    /// Type of the numbers of planes.
+    pub(super) fn element(&self, array: &RowArray) -> Element {
+        if self.dilates { Element::F32 } else { array.element() }
+    }
+
+    /// Bytes of all that is kept, at most.
+    pub(super) fn memory_bytes(&self, index: &Index, array: &RowArray) -> u64 {
+        let [_, ny, nz] = index.nodes().0;
+        let plane_bytes = (ny * nz) as u64 * (array.row_bytes() as u64 + 4);
+        // One more while the oldest is still in use.
+        (KEPT as u64 + 1) * self.planes as u64 * plane_bytes
+    }
+
+    /// Calls `take` with plane `x`, and returns the bytes that were read for it.
+    pub(super) fn with_plane(
+        &self,
+        index: &Index,
+        array: &RowArray,
+        x: usize,
+        take: impl FnOnce(&Plane),
+    ) -> Result<u64> {
+        let number = x / self.planes;
+        let slot = self.slot(number);
+        let mut filled = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut read = 0;
+        let slab = match &*filled {
+            Some(slab) => Arc::clone(slab),
+            None => {
+                let (slab, bytes) = self.fill(index, array, number)?;
+                read = bytes;
+                let slab = Arc::new(slab);
+                *filled = Some(Arc::clone(&slab));
+                slab
+            }
+        };
+        drop(filled);
+        if let Some(plane) = slab.planes.get(x % self.planes) {
+            take(plane);
+        }
+        Ok(read)
+    }
+
+    fn slot(&self, number: usize) -> Slot {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = kept.iter().position(|(own, _)| *own == number)
+            && let Some(entry) = kept.remove(at)
+        {
+            let slot = Arc::clone(&entry.1);
+            kept.push_back(entry);
+            return slot;
+        }
+        if kept.len() >= KEPT {
+            kept.pop_front();
+        }
+        let slot = Slot::default();
+        kept.push_back((number, Arc::clone(&slot)));
+        slot
+    }
+
+    fn fill(&self, index: &Index, array: &RowArray, number: usize) -> Result<(Slab, u64)> {
+        let first = number * self.planes;
+        let end = (first + self.planes).min(index.nodes().0[0]);
+        if !self.dilates {
+            let (planes, read) = planes(index, array, first..end)?;
+            return Ok((Slab { planes }, read));
+        }
+        let before = first.saturating_sub(1);
+        let (planes, read) = planes(index, array, before..(end + 1).min(index.nodes().0[0]))?;
+        let [_, ny, nz] = index.nodes().0;
+        let dilated = (first..end).map(|x| {
+            let near = |x: usize| planes.get(x.checked_sub(before)?);
+            let sides = [x.checked_sub(1).and_then(near), near(x + 1)];
+            near(x).map_or_else(Plane::default, |own| dilate(own, sides, array, [ny, nz]))
+        });
+        Ok((Slab { planes: dilated.collect() }, read))
+    }
+}
+
+/// The rows of consecutive planes, and the bytes that were read.
+fn planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<Plane>, u64)> {
+    let (mut planes, mut rows) = (Vec::new(), Vec::new());
+    let mut wanted: Vec<(u32, u32)> = Vec::new();
+    for x in range {
+        index.plane(x, &mut rows)?;
+        let mut nodes = Vec::new();
+        for (node, &row) in (0u32..).zip(&rows).filter(|(_, row)| **row != NO_ROW) {
+            nodes.push(node);
+            // Fewer than 2^32: a slab has as many nodes at most.
+            wanted.push((row, u32::try_from(wanted.len()).unwrap_or(NO_ROW)));
+        }
+        planes.push(Plane { nodes, rows: Vec::new() });
+    }
+    let size = array.row_bytes();
+    let mut bytes = vec![0; wanted.len() * size];
+    let read = array.gather(&mut wanted, &mut bytes)?;
+    let mut rest = &bytes[..];
+    for plane in &mut planes {
+        let (own, left) = rest.split_at(plane.nodes.len() * size);
+        plane.rows = own.to_vec();
+        rest = left;
+    }
+    Ok((planes, read))
+}
+
+/// A plane, as float32, with a row for each node that has a neighbour with one: the neighbours'
+/// mean.
+fn dilate(
+    own: &Plane,
+    sides: [Option<&Plane>; 2],
+    array: &RowArray,
+    [ny, nz]: [usize; 2],
+) -> Plane {
+    let (width, size, element) = (array.width(), array.row_bytes(), array.element());
+    let decoded = |plane: &Plane| {
+        let mut values = vec![0.0f32; plane.nodes.len() * width];
+        element.decode(&plane.rows, &mut values);
+        values
+    };
+    debug_assert_eq!(own.rows.len(), own.nodes.len() * size);
+    let own_values = decoded(own);
+    // The place of each node's row: first the own ones, then those of neighbours' sums.
+    let mut places = vec![NO_ROW; ny * nz];
+    let number = |count: usize| u32::try_from(count).unwrap_or(NO_ROW);
+    for (at, &node) in own.nodes.iter().enumerate() {
+        if let Some(place) = places.get_mut(node as usize) {
+            *place = number(at);
+        }
+    }
+    let count = own.nodes.len();
+    let (mut sums, mut counts): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
+    let mut add = |plane: &Plane, values: &[f32]| {
+        for (&node, row) in plane.nodes.iter().zip(values.chunks_exact(width)) {
+            let (y, z) = (node as usize / nz, node as usize % nz);
+            for y in y.saturating_sub(1)..(y + 2).min(ny) {
+                for z in z.saturating_sub(1)..(z + 2).min(nz) {
+                    let Some(place) = places.get_mut(y * nz + z) else { continue };
+                    if *place == NO_ROW {
+                        *place = number(count + counts.len());
+                        counts.push(0.0);
+                        sums.resize(sums.len() + width, 0.0);
+                    }
+                    let Some(at) = (*place as usize).checked_sub(count) else { continue };
+                    if let (Some(count), Some(sums)) =
+                        (counts.get_mut(at), sums.get_mut(at * width..(at + 1) * width))
+                    {
+                        *count += 1.0;
+                        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+                    }
+                }
+            }
+        }
+    };
+    add(own, &own_values);
+    for side in sides.into_iter().flatten() {
+        add(side, &decoded(side));
+    }
+    let mut plane = Plane::default();
+    for (node, &place) in (0u32..).zip(&places).filter(|(_, place)| **place != NO_ROW) {
+        plane.nodes.push(node);
+        let place = place as usize;
+        match place.checked_sub(count) {
+            None => {
+                let row = own_values.get(place * width..(place + 1) * width).unwrap_or_default();
+                plane.rows.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+            }
+            Some(at) => {
+                let row = sums.get(at * width..(at + 1) * width).unwrap_or_default();
+                let share = counts.get(at).map_or(0.0, |count| 1.0 / count);
+                plane.rows.extend(row.iter().flat_map(|sum| (sum * share).to_le_bytes()));
+            }
+        }
+    }
+    plane
+}

@@ -1,0 +1,82 @@
+//! The bytes of a tensor in C order, to be read by position.
+
+use std::sync::Arc;
+
+use super::array::Tensor;
+use super::zip::Data;
+use crate::base::bytes::Storage;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits::Budget;
+
+/// Longer entries are inflated into a file.
+const IN_MEMORY: u64 = 32 << 20;
+/// Bytes that are read at once while a checksum is taken.
+const PIECE: usize = 1 << 20;
+
+impl Tensor {
+    /// The tensor's bytes in C order. Bytes that are stored as they are stay in their file;
+    /// compressed ones are inflated, long ones into a nameless file in the folder for temporary
+    /// files. Checksums that the file states are verified, which reads all bytes.
+    ///
+    /// # Errors
+    /// Those of reading and inflating, `Checksum`, and more bytes than the budget has.
+    pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
+        if !self.is_dense() {
+            return Ok(Storage::Memory(self.packed(budget)?.into()));
+        }
+        let (first, length) = (self.first * self.element().size() as u64, self.bytes());
+        match &self.data {
+            Data::Stored(Storage::File { file, range, crc32 }) => {
+                if let Some(expected) = *crc32 {
+                    verify(
+                        &Storage::File {
+                            file: Arc::clone(file),
+                            range: range.clone(),
+                            crc32: None,
+                        },
+                        expected,
+                        &self.place(),
+                    )?;
+                }
+                let start = range.start + first;
+                let file = Arc::clone(file);
+                Ok(Storage::File { file, range: start..start + length, crc32: None })
+            }
+            Data::Deflated { archive, entry, skip } if length > IN_MEMORY => {
+                let file = Arc::new(archive.inflate_to_file(*entry, budget)?);
+                let start = skip + first;
+                Ok(Storage::File { file, range: start..start + length, crc32: None })
+            }
+            data => {
+                let whole = data.storage(budget)?;
+                let Storage::Memory(bytes) = &whole else { return Ok(whole) };
+                let at = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
+                let part = bytes.get(at(first)..at(first.saturating_add(length)));
+                Ok(match part {
+                    Some(part) if part.len() < bytes.len() => Storage::Memory(part.into()),
+                    _ => whole,
+                })
+            }
+        }
+    }
+}
+
+/// Holds all bytes against the checksum that the file states.
+fn verify(storage: &Storage, expected: u32, place: &Place) -> Result<()> {
+    let mut sum = crc32fast::Hasher::new();
+    let mut piece = vec![0; PIECE];
+    let mut at = 0;
+    while at < storage.length() {
+        let left = usize::try_from(storage.length() - at).unwrap_or(usize::MAX);
+        let piece = piece.get_mut(..left.min(PIECE)).unwrap_or_default();
+        storage.read_into(at, piece)?;
+        sum.update(piece);
+        at += piece.len() as u64;
+    }
+    let found = sum.finalize();
+    if found == expected {
+        return Ok(());
+    }
+    let what = "the tensor's storage".into();
+    Err(Error::new(ErrorKind::Checksum { what, found, expected }, place.clone()))
+}

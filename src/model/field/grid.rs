@@ -1,0 +1,108 @@
+//! One or more channels of a trained field, stored as a strided array or found in another way.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use super::Volume;
+use crate::base::error::Result;
+use crate::model::grid::{NodeMask, Nodes};
+
+/// Values at nodes that are no strided array: sparse rows, products of factors, samples of another
+/// model. Readers ask for planes of constant x, from any thread and in any order; neighbouring
+/// planes usually follow each other, and all channels of one come soon after each other.
+pub trait NodeValues: Debug + Send + Sync {
+    /// Nodes along each axis.
+    fn nodes(&self) -> Nodes;
+
+    /// Channels.
+    fn channels(&self) -> usize;
+
+    /// Bytes that the values take in memory while planes are read, at most.
+    fn memory_bytes(&self) -> u64;
+
+    /// Feeds a digest with samples of the bytes that stand for all values.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+
+    /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes may
+    /// be filled or left as they are. Returns the bytes that were read.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64>;
+}
+
+/// Channels of a trained field.
+#[derive(Debug, Clone)]
+pub enum Grid {
+    /// A dense array, in a file or in memory.
+    Array(Volume),
+    /// Values that are found in another way.
+    Values(Arc<dyn NodeValues>),
+}
+
+impl Grid {
+    /// Nodes along each axis.
+    pub fn nodes(&self) -> Nodes {
+        match self {
+            Self::Array(volume) => volume.nodes,
+            Self::Values(values) => values.nodes(),
+        }
+    }
+
+    /// Channels.
+    pub fn channels(&self) -> usize {
+        match self {
+            Self::Array(volume) => volume.channels,
+            Self::Values(values) => values.channels(),
+        }
+    }
+
+    /// The storage of an array that has a checksum of its own.
+    pub fn has_checksum(&self) -> bool {
+        self.array().is_some_and(|volume| volume.storage.crc32().is_some())
+    }
+
+    /// Fills all nodes of plane `x` of a channel. `see` is shown the bytes of arrays as stored.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn read_plane(
+        &self,
+        channel: usize,
+        x: usize,
+        out: &mut [f32],
+        mut see: impl FnMut(&[u8]),
+    ) -> Result<()> {
+        match self {
+            Self::Array(volume) => {
+                let mut scratch = Vec::new();
+                let row = if volume.rows_are_contiguous() { out.len() } else { volume.nodes.0[2] };
+                for (y, row) in out.chunks_exact_mut(row).enumerate() {
+                    volume.read_run(channel, [x, y, 0], row, &mut scratch, &mut see)?;
+                }
+            }
+            Self::Values(values) => {
+                let whole = NodeMask::full(values.nodes());
+                values.read(channel, x, whole.plane(x), out)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The array, if it is one.
+    pub fn array(&self) -> Option<&Volume> {
+        match self {
+            Self::Array(volume) => Some(volume),
+            Self::Values(_) => None,
+        }
+    }
+}
+
+impl From<Volume> for Grid {
+    fn from(volume: Volume) -> Self {
+        Self::Array(volume)
+    }
+}

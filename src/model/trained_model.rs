@@ -1,0 +1,55 @@
+//! A trained model as its own renderer shows it.
+
+use std::fmt::Debug;
+
+use super::camera::Ray;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+
+/// The light that comes along a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayColor {
+    /// Colour over the background, not clamped.
+    pub color: [f32; 3],
+    /// Light left behind the field, 0 to 1.
+    pub transmittance: f32,
+    /// Expected distance in world units; light that passes the field counts at `far`, if there is
+    /// one.
+    pub distance: f32,
+}
+
+/// The rules that belong to a picture and not to a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayRules {
+    /// No sample is nearer than this, in world units along the ray.
+    pub near: f32,
+    /// Rays enter the box no farther than this, likewise; `None` is without bound.
+    pub far: Option<f32>,
+    /// Colour behind the field.
+    pub background: [f32; 3],
+}
+
+/// A trained model in memory, evaluated by the rules of the program that trained it: its places of
+/// samples, its activations, its rules to stop.
+///
+/// Models whose rules are those of a [`RadianceField`](super::field::RadianceField) need none.
+pub trait TrainedModel: Debug + Send + Sync {
+    /// The light along a ray. Its direction need not have unit length.
+    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor;
+
+    /// Optical depth per world unit at a position of the world; 0 outside.
+    fn density(&self, position: [f64; 3]) -> f32;
+
+    /// The colours of the matter at a position, seen along unit directions that point into the
+    /// scene, before they are composited.
+    fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]>;
+}
+
+/// Loads a model's values into memory.
+pub trait LoadModel: Debug + Send + Sync {
+    /// The model.
+    ///
+    /// # Errors
+    /// Those of reading, and more memory than the limits allow.
+    fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>>;
+}

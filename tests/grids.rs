@@ -1,0 +1,379 @@
+//! Models of other systems: what they show by their own rules, and what a bake makes of them, held
+//! against references that other programs rendered.
+
+mod common;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use common::grids::{self, SMALL_GRIDS, SmallGrid, Values};
+use common::{fixture, folder, python};
+use glam::DVec3;
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::{Error, ErrorKind};
+use mipvog_bake::unstable::base::limits::{Budget, Limits};
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::input::checkpoint::{Family, Source, SourceOptions, ViewChoice};
+use mipvog_bake::unstable::input::tensor::{self, Value};
+use mipvog_bake::unstable::input::{inspect, open_tensors, open_with};
+use mipvog_bake::unstable::model::camera::Ray;
+use mipvog_bake::unstable::view::render::Renderer;
+
+fn open(name: &str, options: &SourceOptions) -> Result<Source, Error> {
+    open_with(&fixture("grids").join(name), options, &Limits::default())
+}
+
+fn renderer(source: &Source) -> Renderer {
+    Renderer::of_source(source, None, &Limits::default()).expect("a model")
+}
+
+/// The tensors of a reference.
+struct Reference(tensor::TensorFile);
+
+impl Reference {
+    fn of(name: &str) -> Self {
+        let path = fixture("grids").join(format!("{name}.rays.safetensors"));
+        Self(tensor::open(&path, &Limits::default()).expect("a reference"))
+    }
+
+    fn values(&self, name: &str) -> Vec<f32> {
+        let found = self.0.root.get(name).and_then(Value::tensor).expect("a tensor");
+        found.read_f32(&mut Budget::new(&Limits::default())).expect("values")
+    }
+
+    fn points(&self, name: &str) -> Vec<[f64; 3]> {
+        self.values(name).as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect()
+    }
+
+    fn rays(&self) -> Vec<Ray> {
+        let rays = self.points("origins").into_iter().zip(self.points("directions"));
+        rays.map(|(origin, direction)| Ray {
+            origin: DVec3::from_array(origin),
+            direction: DVec3::from_array(direction).normalize(),
+        })
+        .collect()
+    }
+}
+
+/// Largest difference of two lists of the same length.
+fn farthest(found: impl IntoIterator<Item = f32>, expected: &[f32]) -> f32 {
+    let found: Vec<f32> = found.into_iter().collect();
+    assert_eq!(found.len(), expected.len());
+    found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Rays within 2e-5 of the reference, densities within 1e-5 of theirs, colours within 1e-5.
+fn agrees(name: &str, reference: &str, options: &SourceOptions) {
+    let (model, reference) =
+        (renderer(&open(name, options).expect(name)), Reference::of(reference));
+    let light = model.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
+    let rgb = farthest(light.iter().flat_map(|ray| ray.color), &reference.values("rgb"));
+    let left = farthest(light.iter().map(|r| r.transmittance), &reference.values("transmittance"));
+    assert!(rgb < 2e-5 && left < 2e-5, "{name}: colours {rgb}, transmittance {left}");
+    let (positions, densities) = (reference.points("positions"), reference.values("density"));
+    for (position, expected) in positions.iter().zip(densities) {
+        let found = model.sample(*position, 0).expect("a point").density;
+        let off = (found - expected).abs();
+        assert!(off <= 1e-5 * expected.abs() + 1e-6, "{name}: {found} for {expected}");
+    }
+    let directions = reference.points("color_directions");
+    let colors = reference.values("color");
+    for (position, expected) in positions.iter().zip(colors.chunks_exact(3 * directions.len())) {
+        let found = model.point_colors(*position, &directions, 0).expect("a point");
+        let off = farthest(found.into_iter().flatten(), expected);
+        assert!(off < 1e-5, "{name}: colours {off} off at {position:?}");
+    }
+}
+
+#[test]
+fn models_by_their_own_rules_agree_with_other_programs() {
+    let plain = SourceOptions::default();
+    agrees("plenoxels_cubic.npz", "plenoxels_cubic", &plain);
+    agrees("plenoxels_anisotropic.npz", "plenoxels_anisotropic", &plain);
+    let grey = SourceOptions { background: Some([0.7; 3]), ..plain.clone() };
+    agrees("plenoxels_legacy.npz", "plenoxels_anisotropic", &grey);
+    agrees("plenoctree.npz", "plenoctree", &plain);
+    agrees("plenoctree_compressed.npz", "plenoctree_compressed", &plain);
+    agrees("plenoctree_sh16.npz", "plenoctree_sh16", &plain);
+}
+
+#[test]
+fn a_field_holds_the_values_of_its_model() {
+    for name in ["plenoxels_cubic", "plenoxels_anisotropic"] {
+        let source = open(&format!("{name}.npz"), &SourceOptions::default()).expect(name);
+        let nodes = Renderer::of_field(&source.field).expect("nodes");
+        let reference = Reference::of(name);
+        let directions = reference.points("color_directions");
+        let (densities, colors) = (reference.values("density"), reference.values("color"));
+        let colors: Vec<&[f32]> = colors.chunks_exact(3 * directions.len()).collect();
+        for (number, position) in reference.points("positions").into_iter().enumerate() {
+            let (found, expected) = (nodes.sample(position, 0).expect("inside"), densities[number]);
+            let off = (found.density - expected).abs();
+            // Positions between nodes are float32 here.
+            assert!(off <= 1e-3 * expected.abs() + 1e-3, "{name}: {} {expected}", found.density);
+            if let Some(expected) = colors.get(number) {
+                let found = nodes.point_colors(position, &directions, 0).expect("inside");
+                let off = farthest(found.into_iter().flatten(), expected);
+                assert!(off < 1e-4, "{name}: colours {off} off");
+            }
+        }
+    }
+}
+
+#[test]
+fn inspection_names_the_family_and_states_the_scene() {
+    for (name, family) in [
+        ("plenoxels_cubic.npz", Family::Plenoxels),
+        ("plenoctree.npz", Family::PlenOctree),
+        ("plenoxels_background.npz", Family::Plenoxels),
+    ] {
+        let path = fixture("grids").join(name);
+        let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect("listed");
+        assert_eq!(found.model, Some(family), "{name}");
+        assert_eq!(found.scene.is_none(), name.contains("background"), "{:?}", found.problem);
+    }
+}
+
+#[test]
+fn a_scale_moves_the_scene_and_keeps_the_picture() {
+    let scale = 2.0 / 3.0;
+    let options = SourceOptions { scene_scale: Some(scale), ..SourceOptions::default() };
+    let scaled = open("plenoxels_cubic.npz", &options).expect("a model");
+    let own = open("plenoxels_cubic.npz", &SourceOptions::default()).expect("a model");
+    let ratio = own.field.scene.bounds.max[0] / scaled.field.scene.bounds.max[0];
+    assert!((ratio - scale).abs() < 1e-6, "{ratio}");
+    let reference = Reference::of("plenoxels_cubic");
+    let factor = 1.0 / f64::from(scale);
+    let rays: Vec<Ray> =
+        reference.rays().iter().map(|ray| Ray { origin: factor * ray.origin, ..*ray }).collect();
+    let model = renderer(&scaled);
+    let light = model.ray_colors(&rays, 0, &Silent).expect("rays");
+    let off = farthest(light.iter().flat_map(|ray| ray.color), &reference.values("rgb"));
+    assert!(off < 2e-5, "{off}");
+    let position = reference.points("positions")[3];
+    let found = model.sample(position.map(|value| value * factor), 0).expect("inside").density;
+    let expected = scale * reference.values("density")[3];
+    assert!((found - expected).abs() < 1e-4 * expected.abs() + 1e-5, "{found} {expected}");
+    let nodes = Renderer::of_field(&scaled.field).expect("nodes");
+    let found = nodes.sample(position.map(|value| value * factor), 0).expect("inside").density;
+    assert!((found - expected).abs() < 1e-3 * expected.abs() + 1e-3, "{found} {expected}");
+}
+
+#[test]
+fn bands_are_cut_on_request() {
+    let cut = |view| {
+        let options = SourceOptions { view, ..SourceOptions::default() };
+        open("plenoxels_cubic.npz", &options).expect("a model")
+    };
+    let first = cut(ViewChoice::Harmonics(1));
+    assert_eq!(
+        (first.field.color_channels(), first.field.harmonics().map(|h| h.degree)),
+        (12, Some(1))
+    );
+    let none = cut(ViewChoice::None);
+    assert!(none.field.view.is_none() && none.field.color_channels() == 3);
+    let directions = [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8]];
+    for source in [&none, &cut(ViewChoice::Harmonics(0))] {
+        for seen in [renderer(source), Renderer::of_field(&source.field).expect("nodes")] {
+            let position = Reference::of("plenoxels_cubic").points("positions")[5];
+            let colors = seen.point_colors(position, &directions, 0).expect("inside");
+            assert_eq!(colors[0], colors[1], "no view dependence is left");
+        }
+    }
+}
+
+#[test]
+fn what_no_container_can_hold_is_refused_by_name() {
+    let refused = |name: &str, expected: &str| {
+        let error = open(name, &SourceOptions::default()).expect_err(name);
+        assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    };
+    refused("plenoxels_background.npz", "spheres behind the box");
+    let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
+    let source = open("plenoxels_background.npz", &options).expect("the box alone");
+    assert!(source.assumptions.iter().any(|assumption| assumption.key == "background_data"));
+    let here = folder();
+    for (settings, expected) in [
+        (r#"{"renderer_backend": "nvol"}"#, "nvol"),
+        (r#"{"renderer_backend": "svox1"}"#, "svox1"),
+        (r#"{"dataset_type": "llff"}"#, "normalised device coordinates"),
+    ] {
+        let copy = here.path().join("ckpt.npz");
+        std::fs::copy(fixture("grids/plenoxels_cubic.npz"), &copy).expect("writable");
+        std::fs::write(here.path().join("args.json"), settings).expect("writable");
+        let error = open_with(&copy, &SourceOptions::default(), &Limits::default());
+        let error = error.expect_err(expected);
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+fn small(grid: &SmallGrid) -> Result<Source, Error> {
+    let file = Arc::new(SourceFile::decoded(grid.to_bytes(), Path::new("/nowhere/grid")));
+    let limits = Limits::default();
+    open_tensors(&tensor::open_file(&file, &limits)?, &SourceOptions::default(), &limits)
+}
+
+/// Opens a model, loads it, and reads its field.
+fn used(grid: &SmallGrid) -> Result<(), Error> {
+    let source = small(grid)?;
+    Renderer::of_source(&source, None, &Limits::default())?;
+    let [nx, ny, nz] = source.field.scene.nodes.0;
+    for grid in source.field.grids() {
+        let mut plane = vec![0.0; ny * nz];
+        for channel in 0..grid.channels() {
+            (0..nx).try_for_each(|x| grid.read_plane(channel, x, &mut plane, |_| {}))?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn small_models_of_every_kind_are_read_and_lies_are_refused() {
+    for make in SMALL_GRIDS {
+        used(&make()).expect("sound");
+    }
+    type Lie = fn(&mut SmallGrid);
+    let lies: [(fn() -> SmallGrid, &str, Lie); 14] = [
+        (grids::plenoxels, "a link beyond the rows", |grid| {
+            if let Values::I32(links) = &mut grid.array("links").2 {
+                links[4] = 30;
+            }
+        }),
+        (grids::plenoxels, "fewer rows of colour", |grid| {
+            *grid.array("sh_data") = ("sh_data", vec![29, 12], Values::F32(vec![0.0; 348]));
+        }),
+        (grids::plenoxels, "no number of functions", |grid| {
+            *grid.array("sh_data") = ("sh_data", vec![30, 15], Values::F32(vec![0.0; 450]));
+        }),
+        (grids::plenoxels, "a density that is no number", |grid| {
+            if let Values::F32(values) = &mut grid.array("density_data").2 {
+                values[3] = f32::NAN;
+            }
+        }),
+        (grids::plenoxels, "a box without extent", |grid| {
+            *grid.array("radius") = ("radius", vec![3], Values::F32(vec![1.0, 0.0, 1.0]));
+        }),
+        (grids::plenoxels, "a texture as basis", |grid| {
+            grid.arrays.push(("basis_type", Vec::new(), Values::I32(vec![4])));
+        }),
+        (grids::sampled, "a box inside out", |grid| {
+            if let Values::F32(corners) = &mut grid.array("aabb").2 {
+                corners[0] = 7.0;
+            }
+        }),
+        (grids::sampled, "an unknown clamp", |grid| grid.settings[0] = ("clamp", "tanh")),
+        (grids::sampled_blocks, "a block twice", |grid| {
+            *grid.array("blocks") = ("blocks", vec![2, 3], Values::I32(vec![0; 6]));
+        }),
+        (grids::sampled_blocks, "a block before the first", |grid| {
+            *grid.array("blocks") = ("blocks", vec![2, 3], Values::I32(vec![0, 0, 0, 0, -1, 0]));
+        }),
+        (grids::plenoctree, "a node that is its own child", |grid| {
+            if let Values::I32(children) = &mut grid.array("child").2 {
+                children[9] = 0;
+                children[10] = -1;
+            }
+        }),
+        (grids::plenoctree, "a node as a child twice", |grid| {
+            if let Values::I32(children) = &mut grid.array("child").2 {
+                children[2] = 1;
+            }
+        }),
+        (grids::plenoctree, "a child beyond the nodes", |grid| {
+            if let Values::I32(children) = &mut grid.array("child").2 {
+                children[2] = 3;
+            }
+        }),
+        (grids::quantized, "an entry beyond the code book", |grid| {
+            if let Values::U16(entries) = &mut grid.array("quant_map").2 {
+                entries.fill(5);
+            }
+        }),
+    ];
+    for (make, name, lie) in lies {
+        let mut grid = make();
+        lie(&mut grid);
+        let error = match used(&grid) {
+            Ok(()) => panic!("{name} passes"),
+            Err(error) => error,
+        };
+        let kind = error.kind();
+        let typed = matches!(
+            kind,
+            ErrorKind::Malformed { .. }
+                | ErrorKind::Unsupported { .. }
+                | ErrorKind::NonFinite { .. }
+        );
+        // Values that are no numbers are refused by a bake, which reads nodes.
+        assert!(typed, "{name}: {error}");
+    }
+}
+
+#[test]
+fn blocks_and_dense_arrays_of_the_open_door_are_the_same_scene() {
+    let dense = grids::sampled();
+    let density = match &dense.arrays[0].2 {
+        Values::F32(values) => values.clone(),
+        _ => panic!("float32"),
+    };
+    let sh = match &dense.arrays[1].2 {
+        Values::F32(values) => values.clone(),
+        _ => panic!("float32"),
+    };
+    // Blocks of 3 nodes a side: 2 x 2 x 1, the last ones half outside.
+    let (mut blocks, mut densities, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
+    for block in [[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]] {
+        blocks.extend(block.map(|at: usize| at as i32));
+        for local in 0..27 {
+            let [x, y, z] = [local / 9, local / 3 % 3, local % 3];
+            let node = [3 * block[0] + x, 3 * block[1] + y, z];
+            let inside = node[0] < 5 && node[1] < 4;
+            let at = (node[0] * 4 + node[1]) * 3 + node[2];
+            densities.push(if inside { density[at] } else { 9.0 });
+            let row = if inside { sh[12 * at..12 * at + 12].to_vec() } else { vec![1.0; 12] };
+            coefficients.extend(row);
+        }
+    }
+    let mut sparse = dense.clone();
+    sparse.arrays[0] = ("density", vec![4, 3, 3, 3], Values::F32(densities));
+    sparse.arrays[1] = ("sh", vec![4, 3, 3, 3, 3, 4], Values::F32(coefficients));
+    sparse.arrays.push(("blocks", vec![4, 3], Values::I32(blocks)));
+    sparse.arrays.push(("dimensions", vec![3], Values::I32(vec![5, 4, 3])));
+    sparse.settings.push(("block_size", "3"));
+    let [dense, sparse] = [dense, sparse].map(|grid| small(&grid).expect("sound"));
+    assert_eq!(dense.field.scene, sparse.field.scene);
+    let [a, b] = [&dense, &sparse].map(renderer);
+    let rays = Reference::of("plenoxels_cubic").rays();
+    assert_eq!(
+        a.ray_colors(&rays, 0, &Silent).expect("rays"),
+        b.ray_colors(&rays, 0, &Silent).expect("rays")
+    );
+    // By its own rules it is what its field shows: colours are logits, clamped at each sample.
+    let nodes = Renderer::of_field(&dense.field).expect("nodes");
+    let own = a.ray_colors(&rays, 0, &Silent).expect("rays");
+    let field = nodes.ray_colors(&rays, 0, &Silent).expect("rays");
+    let colors: Vec<f32> = own.iter().flat_map(|ray| ray.color).collect();
+    let off = farthest(field.iter().flat_map(|ray| ray.color), &colors);
+    assert!(off < 1e-4, "{off}");
+}
+
+#[test]
+fn forty_lines_of_numpy_write_what_the_door_reads() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/sample_field.py");
+    let here = folder();
+    let out = here.path().join("ball.npz");
+    let ran = std::process::Command::new(python()).arg(&script).arg(&out).output();
+    let Ok(ran) = ran else { return };
+    if String::from_utf8_lossy(&ran.stderr).contains("No module named 'numpy'") {
+        return;
+    }
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let source = open_with(&out, &SourceOptions::default(), &Limits::default()).expect("a scene");
+    assert_eq!(source.family, Family::Sampled);
+    let model = renderer(&source);
+    assert!(model.sample([0.0; 3], 0).expect("inside").density > 1.0);
+    let toward = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, -1.0]], 0).expect("inside");
+    let away = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, 1.0]], 0).expect("inside");
+    assert!(toward[0][0] > away[0][0] + 0.1, "{toward:?} {away:?}");
+}
