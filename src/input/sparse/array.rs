@@ -13,8 +13,6 @@ use crate::model::grid::Element;
 const BRIDGED_BYTES: u64 = 4096;
 /// Bytes that are read at once, at most, unless one row is longer.
 const READ_BYTES: u64 = 1 << 20;
-/// Numbers that are decoded at once.
-const PIECE: usize = 1 << 18;
 /// Samples in a digest, evenly spaced from the first byte to the last, and bytes of each.
 const SAMPLES: u64 = 64;
 const SAMPLE_BYTES: u64 = 4096;
@@ -114,15 +112,35 @@ impl RowArray {
     pub fn values(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let count = limits::product(&[self.rows, self.width as u64], "rows", &self.place)?;
         let mut values = budget.zeroed(count, "bytes of rows", &self.place)?;
-        let storage = self.storage()?;
-        let size = self.element.size();
-        let mut bytes = Vec::new();
-        for (piece, values) in (0u64..).zip(values.chunks_mut(PIECE)) {
-            bytes.resize(values.len() * size, 0);
-            storage.read_into(piece * (PIECE * size) as u64, &mut bytes)?;
-            self.element.decode(&bytes, values);
-        }
+        let mut rest = &mut values[..];
+        self.for_each_piece(|piece| {
+            let (own, left) = std::mem::take(&mut rest).split_at_mut(piece.len());
+            own.copy_from_slice(piece);
+            rest = left;
+        })?;
         Ok(values)
+    }
+
+    /// Calls `see` with all rows in order, some at a time.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn for_each_piece(&self, mut see: impl FnMut(&[f32])) -> Result<()> {
+        let storage = self.storage()?;
+        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
+        let (mut bytes, mut values) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        while first < self.rows {
+            let count = at_once.min(self.rows - first);
+            let rows = limits::product(&[count], "rows", &self.place)?;
+            bytes.resize(rows * self.row_bytes(), 0);
+            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
+            values.resize(rows * self.width, 0.0);
+            self.element.decode(&bytes, &mut values);
+            see(&values);
+            first += count;
+        }
+        Ok(())
     }
 
     /// Refuses values that are not finite.
