@@ -348,9 +348,7 @@ fn signals_end_a_run_with_their_code_and_leave_nothing() {
         // It watches for signals by the time of its warning about missing settings.
         let mut byte = [0];
         child.stderr.as_mut().expect("a pipe").read_exact(&mut byte).expect("a warning");
-        let mut kill = Command::new("kill");
-        let sent = kill.arg(format!("-{signal}")).arg(child.id().to_string()).status();
-        assert!(sent.expect("kill").success());
+        common::send(&format!("-{signal}"), child.id());
         let ended = child.wait().expect("ends").code();
         // It may have been done before.
         let done = ended == Some(0) && here.join("x.mipvog").exists();

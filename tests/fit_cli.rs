@@ -125,8 +125,7 @@ mod signals {
         }
         // Bars go on being drawn. They have no use, but the pipe must not fill up.
         let rest = std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
-        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
-        assert!(sent.expect("kill is there").success());
+        common::send(signal, child.id());
         let output = child.wait_with_output().expect("ends");
         rest.join().expect("no panic").expect("readable");
         output

@@ -54,7 +54,7 @@ fn containers_with_linear_values_keep_their_bytes() {
     (options.bits, options.fill_error) = (Bits::F16, None);
     let bytes = baked_bytes(&degree_3, &options).expect("a bake");
     assert_golden(&fixture("baked/harmonics.f16.mipvog"), &bytes);
-    let colors = grid_values(&plain.color[0]);
+    let colors = grid_values(&plain.color[0]).iter().map(|value| 0.5 + 0.28 * value).collect();
     let field = RadianceField::builder(nodes, grid_values(&plain.density), colors)
         .density_function(DensityFunction::Relu)
         .linear_colors();

@@ -14,7 +14,7 @@ use common::{Random, fixture, folder, program};
 
 /// A run has this much time to end after a signal: the second that is promised, of which the
 /// program takes 0.65 at most, and half of one more for a machine whose processors are all taken by
-/// other tests: there its threads, and the programs `kill` and this one, wait for their turn.
+/// other tests: there threads, the shell that sends the signal, and the test itself wait for their turn.
 const END: Duration = Duration::from_millis(1500);
 
 fn start(here: &Path, line: &str) -> Child {
@@ -32,9 +32,7 @@ fn start(here: &Path, line: &str) -> Child {
 /// Sends a signal and waits; the time until the end is asserted.
 fn signalled(child: Child, signal: &str) -> Output {
     let clock = Instant::now();
-    let id = child.id().to_string();
-    let sent = std::process::Command::new("kill").args([signal, &id]).status();
-    assert!(sent.expect("kill is there").success());
+    common::send(signal, child.id());
     let output = child.wait_with_output().expect("ends");
     let took = clock.elapsed();
     assert!(took < END, "{took:?}: {}", message(&output));

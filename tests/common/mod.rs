@@ -38,6 +38,15 @@ use mipvog_bake::unstable::model::field::{
 };
 use mipvog_bake::unstable::model::grid::{Bounds, Element, Nodes};
 
+/// Sends a signal such as `-INT` to a program that runs. By the shell's own `kill`: a fresh Debian
+/// has no program of that name.
+#[cfg(unix)]
+pub fn send(signal: &str, id: u32) {
+    let kill = ["-c", "kill \"$0\" \"$1\"", signal, &id.to_string()].map(ToOwned::to_owned);
+    let sent = std::process::Command::new("sh").args(kill).status();
+    assert!(sent.expect("a shell").success());
+}
+
 /// A file under `fixtures/`.
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)

@@ -74,7 +74,7 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   await page.close();
 });
 
-const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage"];
+const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear"];
 
 for (const name of CONTAINERS) {
   test(`${name} looks as the reference renderer draws it, level by level`, async () => {

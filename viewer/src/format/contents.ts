@@ -2,19 +2,17 @@
 
 import { FieldError } from "../errors.js";
 import { chunkName, type Entry, type Header, KNOWN, paddedEnd } from "./layout.js";
-import type { Metadata } from "./metadata.js";
+import { colorGroups, type Metadata, networkOf } from "./metadata.js";
 
 /** Every chunk that the metadata announces is there and no other, in order, coarse to fine, with the right prefix. */
 export function checkContents(entries: Entry[], metadata: Metadata, header: Header): void {
   const expected: [string, number | null][] = [["META", null]];
-  if (metadata.view) expected.push(["VMLP", null]);
+  if (networkOf(metadata)) expected.push(["VMLP", null]);
   if (metadata.free_space) expected.push(["MASK", null]);
   for (let level = metadata.levels.length - 1; level >= 0; level--) {
-    const { density, features } = metadata.levels[level];
     expected.push(["TABL", level]);
-    if (density) expected.push(["DENS", level]);
-    expected.push(["DIFF", level]);
-    if (features) expected.push(["FEAT", level]);
+    if (metadata.levels[level].density) expected.push(["DENS", level]);
+    for (const { kind } of colorGroups(metadata, level)) expected.push([kind, level]);
   }
   const critical = entries.filter(({ kind }) => KNOWN.includes(kind) && kind !== "prov");
   expected.forEach(([kind, level], i) => {

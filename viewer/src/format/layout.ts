@@ -8,11 +8,13 @@ export const ENTRY_BYTES = 64;
 const ALIGNMENT = 64;
 /** Required feature: there are inherited blocks. */
 const INHERITED_BLOCKS = 1n;
+/** Required feature: colours are linear, coefficients of harmonics among them, or the function of density is not softplus. */
+const LINEAR_VALUES = 2n;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_LEVEL = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
 const MOST_CHUNKS = 4096;
-export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT"];
+export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC"];
 
 export interface Header {
   /** Bytes of the whole file. */
@@ -20,6 +22,8 @@ export interface Header {
   chunks: number;
   /** Whether there are blocks whose colours are inherited from the next coarser level. */
   inherited: boolean;
+  /** Whether colours are linear, or the function of density is not softplus. */
+  linear: boolean;
 }
 
 export interface Entry {
@@ -58,8 +62,9 @@ export function readHeader(bytes: Uint8Array): Header {
   const major = data.getUint16(8, true);
   if (major !== 1) throw new FieldError(`The container is of version ${major}; this viewer knows version 1.`, REMEDY.newer);
   const features = data.getBigUint64(16, true);
-  if ((features & ~INHERITED_BLOCKS) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
-  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), inherited: features === INHERITED_BLOCKS };
+  if ((features & ~(INHERITED_BLOCKS | LINEAR_VALUES)) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
+  const has = (feature: bigint) => (features & feature) !== 0n;
+  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES) };
   checkReserved(bytes, [[12, 16], [44, 48], [52, 64]], "The header");
   if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");
   if (header.chunks === 0 || header.chunks > MOST_CHUNKS) throw new FieldError(`The header speaks of ${header.chunks} chunks; 1 to ${MOST_CHUNKS} can be.`);

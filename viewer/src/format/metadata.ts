@@ -4,6 +4,9 @@ import { FieldError, REMEDY } from "../errors.js";
 
 export type Triple = [number, number, number];
 
+/** What values mean. */
+const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "raw_density", "sqrt_optical_depth", "opacity"] as const;
+
 /** How the values of one group of one level are stored. */
 export interface Encoding {
   number: "u8" | "u16" | "f16" | "f32";
@@ -13,7 +16,7 @@ export interface Encoding {
   curve: number;
   empty: number;
   empty_code: boolean;
-  decode: "logit" | "raw_density" | "sqrt_optical_depth" | "opacity";
+  decode: (typeof DECODES)[number];
   max_error: number;
 }
 
@@ -26,11 +29,29 @@ export interface LevelMetadata {
   density: Encoding | null;
   diffuse: Encoding;
   features: Encoding | null;
+  /** Coefficients of bands 1 to 3 of harmonics; left out where there are none. */
+  bands?: Encoding[];
+}
+
+/** The shape of the network. */
+export interface NetworkShape {
+  frequencies: number;
+  input: "diffuse_and_features" | "features";
+  widths: number[];
+}
+
+/** The rules of harmonics. */
+export interface Harmonics {
+  kind: "spherical_harmonics";
+  degree: number;
+  where: "ray" | "sample";
+  offset: number;
+  clamp: "zero" | "none" | "sigmoid";
 }
 
 export interface Metadata {
   bounds: { min: Triple; max: Triple };
-  activation: { interval: number; order: "raw" | "density" | "opacity"; shift: number };
+  activation: { interval: number; order: "raw" | "density" | "opacity"; shift: number; function?: "relu" };
   march: {
     alpha_threshold: number;
     color_threshold: number;
@@ -46,7 +67,7 @@ export interface Metadata {
   background: Triple;
   color_space: "srgb_display";
   features: number;
-  view: null | { frequencies: number; input: "diffuse_and_features" | "features"; widths: number[] };
+  view: null | NetworkShape | Harmonics;
   free_space: boolean;
   alpha_threshold: number;
   filter: string;
@@ -114,13 +135,32 @@ const encoding = record({
   curve: finite,
   empty: finite,
   empty_code: boolean,
-  decode: oneOf("logit", "raw_density", "sqrt_optical_depth", "opacity"),
+  decode: oneOf(...DECODES),
   max_error: fromZero,
 });
 
+const network = record({
+  frequencies: whole(0, 32),
+  input: oneOf("diffuse_and_features", "features"),
+  widths: list(2, 32, whole(1, 4096)),
+});
+const harmonics = record({
+  kind: oneOf("spherical_harmonics"),
+  degree: whole(0, 3),
+  where: oneOf("ray", "sample"),
+  offset: finite,
+  clamp: oneOf("zero", "none", "sigmoid"),
+});
+const isHarmonics = (value: unknown) => typeof value === "object" && value !== null && "kind" in value;
+
 const METADATA = record({
   bounds: record({ min: triple, max: triple }),
-  activation: record({ interval: positive, order: oneOf("raw", "density", "opacity"), shift: finite }),
+  activation: record({
+    interval: positive,
+    order: oneOf("raw", "density", "opacity"),
+    shift: finite,
+    function: optional(oneOf("relu")),
+  }),
   march: record({
     alpha_threshold: share,
     color_threshold: share,
@@ -141,13 +181,7 @@ const METADATA = record({
   background: triple,
   color_space: oneOf("srgb_display"),
   features: whole(0, 61),
-  view: nullable(
-    record({
-      frequencies: whole(0, 32),
-      input: oneOf("diffuse_and_features", "features"),
-      widths: list(2, 32, whole(1, 4096)),
-    }),
-  ),
+  view: nullable((value, key) => (isHarmonics(value) ? harmonics : network)(value, key)),
   free_space: boolean,
   alpha_threshold: share,
   filter: text,
@@ -162,6 +196,7 @@ const METADATA = record({
       density: nullable(encoding),
       diffuse: encoding,
       features: nullable(encoding),
+      bands: optional(list(1, 3, encoding)),
     }),
   ),
 });
@@ -171,9 +206,33 @@ export function blockCounts(level: LevelMetadata): Triple {
   return level.dimensions.map((nodes) => Math.ceil(nodes / level.block_size)) as Triple;
 }
 
+/** The network's shape, where colour depends on the view by one. */
+export function networkOf({ view }: Metadata): NetworkShape | null {
+  return view && !("kind" in view) ? view : null;
+}
+
+/** The rules of harmonics, where colours are their coefficients. */
+export function harmonicsOf({ view }: Metadata): Harmonics | null {
+  return view && "kind" in view ? view : null;
+}
+
 /** Inputs of the network that follow the embedded direction. */
 export function networkInputs(metadata: Metadata): number {
-  return metadata.view?.input === "features" ? metadata.features : 3 + metadata.features;
+  return networkOf(metadata)?.input === "features" ? metadata.features : 3 + metadata.features;
+}
+
+/** The groups of a level's colours, in the order of their channels. */
+export function colorGroups(metadata: Metadata, level: number): { kind: string; encoding: Encoding; channels: number; key: string }[] {
+  const { diffuse, features, bands } = metadata.levels[level];
+  const groups = [{ kind: "DIFF", encoding: diffuse, channels: 3, key: "diffuse" }];
+  if (features) groups.push({ kind: "FEAT", encoding: features, channels: metadata.features, key: "features" });
+  bands?.forEach((encoding, i) => groups.push({ kind: ["BNDA", "BNDB", "BNDC"][i], encoding, channels: 3 * (2 * i + 3), key: `bands[${i}]` }));
+  return groups;
+}
+
+/** Whether values are of version 1.2: linear colours, coefficients, or densities that are no logits. */
+export function isLinear(metadata: Metadata): boolean {
+  return harmonicsOf(metadata) !== null || metadata.activation.function !== undefined || metadata.levels[0].diffuse.decode === "linear";
 }
 
 /** Reads chunk META. */
@@ -194,7 +253,8 @@ export function readMetadata(bytes: Uint8Array): Metadata {
 const MOST_SAMPLES = 2 ** 20;
 
 function checkAgreement(metadata: Metadata): void {
-  const { bounds, march, levels, view } = metadata;
+  const { bounds, march, levels, activation } = metadata;
+  const [view, harmonics] = [networkOf(metadata), harmonicsOf(metadata)];
   if (!bounds.min.every((min, axis) => min < bounds.max[axis])) fail("bounds", "a box, min below max");
   const samples = Math.floor(Math.hypot(...levels[0].dimensions.map((nodes) => nodes + 1)) / march.stepsize);
   if (samples > MOST_SAMPLES) fail("march.stepsize", `steps of which a ray takes at most ${MOST_SAMPLES}`);
@@ -211,32 +271,39 @@ function checkAgreement(metadata: Metadata): void {
     if (x * y * z > 2 ** 33) fail(`${key}.dimensions`, "2^33 nodes at most");
     const [bx, by, bz] = blockCounts(level);
     if (level.blocks_stored > bx * by * bz) fail(`${key}.blocks_stored`, "no more than the level has");
-    const colors = [level, levels[i + 1]].flatMap((level) => (level ? [level.diffuse, level.features ?? level.diffuse] : []));
-    const integers = colors.length === 4 && colors.every(({ number }) => number === "u8" || number === "u16");
+    const inheriting = [i, i + 1].filter((number) => number < levels.length);
+    const colors = inheriting.flatMap((number) => colorGroups(metadata, number));
+    const integers = inheriting.length === 2 && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
     if ((level.blocks_filled ?? 0) > (integers ? level.blocks_stored : 0)) {
       fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one, both with colours in integers");
     }
-    if ((level.features !== null) !== metadata.features > 0) fail(`${key}.features`, "there if the field has features");
-    checkEncoding(level.density, `${key}.density`, metadata.blend);
-    checkEncoding(level.diffuse, `${key}.diffuse`, null);
-    checkEncoding(level.features, `${key}.features`, null);
+    if ((level.features !== null) !== (metadata.features > 0 && !harmonics)) fail(`${key}.features`, "there if the field has features");
+    if ((level.bands?.length ?? 0) !== (harmonics?.degree ?? 0)) fail(`${key}.bands`, "one for each band of harmonics");
+    const densities = metadata.blend === "after_activation" ? ["raw_density", "sqrt_optical_depth", "opacity"] : ["raw_density"];
+    if (level.density) checkEncoding(level.density, `${key}.density`, densities);
+    const plain = !metadata.view && levels[0].diffuse.decode === "linear" ? "linear" : "logit";
+    for (const { encoding, key: group, kind } of colorGroups(metadata, i)) {
+      const decode = harmonics ? `band_${["DIFF", "BNDA", "BNDB", "BNDC"].indexOf(kind)}` : plain;
+      checkEncoding(encoding, `${key}.${group}`, [decode]);
+    }
   });
   if (levels[0].density === null) fail("levels[0].density", "an encoding");
   if (metadata.blend === "after_activation" && levels.some((level) => level.density === null)) {
     fail("blend", "before_activation where a level has no density");
   }
+  if (activation.function && activation.shift !== 0) fail("activation.shift", "0 beside relu");
+  if (harmonics && metadata.features !== 3 * ((harmonics.degree + 1) ** 2 - 1)) fail("features", "those of the degree of harmonics");
+  if (harmonics?.clamp === "sigmoid" && harmonics.where === "ray") fail("view.clamp", "a sigmoid at samples only");
   if (view && (view.widths[0] !== 3 + 6 * view.frequencies + networkInputs(metadata) || view.widths.at(-1) !== 3)) {
     fail("view.widths", "those of its inputs and of three colours");
   }
 }
 
-/** `blend` is null for colour. */
-function checkEncoding(stored: Encoding | null, key: string, blend: Metadata["blend"] | null): void {
-  if (!stored) return;
+/** `decodes` are the meanings that the group may have. */
+function checkEncoding(stored: Encoding, key: string, decodes: string[]): void {
   const { number: type, bits, decode } = stored;
   const [least, most] = { u8: [1, 8], u16: [9, 16], f16: [16, 16], f32: [32, 32] }[type];
   if (bits < least || bits > most) fail(`${key}.bits`, `${least} to ${most}`);
-  const densities = blend === "after_activation" ? ["raw_density", "sqrt_optical_depth", "opacity"] : ["raw_density"];
-  if (!(blend === null ? ["logit"] : densities).includes(decode)) fail(`${key}.decode`, "one that fits its group");
+  if (!decodes.includes(decode)) fail(`${key}.decode`, "one that fits its group");
   if (type.startsWith("f") && stored.empty_code) fail(`${key}.empty_code`, "false for floats");
 }

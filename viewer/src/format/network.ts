@@ -1,7 +1,7 @@
 /** The view-dependent network, chunk VMLP. */
 
 import { FieldError } from "../errors.js";
-import type { Metadata } from "./metadata.js";
+import type { NetworkShape } from "./metadata.js";
 
 export interface Layer {
   inputs: number;
@@ -12,7 +12,7 @@ export interface Layer {
 }
 
 /** Reads chunk VMLP. */
-export function readNetwork(view: NonNullable<Metadata["view"]>, bytes: Uint8Array): Layer[] {
+export function readNetwork(view: NetworkShape, bytes: Uint8Array): Layer[] {
   const layers: Layer[] = [];
   let at = 0;
   const floats = (count: number) => {

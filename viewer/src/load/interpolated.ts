@@ -8,12 +8,13 @@ const LARGEST_DENSITY = 1e30;
 const UNSEEN_OPACITY = 1e-10;
 
 /** From a stored density to the value that is interpolated. */
-export function interpolatedDensity({ shift, interval, order }: Metadata["activation"], decode: Encoding["decode"]): (stored: number) => number {
+export function interpolatedDensity({ shift, interval, order, function: relu }: Metadata["activation"], decode: Encoding["decode"]): (stored: number) => number {
   const bounded = (value: number) => Math.max(-LARGEST_DENSITY, Math.min(LARGEST_DENSITY, value));
   if (decode !== "raw_density" || order === "raw") return bounded;
   const softplus = (x: number) => Math.max(x, 0) + Math.log1p(Math.exp(-Math.abs(x)));
-  if (order === "density") return (raw) => softplus(bounded(raw) + shift);
-  return (raw) => -Math.expm1(-softplus(bounded(raw) + shift) * interval);
+  const density = (raw: number) => (relu ? Math.max(bounded(raw), 0) : softplus(bounded(raw) + shift));
+  if (order === "density") return density;
+  return (raw) => -Math.expm1(-density(raw) * interval);
 }
 
 /** The value up to which no cell between such nodes is visible. */
@@ -21,6 +22,6 @@ export function invisibleDensity(activation: Metadata["activation"], decode: Enc
   if (decode === "sqrt_optical_depth") return Math.sqrt(UNSEEN_OPACITY);
   if (decode === "opacity") return UNSEEN_OPACITY;
   // The raw density of that opacity; so far below, softplus is an exponential.
-  const raw = Math.log(UNSEEN_OPACITY / activation.interval) - activation.shift;
+  const raw = activation.function ? UNSEEN_OPACITY / activation.interval : Math.log(UNSEEN_OPACITY / activation.interval) - activation.shift;
   return interpolatedDensity(activation, decode)(raw);
 }

@@ -5,7 +5,7 @@ import { type Colors, inherit } from "../format/codings/inherit.js";
 import { CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, values, type Value } from "../format/codings/values.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
-import { blockCounts, type Encoding, type Metadata, type Triple } from "../format/metadata.js";
+import { blockCounts, colorGroups, type Encoding, type Metadata, type Triple } from "../format/metadata.js";
 import { inflate } from "../format/zstd.js";
 import { interpolatedDensity } from "./interpolated.js";
 import { type Plan, slotPlace } from "./plan.js";
@@ -86,8 +86,11 @@ export function decodeLevel(
     const at = first + channel;
     return ((block * plan.quads + (at >> 2)) * nodes) * 4 + (at & 3);
   };
-  fill(bricks("DIFF", stored.diffuse, 3), toHalf, color, lane(0), 4);
-  if (stored.features) fill(bricks("FEAT", stored.features, metadata.features), toHalf, color, lane(3), 4);
+  let first = 0;
+  for (const { kind, encoding, channels } of colorGroups(metadata, level)) {
+    fill(bricks(kind, encoding, channels), toHalf, color, lane(first), 4);
+    first += channels;
+  }
   const table = blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
   return { decoded: { level, blocks: blocks.places.length, side: edge + 1, table, density, color, skipDistances }, colors };
 }

@@ -7,7 +7,7 @@ import { FieldError } from "../errors.js";
 import { checkContents } from "../format/contents.js";
 import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
-import { type Metadata, readMetadata } from "../format/metadata.js";
+import { isLinear, type Metadata, networkOf, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
 import { decodeLevel, type DecodedLevel, type LevelColors } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
@@ -111,6 +111,7 @@ export class Loader {
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
+    if (header.linear !== isLinear(metadata)) throw new FieldError("Header and metadata disagree whether values are linear.");
     if (header.inherited !== metadata.levels.some((level) => level.blocks_filled)) {
       throw new FieldError("Header and metadata disagree whether there are inherited blocks.");
     }
@@ -126,7 +127,8 @@ export class Loader {
       await more(entry.offset + entry.bytes);
       return chunkBytes(entry, bytes, 0);
     };
-    const network = metadata.view ? readNetwork(metadata.view, await body("VMLP")) : [];
+    const shape = networkOf(metadata);
+    const network = shape ? readNetwork(shape, await body("VMLP")) : [];
     const mask = metadata.free_space ? readMask(await body("MASK")) : null;
     const { fileBytes } = header;
     this.opened = { metadata, plan: laidOut, network, mask, fileBytes, available, prefixes, transfer: this.source.transfer };

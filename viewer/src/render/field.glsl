@@ -91,7 +91,9 @@ float opaqueDepth(float alpha) {
 float opticalDepth(float density, int decode) {
   if (decode == 1) return min(density * density, LARGEST);
   if (decode == 2) return opaqueDepth(density);
-#if ORDER == 0
+#if ORDER == 0 && defined(RELU)
+  return min(max(density, 0.0) * u_activation.y, LARGEST);
+#elif ORDER == 0
   return min(softplus(density + u_activation.x) * u_activation.y, LARGEST);
 #elif ORDER == 1
   return min(max(density, 0.0) * u_activation.y, LARGEST);

@@ -50,8 +50,57 @@ Line aside(vec2 pixel, float t, float tStep, vec3 direction) {
 #endif
 }
 
+#ifdef FUNCTIONS
+// Values of the harmonics along the ray.
+float harmonics[16];
+
+void findHarmonics(vec3 d) {
+  float xx = d.x * d.x, yy = d.y * d.y, zz = d.z * d.z;
+  harmonics[0] = 0.28209479177387814;
+  harmonics[1] = -0.4886025119029199 * d.y;
+  harmonics[2] = 0.4886025119029199 * d.z;
+  harmonics[3] = -0.4886025119029199 * d.x;
+  harmonics[4] = 1.0925484305920792 * d.x * d.y;
+  harmonics[5] = -1.0925484305920792 * d.y * d.z;
+  harmonics[6] = 0.31539156525252005 * (2.0 * zz - xx - yy);
+  harmonics[7] = -1.0925484305920792 * d.x * d.z;
+  harmonics[8] = 0.5462742152960396 * (xx - yy);
+  harmonics[9] = -0.5900435899266435 * d.y * (3.0 * xx - yy);
+  harmonics[10] = 2.890611442640554 * d.x * d.y * d.z;
+  harmonics[11] = -0.4570457994644658 * d.y * (4.0 * zz - xx - yy);
+  harmonics[12] = 0.3731763325901154 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy);
+  harmonics[13] = -0.4570457994644658 * d.x * (4.0 * zz - xx - yy);
+  harmonics[14] = 1.445305721320277 * d.z * (xx - yy);
+  harmonics[15] = -0.5900435899266435 * d.x * (xx - 3.0 * yy);
+}
+
+vec3 limited(vec3 color) {
+#if CLAMP == 1
+  return max(color, 0.0);
+#elif CLAMP == 2
+  return 1.0 / (1.0 + exp(-color));
+#else
+  return color;
+#endif
+}
+#endif
+
 void activate(inout vec4 color[QUADS]) {
+#if defined(FUNCTIONS)
+  vec3 sum = vec3(OFFSET);
+  for (int number = 0; number < FUNCTIONS; number++) {
+    for (int channel = 0; channel < 3; channel++) {
+      int at = 3 * number + channel;
+      sum[channel] += harmonics[number] * color[at / 4][at % 4];
+    }
+  }
+#ifdef CLAMP_SAMPLES
+  sum = limited(sum);
+#endif
+  color[0] = vec4(sum, 0.0);
+#elif !defined(LINEAR)
   for (int quad = 0; quad < QUADS; quad++) color[quad] = 1.0 / (1.0 + exp(-color[quad]));
+#endif
 }
 
 void blendColor(inout vec4 color[QUADS], vec4 coarser[QUADS], float share) {
@@ -93,6 +142,10 @@ void main() {
     first = max(first, ceil(min(a, b)));
     last = min(last, max(a, b));
   }
+
+#ifdef FUNCTIONS
+  findHarmonics(normalize(u_toView * camera));
+#endif
 
   vec4 sum[QUADS];
   for (int quad = 0; quad < QUADS; quad++) sum[quad] = vec4(0.0);
@@ -215,6 +268,9 @@ void main() {
     return;
   }
   vec3 color = sum[0].xyz;
+#if defined(FUNCTIONS) && !defined(CLAMP_SAMPLES)
+  color = limited(color);
+#endif
 #ifdef NETWORK
   color += networkColor(normalize(u_toView * camera), sum);
 #endif

@@ -1,7 +1,7 @@
 /** The view-dependent network as GLSL, and its weights as a texture. */
 
 import type { Layer } from "../format/network.js";
-import type { Metadata } from "../format/metadata.js";
+import { type Metadata, networkOf } from "../format/metadata.js";
 
 /** Widest layer of a network that a fragment can hold. */
 export const WIDEST_LAYER = 256;
@@ -10,7 +10,7 @@ export const WEIGHTS_WIDTH = 1024;
 
 /** The view-dependent colour as GLSL: weights come from a texture, four inputs a texel. */
 export function networkSource(metadata: Metadata, network: Layer[]): string {
-  const { view } = metadata;
+  const view = networkOf(metadata);
   if (!view || network.length === 0) return "";
   const first = view.input === "features" ? 3 : 0;
   const lines = [

@@ -1,7 +1,7 @@
 /** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
 
 import type { Layer } from "../format/network.js";
-import type { Metadata } from "../format/metadata.js";
+import { type Encoding, harmonicsOf, type Metadata } from "../format/metadata.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
 import { networkSource } from "./network.js";
@@ -20,16 +20,25 @@ void main() {
 /** What the fragment shader writes, as `u_output`. */
 export const OUTPUT = { color: 0, levels: 1, statistics: 2 } as const;
 
-const DECODES = { raw_density: 0, sqrt_optical_depth: 1, opacity: 2, logit: 0 } as const;
+/** Of densities. */
+const DECODES: Partial<Record<Encoding["decode"], number>> = { raw_density: 0, sqrt_optical_depth: 1, opacity: 2 };
+const CLAMPS = { none: 0, zero: 1, sigmoid: 2 } as const;
 const ORDERS = { raw: 0, density: 1, opacity: 2 } as const;
 
 /** The shader's name of how a level's densities are decoded. */
-export function decodeNumber(decode: keyof typeof DECODES): number {
-  return DECODES[decode];
+export function decodeNumber(decode: Encoding["decode"]): number {
+  return DECODES[decode] ?? 0;
+}
+
+/** A number as the shader takes it. */
+function glslFloat(value: number): string {
+  const text = String(value);
+  return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
 /** What a field fixes at compile time. */
 export function defines(metadata: Metadata, quads: number, network: Layer[]): Record<string, string | number> {
+  const harmonics = harmonicsOf(metadata);
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
@@ -43,6 +52,14 @@ export function defines(metadata: Metadata, quads: number, network: Layer[]): Re
     ...set("ASIDE_SAME_INDEX", metadata.level_of_detail.aside === "same_index"),
     ...set("MASKED", metadata.free_space),
     ...set("NETWORK", network.length > 0),
+    ...set("RELU", metadata.activation.function === "relu"),
+    ...set("LINEAR", metadata.levels[0].diffuse.decode === "linear"),
+    ...(harmonics && {
+      FUNCTIONS: (harmonics.degree + 1) ** 2,
+      OFFSET: glslFloat(harmonics.offset),
+      CLAMP: CLAMPS[harmonics.clamp],
+      ...set("CLAMP_SAMPLES", harmonics.where === "sample"),
+    }),
   };
 }
 

@@ -35,9 +35,9 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
     u_slotsDeep: plan.slots[2],
     u_nodes: levels.flatMap((level) => [...level.dimensions, level.block_size]),
     u_levels: levels.flatMap((level, i) => [atlas.tableStart[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density")]),
-    u_empty: levels.map(({ density, diffuse, features }) => {
+    u_empty: levels.map(({ density, diffuse, features, bands }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
-      return new Vector3(of, empty(diffuse), empty(features));
+      return new Vector3(of, empty(diffuse), empty(features ?? bands?.[0] ?? null));
     }),
     u_activation: new Vector2(activation.shift, activation.interval),
     u_range: new Vector2(),

@@ -13,4 +13,7 @@ export const CODINGS: Readonly<Record<string, Coding>> = {
   DENS: decodeRuns,
   DIFF: decodeRuns,
   FEAT: decodeRuns,
+  BNDA: decodeRuns,
+  BNDB: decodeRuns,
+  BNDC: decodeRuns,
 };
