@@ -3,7 +3,7 @@
 mod common;
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use common::{assert_schema, fixture, folder, program};
 use serde_json::Value;
@@ -263,6 +263,8 @@ fn an_option_on_an_unpacked_container_leaves_the_others_as_they_are() {
 #[cfg(unix)]
 fn pipes_devices_and_odd_names_are_no_trap() {
     use std::os::unix::ffi::OsStrExt;
+    use std::process::Command;
+
     let folder = folder();
     let here = folder.path();
     let fifo = Command::new("mkfifo").arg(here.join("pipe")).status().expect("mkfifo");

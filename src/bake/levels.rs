@@ -2,14 +2,17 @@
 
 use super::BakeOptions;
 use super::fit::Fitted;
-use super::pack::LevelSource;
-use crate::base::error::Result;
+use super::level_source::LevelSource;
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::quantize::Bits;
 use crate::levels::{
-    Content, FieldPass, Plane, PlaneSink, Pyramid, ReadSummary, RequiredNodes, Verify, Visible,
+    Content, FieldPass, Plane, PlaneSink, PlaneSource, Pyramid, ReadSummary, RequiredNodes, Verify,
+    Visible,
 };
 use crate::model::field::{ColorDomain, DensityFunction, Planes};
+use crate::model::grid::{NodeMask, Nodes};
 
 /// A trained field and the filter of its levels.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +40,22 @@ impl FilteredLevels<'_> {
         let relu = field.scene.activation.function != DensityFunction::Softplus;
         integers && (relu || field.color_domain == ColorDomain::Linear)
     }
+
+    /// The nodes of each level that are read.
+    fn required(&self) -> Result<RequiredNodes> {
+        let Self { planes, options, visible, .. } = *self;
+        let filter = &*options.filter;
+        let averages_alpha = filter.alpha(&planes.field().scene.activation).is_some();
+        let mut retained = Vec::with_capacity(visible.levels.len());
+        for (level, visible) in visible.levels.iter().enumerate() {
+            // Colours are divided by the alpha of the nodes around too.
+            retained.push(match averages_alpha && level > 0 {
+                true => visible.retained.cells_with_a_corner()?.corners()?,
+                false => visible.retained.clone(),
+            });
+        }
+        RequiredNodes::new(retained, visible.occupied.as_ref(), &filter.weights())
+    }
 }
 
 impl LevelSource for FilteredLevels<'_> {
@@ -50,15 +69,7 @@ impl LevelSource for FilteredLevels<'_> {
         let scene = &planes.field().scene;
         let filter = &*options.filter;
         let domain = filter.alpha(&scene.activation);
-        let mut retained = Vec::with_capacity(visible.levels.len());
-        for (level, visible) in visible.levels.iter().enumerate() {
-            // Colours are divided by the alpha of the nodes around too.
-            retained.push(match domain.is_some() && level > 0 {
-                true => visible.retained.cells_with_a_corner()?.corners()?,
-                false => visible.retained.clone(),
-            });
-        }
-        let required = RequiredNodes::new(retained, visible.occupied.as_ref(), &filter.weights())?;
+        let required = self.required()?;
         let alpha = domain.zip(visible.visibility.as_ref());
         let colors = planes.field().color_domain;
         let channels = planes.channels();
@@ -79,6 +90,37 @@ impl LevelSource for FilteredLevels<'_> {
         }
         drop(pyramid);
         pass.finish()
+    }
+
+    fn read_finest(
+        &self,
+        see: &(dyn Fn(Plane, &NodeMask) + Sync),
+        step: Step,
+        progress: &dyn Progress,
+    ) -> Result<Option<ReadSummary>> {
+        if self.fitted.is_some() {
+            return Ok(None);
+        }
+        let Self { planes, visible, .. } = *self;
+        let Nodes([nx, ny, nz]) = planes.field().scene.nodes;
+        let required = self.required()?;
+        let mut counted = required.levels()[0].clone();
+        counted.unite(&visible.levels[0].retained);
+        let pass = FieldPass::new(planes, Verify::Nothing);
+        progress.begin(step, nx as u64);
+        parallel::map(nx, |x| {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            let mut values = vec![0.0; ny * nz];
+            for channel in 0..planes.channels() {
+                pass.read(channel, x, counted.plane(x), &mut values)?;
+                see(Plane { level: 0, x, channel, values: &mut values }, &counted);
+            }
+            progress.advance(step, 1);
+            Ok(())
+        })?;
+        pass.finish().map(Some)
     }
 }
 

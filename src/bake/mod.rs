@@ -27,6 +27,7 @@ pub mod fit;
 mod forecast;
 mod importance;
 mod inherit;
+mod level_source;
 mod levels;
 mod max_bytes;
 mod max_error;

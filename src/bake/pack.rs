@@ -10,6 +10,7 @@ use super::LevelPlanes;
 use super::encode::{EncodeOptions, ErrorBound, LevelEncoder};
 use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
+use super::level_source::LevelSource;
 use super::ranges::{EncodingChoice, RangeSink};
 use super::report::Stages;
 use super::run_store::RunStore;
@@ -19,21 +20,6 @@ use crate::codec::container::EncodedLevel;
 use crate::levels::{Plane, PlaneSink, ReadSummary};
 use crate::model::baked::{Group, LevelMetadata, Metadata, Table};
 use crate::model::grid::NodeMask;
-
-/// A source of all levels' planes, as they are to be stored.
-pub trait LevelSource {
-    /// Streams all levels into `sink` and returns the record of reading.
-    ///
-    /// # Errors
-    ///
-    /// Those of reading and of the sink.
-    fn stream(
-        &self,
-        sink: &dyn PlaneSink,
-        step: Step,
-        progress: &dyn Progress,
-    ) -> Result<ReadSummary>;
-}
 
 /// Everything that codes follow from, beside the levels' metadata.
 pub struct Packing<'a> {
@@ -72,8 +58,8 @@ impl Packing<'_> {
         progress: &dyn Progress,
     ) -> Result<(Vec<EncodedLevel>, ReadSummary)> {
         if let Some(choice) = self.choice {
-            let sink = RangeSink::new(metadata, &self.retained);
-            let summary = self.source.stream(&sink, Step::Ranges, progress)?;
+            let (sink, summary) =
+                RangeSink::read(metadata, &self.retained, choice, self.source, progress)?;
             sink.choose_encodings(choice, metadata)?;
             stages.end("ranges", summary.bytes);
         }

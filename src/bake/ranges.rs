@@ -3,12 +3,14 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::MaxErrors;
+use super::level_source::LevelSource;
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
 use crate::codec::quantize::{
     Bits, ValueRange, encoding_over, encoding_within, is_laid_over_values, planned_encoding,
 };
-use crate::levels::{Plane, PlaneSink};
+use crate::levels::{Plane, PlaneSink, ReadSummary};
 use crate::model::baked::{Encoding, GROUPS, Group, Metadata};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
@@ -86,6 +88,57 @@ impl<'a> RangeSink<'a> {
         Self { levels: levels.collect() }
     }
 
+    /// Takes the values of one plane at the nodes in `counted`.
+    fn take(&self, plane: &Plane, counted: &NodeMask) {
+        let Plane { level, x, channel, values } = plane;
+        let LevelRanges { ranges, groups, .. } = &self.levels[*level];
+        let Some(range) = &ranges[groups[*channel].index()] else { return };
+        let mut own = *range.lock().unwrap_or_else(PoisonError::into_inner);
+        for (y, row) in values.chunks_exact(counted.nodes().0[2]).enumerate() {
+            for (start, end) in row::runs(counted.row(*x, y)) {
+                own.take(&row[start..end]);
+            }
+        }
+        range.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+    }
+
+    /// Gives coarser levels the ranges that means of level 0's values may have.
+    fn take_means(&mut self) {
+        let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
+        let unlocked = |range: &mut Mutex<ValueRange>| {
+            *range.get_mut().unwrap_or_else(PoisonError::into_inner)
+        };
+        for level in coarser {
+            for (range, finest) in level.ranges.iter_mut().zip(&mut finest.ranges) {
+                if let (Some(range), Some(finest)) = (range, finest) {
+                    let finest = unlocked(finest);
+                    range.get_mut().unwrap_or_else(PoisonError::into_inner).take_means(&finest);
+                }
+            }
+        }
+    }
+
+    /// The ranges of values that are laid over them, from level 0 alone where coarser levels are
+    /// means of it; else from all levels of `source`.
+    pub fn read(
+        metadata: &Metadata,
+        retained: &[&'a NodeMask],
+        choice: EncodingChoice,
+        source: &dyn LevelSource,
+        progress: &dyn Progress,
+    ) -> Result<(Self, ReadSummary)> {
+        let mut sink = Self::new(metadata, retained);
+        if let EncodingChoice::Laid(_) = choice {
+            let see = |plane: Plane, counted: &NodeMask| sink.take(&plane, counted);
+            if let Some(summary) = source.read_finest(&see, Step::Ranges, progress)? {
+                sink.take_means();
+                return Ok((sink, summary));
+            }
+        }
+        let summary = source.stream(&sink, Step::Ranges, progress)?;
+        Ok((sink, summary))
+    }
+
     /// Replaces the encodings of the metadata's levels by those that are chosen.
     pub fn choose_encodings(self, choice: EncodingChoice, metadata: &mut Metadata) -> Result<()> {
         let activation = metadata.activation;
@@ -111,16 +164,8 @@ impl<'a> RangeSink<'a> {
 }
 
 impl PlaneSink for RangeSink<'_> {
-    fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
-        let LevelRanges { retained, ranges, groups } = &self.levels[level];
-        let Some(range) = &ranges[groups[channel].index()] else { return Ok(()) };
-        let mut own = *range.lock().unwrap_or_else(PoisonError::into_inner);
-        for (y, row) in values.chunks_exact(retained.nodes().0[2]).enumerate() {
-            for (start, end) in row::runs(retained.row(x, y)) {
-                own.take(&row[start..end]);
-            }
-        }
-        range.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+    fn plane(&self, plane: Plane) -> Result<()> {
+        self.take(&plane, self.levels[plane.level].retained);
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The levels of an unpacked container as a bake stores them, plane by plane.
 
-use super::pack::LevelSource;
+use super::level_source::LevelSource;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};

@@ -4,6 +4,9 @@ use super::range::{Domain, is_laid_over_values};
 use crate::model::baked::Decode;
 use crate::model::field::Activation;
 
+/// Means are rounded to f32 a few times on the way through twenty levels.
+const MEAN_ROUNDING: f32 = 1e-5;
+
 /// The lowest and the highest of some values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ValueRange {
@@ -40,6 +43,13 @@ impl ValueRange {
     /// The lowest and the highest value, if there are any.
     pub(super) fn ends(&self) -> Option<[f32; 2]> {
         (self.low <= self.high).then_some([self.low, self.high])
+    }
+
+    /// Takes all weighted means of another range's values and of 0, however they were rounded.
+    pub fn take_means(&mut self, other: &Self) {
+        let Some(ends) = other.ends() else { return };
+        let slack = ends[0].abs().max(ends[1].abs()) * MEAN_ROUNDING;
+        self.take(&[ends[0].min(0.0) - slack, ends[1].max(0.0) + slack]);
     }
 
     /// Takes those of another span of the same meaning.
