@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use common::grids::{self, SMALL_GRIDS, SmallGrid, Values};
-use common::{fixture, folder, python};
+use common::{assert_schema, fixture, folder, program, python};
 use glam::DVec3;
 use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::bytes::SourceFile;
@@ -443,4 +443,47 @@ fn forty_lines_of_numpy_write_what_the_door_reads() {
     let toward = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, -1.0]], 0).expect("inside");
     let away = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, 1.0]], 0).expect("inside");
     assert!(toward[0][0] > away[0][0] + 0.1, "{toward:?} {away:?}");
+}
+
+/// Runs the program; its exit code and its JSON.
+fn run(line: &[&str]) -> (Option<i32>, serde_json::Value, String) {
+    let output = program().args(line).args(["--format", "json"]).output().expect("starts");
+    let json = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    (output.status.code(), json, String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn verbs_take_models_and_refuse_what_they_cannot_do() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name).to_string_lossy().into_owned();
+    let fixture = |name: &str| fixture("grids").join(name).to_string_lossy().into_owned();
+    let tree = fixture("plenoctree.npz");
+    let (code, inspected, _) = run(&["inspect", &tree]);
+    assert_eq!((code, inspected["model"].as_str()), (Some(0), Some("plenoctree")));
+    assert_schema("inspect", &inspected);
+    let out = path("tree.mipvog");
+    let (code, report, _) = run(&["bake", &tree, "-o", &out]);
+    assert_eq!(code, Some(0));
+    assert_schema("bake", &report);
+    let psnr = report["quality"]["errors"][0]["psnr"].as_f64().expect("the loss of resampling");
+    assert!((26.0..60.0).contains(&psnr), "{psnr} dB");
+    let model = fixture("plenoxels_cubic.npz");
+    let picture = path("picture.png");
+    for (options, expected) in [
+        (["--filter", "rate-tent"], "its own rules"),
+        (["--level-of-detail", "2"], "0 to 0"),
+        (["--view", "sh:4"], "sh:D"),
+        (["--scene-scale", "0"], "scene"),
+    ] {
+        let line = ["render", &model, "-o", &picture, options[0], options[1]];
+        let (code, _, message) = run(&line);
+        assert_eq!(code, Some(2), "{options:?}: {message}");
+        assert!(message.contains(expected), "{options:?}: {message}");
+    }
+    let (code, _, message) = run(&["render", &out, "-o", &picture, "--view", "none"]);
+    assert_eq!(code, Some(2), "{message}");
+    let compared = ["compare", &model, &model, "--turntable", "2", "--size", "24x24"];
+    let (code, report, _) = run(&compared);
+    assert_eq!(code, Some(0));
+    assert!(report["scales"][0]["psnr"].as_f64().is_some_and(|psnr| psnr > 150.0), "{report}");
 }

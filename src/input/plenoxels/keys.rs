@@ -56,9 +56,9 @@ pub(super) fn find(file: &TensorFile, drop_background: bool, limits: &Limits) ->
     let index = Arc::new(Index::links(links, density.rows(), limits)?);
     let vector = |key: &str, default: f64| match root.get(key) {
         None => Ok([default; 3]),
-        Some(value) => match value.numbers(key)?.as_slice() {
-            &[x, y, z] => Ok([x, y, z]),
-            &[one] => Ok([one; 3]),
+        Some(value) => match *value.numbers(key)?.as_slice() {
+            [x, y, z] => Ok([x, y, z]),
+            [one] => Ok([one; 3]),
             _ => value.vector3(key),
         },
     };

@@ -62,7 +62,8 @@ impl Slabs {
     pub(super) fn new(index: &Index, array: &RowArray, dilates: bool) -> Self {
         let [_, ny, nz] = index.nodes().0;
         let plane_bytes = (ny * nz).saturating_mul(array.row_bytes() + 4).max(1);
-        let planes = (SLAB_BYTES / plane_bytes).clamp(1, PLANES);
+        // A power of 2, as Morton order has it.
+        let planes = 1 << (SLAB_BYTES / plane_bytes).clamp(1, PLANES).ilog2();
         Self { planes, dilates, kept: Mutex::default() }
     }
 
