@@ -42,6 +42,7 @@ mod unpack;
 mod validate;
 mod values;
 mod view;
+mod view_report;
 mod viewpoints;
 
 pub use program::main;

@@ -12,6 +12,7 @@ use super::outcome::Outcome;
 use super::output::create_container;
 use super::progress::Bar;
 use super::values::parse_bytes;
+use super::view_report::ViewReport;
 use crate::bake::{Changes, MaxErrors, repack};
 use crate::base::error::Result;
 use crate::codec::quantize::Bits;
@@ -106,7 +107,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     output.finish()?;
     let inputs = vec![arguments.file.clone()];
     let resolved = changes.to_json();
-    let baked = Baked { report, resolved, settings: Vec::new(), gate: None, inputs };
+    let view = ViewReport::of(container.metadata().view.as_ref());
+    let baked = Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs };
     let work = Work {
         input: &arguments.file,
         output: &arguments.output,

@@ -2,6 +2,7 @@
 
 use super::super::progress::Bar;
 use super::super::values::Background;
+use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
 use super::report::Baked;
 use crate::bake::{BakeOptions, Changes, Origin, bake, repack};
@@ -45,6 +46,7 @@ pub fn bake_again(
             && metadata.levels.iter().any(|level| level.block_size != options.block_size));
     refuse_ignored(arguments, anew)?;
     let inputs = vec![arguments.input.clone()];
+    let view = ViewReport::of(metadata.view.as_ref());
     if anew {
         let mut field = unpacked.field()?.ok_or_else(|| {
             Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
@@ -59,11 +61,11 @@ pub fn bake_again(
         };
         let report = bake(&field, options, &origin, output, bar)?;
         let resolved = options.to_json();
-        return Ok(Baked { report, resolved, settings: Vec::new(), gate: None, inputs });
+        return Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs });
     }
     let report = repack(unpacked, &changes, &options.limits, output, bar)?;
     let resolved = changes.to_json();
-    Ok(Baked { report, resolved, settings: Vec::new(), gate: None, inputs })
+    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs })
 }
 
 /// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.

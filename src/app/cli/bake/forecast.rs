@@ -6,6 +6,7 @@ use super::super::common::Common;
 use super::super::container_report::levels_text;
 use super::super::outcome::{Outcome, peak_memory_bytes, readable};
 use super::super::progress::Bar;
+use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
 use super::trained::{open, with_cameras};
 use crate::bake::{BakeOptions, forecast};
@@ -35,6 +36,7 @@ pub fn dry_run(
         "bytes_read": file.file.bytes_read() + forecast.more_bytes_read,
         "options": options.to_json(),
         "settings": settings.report(&source),
+        "view": ViewReport::of_field(&source.field),
     });
     if let (Value::Object(json), Ok(Value::Object(report))) =
         (&mut json, serde_json::to_value(&forecast.report))

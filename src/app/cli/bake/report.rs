@@ -12,6 +12,7 @@ use super::super::gltf::GltfReport;
 use super::super::outcome::{Outcome, peak_memory_bytes, readable};
 use super::super::output::STANDARD_STREAM;
 use super::super::scene::{SettingReport, settings_text};
+use super::super::view_report::ViewReport;
 use crate::bake::BakeReport;
 use crate::bake::fit::FittedLevel;
 use crate::base::error::Result;
@@ -24,6 +25,8 @@ pub struct Baked {
     pub resolved: Value,
     /// Settings of the scene and the places that they came from; none of a container.
     pub settings: Vec<SettingReport>,
+    /// View-dependent colour.
+    pub view: ViewReport,
     /// The figures of pictures, where there is a gate.
     pub gate: Option<GateReport>,
     /// The files that the container depends on.
@@ -62,6 +65,7 @@ impl Baked {
             "bytes_read": work.bytes_read,
             "options": self.resolved,
             "settings": self.settings,
+            "view": self.view,
         });
         if let (Value::Object(json), Ok(Value::Object(report))) =
             (&mut json, serde_json::to_value(&self.report))

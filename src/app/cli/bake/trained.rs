@@ -11,6 +11,7 @@ use super::super::outcome::{assumed, warn};
 use super::super::plan;
 use super::super::progress::Bar;
 use super::super::scene::FoundSettings;
+use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
 use super::report::Baked;
 use crate::bake::{BakeOptions, Origin, StageReport, bake};
@@ -91,7 +92,8 @@ pub fn bake_trained(
     let reported = settings.report(&source);
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
     inputs.extend(cameras.into_iter().flatten());
-    Ok(Baked { report, resolved, settings: reported, gate, inputs })
+    let view = ViewReport::of_field(&source.field);
+    Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
 }
 
 /// Opens a trained input with the settings that are found, and warns of those that are not.
