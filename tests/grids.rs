@@ -7,16 +7,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use common::grids::{self, SMALL_GRIDS, SmallGrid, Values};
-use common::{fixture, folder, python};
+use common::{assert_schema, fixture, folder, program, python};
 use glam::DVec3;
+use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::bytes::SourceFile;
 use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::checkpoint::{Family, Source, SourceOptions, ViewChoice};
 use mipvog_bake::unstable::input::tensor::{self, Value};
 use mipvog_bake::unstable::input::{inspect, open_tensors, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
+use mipvog_bake::unstable::model::field::Grid;
+use mipvog_bake::unstable::model::trained_model::RayColor;
 use mipvog_bake::unstable::view::render::Renderer;
 
 fn open(name: &str, options: &SourceOptions) -> Result<Source, Error> {
@@ -118,6 +123,32 @@ fn a_field_holds_the_values_of_its_model() {
             }
         }
     }
+}
+
+#[test]
+fn a_baked_container_shows_what_its_model_shows() {
+    let source = open("plenoxels_cubic.npz", &SourceOptions::default()).expect("a model");
+    let mut options = BakeOptions::default();
+    (options.bits, options.levels) = (Bits::F32, Some(1));
+    options.alpha_threshold = 1e-7;
+    let here = folder();
+    let path = here.path().join("cubic.mipvog");
+    Baker::new(options).to_file(&source, &path, false).expect("a bake");
+    let baked = Container::open_path(&path, &Limits::default()).expect("a container");
+    let baked = Renderer::of_container(&baked).expect("a field");
+    let rays = Reference::of("plenoxels_cubic").rays();
+    let [own, seen] = [&renderer(&source), &baked]
+        .map(|field| field.ray_colors(&rays, 0, &Silent).expect("rays"));
+    let left: Vec<f32> = own.iter().map(|ray| ray.transmittance).collect();
+    let off = farthest(seen.iter().map(|ray| ray.transmittance), &left);
+    assert!(off < 1e-4, "transmittance {off}");
+    // The container clamps once a ray and not at each sample: few rays see a sample that clamps.
+    let off = |(own, seen): (&RayColor, &RayColor)| {
+        (0..3).map(|c| (own.color[c] - seen.color[c]).abs()).fold(0.0, f32::max)
+    };
+    let errors: Vec<f32> = own.iter().zip(&seen).map(off).collect();
+    let large = errors.iter().filter(|error| **error > 1e-3).count();
+    assert!(large * 1000 <= errors.len(), "{large} rays are off by more than 1e-3");
 }
 
 #[test]
@@ -234,7 +265,7 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
         used(&make()).expect("sound");
     }
     type Lie = fn(&mut SmallGrid);
-    let lies: [(fn() -> SmallGrid, &str, Lie); 14] = [
+    let lies: [(fn() -> SmallGrid, &str, Lie); 16] = [
         (grids::plenoxels, "a link beyond the rows", |grid| {
             if let Values::I32(links) = &mut grid.array("links").2 {
                 links[4] = 30;
@@ -256,6 +287,14 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
         }),
         (grids::plenoxels, "a texture as basis", |grid| {
             grid.arrays.push(("basis_type", Vec::new(), Values::I32(vec![4])));
+        }),
+        (grids::lightning, "a cell beyond any grid", |grid| {
+            *grid.array("state_dict.model.links_idx") =
+                ("state_dict.model.links_idx", vec![30], Values::I32(vec![-5; 30]));
+        }),
+        (grids::lightning, "scales of other columns", |grid| {
+            *grid.array("model.sh_data_min") =
+                ("model.sh_data_min", vec![2], Values::F32(vec![0.0; 2]));
         }),
         (grids::sampled, "a box inside out", |grid| {
             if let Values::F32(corners) = &mut grid.array("aabb").2 {
@@ -308,6 +347,34 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
         // Values that are no numbers are refused by a bake, which reads nodes.
         assert!(typed, "{name}: {error}");
     }
+}
+
+#[test]
+fn quantized_checkpoints_hold_the_values_that_their_codes_stand_for() {
+    let grid = grids::lightning();
+    let (Values::U8(codes), Values::F32(density)) = (&grid.arrays[2].2, &grid.arrays[1].2) else {
+        panic!("codes and densities")
+    };
+    let field = small(&grid).expect("sound").field;
+    assert_eq!(field.scene.nodes.0, [18; 3], "16 cells and a border");
+    let plane = |grid: &Grid, channel, x| {
+        let mut plane = vec![0.0; 18 * 18];
+        grid.read_plane(channel, x, &mut plane, |_| {}).expect("a plane");
+        plane
+    };
+    for row in 0..30 {
+        let cell = 4000 - 97 * row;
+        let [x, y, z] = [cell / 256, cell / 16 % 16, cell % 16].map(|at| at + 1);
+        assert_eq!(plane(&field.density, 0, x)[y * 18 + z], density[row]);
+        for channel in 0..12 {
+            // Function by function here, colour by colour there.
+            let column = channel % 3 * 4 + channel / 3;
+            let expected = f32::from(codes[12 * row + column]) / 128.0 - 1.0;
+            assert_eq!(plane(&field.color[0], channel, x)[y * 18 + z], expected);
+        }
+    }
+    let empty = plane(&field.color[0], 0, 1);
+    assert!(empty.iter().filter(|value| **value == 0.0).count() > 300, "empty cells hold zeros");
 }
 
 #[test]
@@ -376,4 +443,47 @@ fn forty_lines_of_numpy_write_what_the_door_reads() {
     let toward = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, -1.0]], 0).expect("inside");
     let away = model.point_colors([0.0, 0.0, 0.5], &[[0.0, 0.0, 1.0]], 0).expect("inside");
     assert!(toward[0][0] > away[0][0] + 0.1, "{toward:?} {away:?}");
+}
+
+/// Runs the program; its exit code and its JSON.
+fn run(line: &[&str]) -> (Option<i32>, serde_json::Value, String) {
+    let output = program().args(line).args(["--format", "json"]).output().expect("starts");
+    let json = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    (output.status.code(), json, String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn verbs_take_models_and_refuse_what_they_cannot_do() {
+    let here = folder();
+    let path = |name: &str| here.path().join(name).to_string_lossy().into_owned();
+    let fixture = |name: &str| fixture("grids").join(name).to_string_lossy().into_owned();
+    let tree = fixture("plenoctree.npz");
+    let (code, inspected, _) = run(&["inspect", &tree]);
+    assert_eq!((code, inspected["model"].as_str()), (Some(0), Some("plenoctree")));
+    assert_schema("inspect", &inspected);
+    let out = path("tree.mipvog");
+    let (code, report, _) = run(&["bake", &tree, "-o", &out]);
+    assert_eq!(code, Some(0));
+    assert_schema("bake", &report);
+    let psnr = report["quality"]["errors"][0]["psnr"].as_f64().expect("the loss of resampling");
+    assert!((26.0..60.0).contains(&psnr), "{psnr} dB");
+    let model = fixture("plenoxels_cubic.npz");
+    let picture = path("picture.png");
+    for (options, expected) in [
+        (["--filter", "rate-tent"], "its own rules"),
+        (["--level-of-detail", "2"], "0 to 0"),
+        (["--view", "sh:4"], "sh:D"),
+        (["--scene-scale", "0"], "scene"),
+    ] {
+        let line = ["render", &model, "-o", &picture, options[0], options[1]];
+        let (code, _, message) = run(&line);
+        assert_eq!(code, Some(2), "{options:?}: {message}");
+        assert!(message.contains(expected), "{options:?}: {message}");
+    }
+    let (code, _, message) = run(&["render", &out, "-o", &picture, "--view", "none"]);
+    assert_eq!(code, Some(2), "{message}");
+    let compared = ["compare", &model, &model, "--turntable", "2", "--size", "24x24"];
+    let (code, report, _) = run(&compared);
+    assert_eq!(code, Some(0));
+    assert!(report["scales"][0]["psnr"].as_f64().is_some_and(|psnr| psnr > 150.0), "{report}");
 }

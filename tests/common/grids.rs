@@ -10,6 +10,7 @@ pub enum Values {
     F32(Vec<f32>),
     I32(Vec<i32>),
     U16(Vec<u16>),
+    U8(Vec<u8>),
 }
 
 impl Values {
@@ -17,6 +18,7 @@ impl Values {
         match self {
             Self::F32(values) => ("F32", values.iter().flat_map(|v| v.to_le_bytes()).collect()),
             Self::I32(values) => ("I32", values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::U8(values) => ("U8", values.clone()),
             Self::U16(values) => ("U16", values.iter().flat_map(|v| v.to_le_bytes()).collect()),
         }
     }
@@ -30,8 +32,8 @@ pub struct SmallGrid {
 }
 
 /// One of each kind.
-pub const SMALL_GRIDS: [fn() -> SmallGrid; 6] =
-    [plenoxels, sampled, sampled_blocks, plenoctree, gaussians, quantized];
+pub const SMALL_GRIDS: [fn() -> SmallGrid; 7] =
+    [plenoxels, lightning, sampled, sampled_blocks, plenoctree, gaussians, quantized];
 
 fn random(seed: u64, count: usize, low: f32, high: f32) -> Values {
     let mut random = Random::new(seed);
@@ -48,6 +50,23 @@ pub fn plenoxels() -> SmallGrid {
             ("sh_data", vec![30, 12], random(2, 360, -1.0, 1.0)),
             ("radius", vec![3], Values::F32(vec![1.0, 0.8, 0.6])),
             ("center", vec![3], Values::F32(vec![0.1, 0.0, -0.1])),
+        ],
+        settings: Vec::new(),
+    }
+}
+
+/// The rows of [`plenoxels`] as PeRFception's checkpoints hold them, in 16 x 16 x 16 cells.
+pub fn lightning() -> SmallGrid {
+    let mut random = Random::new(12);
+    let cells = (0..30).map(|row| 4000 - 97 * row).collect();
+    let codes = (0..360).map(|_| random.below(256) as u8).collect();
+    SmallGrid {
+        arrays: vec![
+            ("state_dict.model.links_idx", vec![30], Values::I32(cells)),
+            ("state_dict.model.density_data", vec![30, 1], self::random(1, 30, -4.0, 12.0)),
+            ("state_dict.model.sh_data", vec![30, 12], Values::U8(codes)),
+            ("model.sh_data_min", vec![1, 12], Values::F32(vec![-1.0; 12])),
+            ("model.sh_data_scale", vec![1, 12], Values::F32(vec![0.0078125; 12])),
         ],
         settings: Vec::new(),
     }

@@ -88,8 +88,8 @@ impl Arrays {
         let basis = Basis::parse(format, rows.width(), &extra, !prefix.is_empty())?;
         let vector = |name: &str| -> Result<Option<[f64; 3]>> {
             let Some(value) = value(name) else { return Ok(None) };
-            match value.numbers(&key(name))?.as_slice() {
-                &[one] => Ok(Some([one; 3])),
+            match *value.numbers(&key(name))?.as_slice() {
+                [one] => Ok(Some([one; 3])),
                 _ => value.vector3(&key(name)).map(Some),
             }
         };

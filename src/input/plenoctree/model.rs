@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::basis::Basis;
 use super::keys::Arrays;
-use crate::base::error::Result;
+use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::sparse::Light;
 use crate::model::activate;
@@ -30,15 +30,36 @@ pub(super) struct TreeFile {
 impl LoadModel for TreeFile {
     fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>> {
         let arrays = Arc::clone(&self.arrays);
-        let mut values = arrays.rows.values(&mut Budget::new(limits))?;
-        // Cells with children hold what is left of former leaves.
-        for (cell, row) in values.chunks_exact_mut(arrays.rows.width()).enumerate() {
-            if !arrays.tree.is_leaf(cell) {
-                row.fill(0.0);
+        let mut budget = Budget::new(limits);
+        let place = Place::Tensor("child".to_owned());
+        let mut places = budget.zeroed(arrays.tree.cells(), "bytes of a tree", &place)?;
+        let (mut values, mut cell) = (Vec::new(), 0);
+        let mut spent = Ok(());
+        arrays.rows.for_each_piece(|piece| {
+            let before = values.len();
+            for row in piece.chunks_exact(arrays.rows.width()) {
+                let density = row.last().copied().unwrap_or(0.0);
+                // Cells with children hold what is left of former leaves.
+                if (density > 0.0 || density.is_nan()) && arrays.tree.is_leaf(cell) {
+                    values.extend_from_slice(row);
+                    if let Some(place) = places.get_mut(cell) {
+                        // No tree has 2^32 cells.
+                        *place = u32::try_from(values.len() / row.len()).unwrap_or(0);
+                    }
+                }
+                cell += 1;
             }
-        }
+            let bytes = size_of_val(values.get(before..).unwrap_or_default()) as u64;
+            if spent.is_ok() {
+                spent = budget.spend(bytes, "bytes of leaves", &place);
+            }
+            if spent.is_err() {
+                values.clear();
+            }
+        })?;
+        spent?;
         arrays.rows.check_finite(&values)?;
-        Ok(Box::new(PlenOctree { arrays, values, functions: self.functions }))
+        Ok(Box::new(PlenOctree { arrays, places, values, functions: self.functions }))
     }
 }
 
@@ -46,15 +67,19 @@ impl LoadModel for TreeFile {
 #[derive(Debug)]
 struct PlenOctree {
     arrays: Arc<Arrays>,
+    /// For each cell, one more than the number of its row in `values`; 0 where it shows nothing.
+    places: Vec<u32>,
     values: Vec<f32>,
     functions: usize,
 }
 
 impl PlenOctree {
-    /// The values of a leaf: colours, then density.
+    /// The values of a leaf, colours, then density; none where there is no density.
     fn leaf(&self, cell: usize) -> &[f32] {
         let width = self.arrays.rows.width();
-        self.values.get(cell * width..(cell + 1) * width).unwrap_or_default()
+        let row = self.places.get(cell).and_then(|place| place.checked_sub(1));
+        let row = row.and_then(|row| self.values.chunks_exact(width).nth(row as usize));
+        row.unwrap_or_default()
     }
 
     /// A position of the world in the tree, which spans 0 to 1.

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::arrays::Arrays;
+use super::lightning;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::input::sparse::{CellBox, Index, RowArray};
@@ -9,92 +11,82 @@ use crate::input::tensor::{Tensor, TensorFile, Value};
 
 /// The number that svox2 gives to harmonics among its bases.
 const HARMONICS: i64 = 1;
-/// Coefficients of a colour that harmonics of degree 0 to 3 have.
-const FUNCTIONS: [usize; 4] = [1, 4, 9, 16];
 /// Cells of a scene in normalised device coordinates: more than this along x, so many along z.
 const DEVICE_X: u64 = 1000;
 const DEVICE_Z: u64 = 128;
 
-/// The arrays of a model.
-#[derive(Debug, Clone)]
-pub(super) struct Arrays {
-    pub(super) index: Arc<Index>,
-    pub(super) density: Arc<RowArray>,
-    pub(super) color: Arc<RowArray>,
-    /// The column of density in its array, and the first one of colour.
-    pub(super) columns: [usize; 2],
-    /// Coefficients of a colour.
-    pub(super) functions: usize,
-    pub(super) cells: CellBox,
-}
-
 /// True for a file with the keys of svox2.
 pub fn knows(file: &TensorFile) -> bool {
     let has = |key: &str| file.root.get(key).is_some();
-    has("links") && (has("sh_data") || has("density_data") || has("data"))
+    lightning::knows(file) || has("links") && (has("sh_data") || has("density_data") || has("data"))
 }
 
-impl Arrays {
-    /// Finds the arrays; nothing of them is read.
-    pub(super) fn find(file: &TensorFile, drop_background: bool, limits: &Limits) -> Result<Self> {
-        let root = &file.root;
-        refuse_basis(root)?;
-        if root.get("background_data").is_some() && !drop_background {
-            let found = "spheres behind the box, which no container can hold";
-            let place = Place::Tensor("background_data".to_owned());
-            let expected = "none, or option --drop-background, which bakes the box alone";
-            return Err(Error::unsupported(place, found, expected));
-        }
-        let tensor = |key: &str| -> Result<&Tensor> {
-            root.get(key).and_then(Value::tensor).ok_or_else(|| {
-                let place = Place::Tensor(key.to_owned());
-                Error::malformed(place, "no such array", "an array of svox2's Plenoxels")
-            })
-        };
-        let (density, color, columns) = match root.get("data") {
-            Some(_) => {
-                let data = Arc::new(rows(tensor("data")?, limits)?);
-                (Arc::clone(&data), data, [0, 1])
-            }
-            None => {
-                let density = rows(tensor("density_data")?, limits)?;
-                (Arc::new(density), Arc::new(rows(tensor("sh_data")?, limits)?), [0, 0])
-            }
-        };
-        let place = || Place::Tensor(if columns == [0, 1] { "data" } else { "sh_data" }.to_owned());
-        if density.rows() != color.rows() {
-            let found = format!("{} rows", color.rows());
-            let expected = format!("{}, as density_data has", density.rows());
-            return Err(Error::malformed(place(), found, expected));
-        }
-        let colors = color.width() - columns[1];
-        let functions = colors / 3;
-        if !colors.is_multiple_of(3) || !FUNCTIONS.contains(&functions) {
-            let found = format!("{colors} coefficients a row");
-            let expected = "three times 1, 4, 9 or 16: harmonics of degree 0 to 3";
-            return Err(Error::unsupported(place(), found, expected));
-        }
-        let links = tensor("links")?;
-        if let &[x, _, DEVICE_Z] = links.shape()
-            && x > DEVICE_X
-        {
-            let found =
-                format!("{:?} cells, a scene in normalised device coordinates", links.shape());
-            return Err(Error::unsupported(links.place(), found, "a scene in world coordinates"));
-        }
-        let index = Arc::new(Index::links(links, density.rows(), limits)?);
-        let vector = |key: &str, default: f64| match root.get(key) {
-            None => Ok([default; 3]),
-            Some(value) => match value.numbers(key)?.as_slice() {
-                &[x, y, z] => Ok([x, y, z]),
-                &[one] => Ok([one; 3]),
-                _ => value.vector3(key),
-            },
-        };
-        let (radius, center) = (vector("radius", 1.0)?, vector("center", 0.0)?);
-        let cells = CellBox { radius, center, cells: index.nodes() };
-        Ok(Self { index, density, color, columns, functions, cells })
+/// Finds the arrays; nothing of svox2's own is read.
+pub(super) fn find(file: &TensorFile, drop_background: bool, limits: &Limits) -> Result<Arrays> {
+    let root = &file.root;
+    refuse_basis(root)?;
+    refuse_background(file, drop_background)?;
+    if lightning::knows(file) {
+        let arrays = lightning::find(file, limits)?;
+        return arrays.checked(&Place::Tensor("model.sh_data".to_owned()));
     }
+    let tensor = |key: &str| -> Result<&Tensor> {
+        root.get(key).and_then(Value::tensor).ok_or_else(|| {
+            let place = Place::Tensor(key.to_owned());
+            Error::malformed(place, "no such array", "an array of svox2's Plenoxels")
+        })
+    };
+    let (density, color, columns) = match root.get("data") {
+        Some(_) => {
+            let data = Arc::new(rows(tensor("data")?, limits)?);
+            (Arc::clone(&data), data, [0, 1])
+        }
+        None => {
+            let density = rows(tensor("density_data")?, limits)?;
+            (Arc::new(density), Arc::new(rows(tensor("sh_data")?, limits)?), [0, 0])
+        }
+    };
+    let links = tensor("links")?;
+    if let &[x, _, DEVICE_Z] = links.shape()
+        && x > DEVICE_X
+    {
+        let found = format!("{:?} cells, a scene in normalised device coordinates", links.shape());
+        return Err(Error::unsupported(links.place(), found, "a scene in world coordinates"));
+    }
+    let index = Arc::new(Index::links(links, density.rows(), limits)?);
+    let vector = |key: &str, default: f64| match root.get(key) {
+        None => Ok([default; 3]),
+        Some(value) => match *value.numbers(key)?.as_slice() {
+            [x, y, z] => Ok([x, y, z]),
+            [one] => Ok([one; 3]),
+            _ => value.vector3(key),
+        },
+    };
+    let (radius, center) = (vector("radius", 1.0)?, vector("center", 0.0)?);
+    let cells = CellBox { radius, center, cells: index.nodes() };
+    let functions = (color.width() - columns[1]) / 3;
+    let arrays = Arrays { index, density, color, columns, functions, cells };
+    let name = if columns == [0, 1] { "data" } else { "sh_data" };
+    arrays.checked(&Place::Tensor(name.to_owned()))
+}
+
+/// True for files with spheres behind the box.
+pub(super) fn has_background(file: &TensorFile) -> bool {
+    let root = &file.root;
+    let states = ["background_data", "model.background_data"];
+    let nested = root.get("state_dict").is_some_and(|state| state.get(states[1]).is_some());
+    nested || states.iter().any(|key| root.get(key).is_some())
+}
+
+/// Refuses spheres behind the box unless they are to be dropped.
+fn refuse_background(file: &TensorFile, drop_background: bool) -> Result<()> {
+    if drop_background || !has_background(file) {
+        return Ok(());
+    }
+    let found = "spheres behind the box, which no container can hold";
+    let place = Place::Tensor("background_data".to_owned());
+    let expected = "none, or option --drop-background, which bakes the box alone";
+    Err(Error::unsupported(place, found, expected))
 }
 
 /// The rows of `[n, width]`, or of `[n]`.

@@ -10,6 +10,8 @@
 //! | `basis_type` | | 1, harmonics; all other bases are refused |
 //! | `background_data` | | spheres behind the box, refused unless they are to be dropped |
 //!
+//! PeRFception's checkpoints hold the same in other keys: see `lightning`.
+//!
 //! **The field.** Cell `i` of `N` has its value at its middle, `center + radius ((2 i + 1) / N -
 //! 1)`. A field's nodes span its box, so one node is added beyond each face, a copy of the face's
 //! own, and rays are sampled from face to face of the cells, as svox2 does. An empty cell has
@@ -27,7 +29,9 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod arguments;
+mod arrays;
 mod keys;
+mod lightning;
 mod model;
 mod open;
 

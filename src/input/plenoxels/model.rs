@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use super::arguments::RunArguments;
-use super::keys::Arrays;
+use super::arrays::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::input::sparse::{Cell, Lattice, Light, LoadedRows};

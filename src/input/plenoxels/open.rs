@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::arguments::{ArgumentsFile, RunArguments};
-use super::keys::Arrays;
+use super::keys::{find, has_background};
+use super::lightning;
 use super::model::PlenoxelsFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
@@ -23,7 +24,7 @@ const OFFSET: f32 = 0.5;
 /// `Unsupported` for other bases, scenes in normalised device coordinates, renderers that do not
 /// interpolate, and backgrounds; `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    let arrays = Arrays::find(file, options.drop_background, limits)?;
+    let arrays = find(file, options.drop_background, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;
     let mut assumptions = Vec::new();
     let (mut companions, mut recorded) = (Vec::new(), Vec::new());
@@ -47,11 +48,22 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         }
         None => {}
     }
-    if options.drop_background && file.root.get("background_data").is_some() {
+    if options.drop_background && has_background(file) {
         assumptions.push(Assumption {
             key: "background_data",
             value: "none".to_owned(),
             message: "option drop-background: the spheres behind the box are left out".to_owned(),
+        });
+    }
+    if lightning::knows(file) {
+        let [side, _, _] = arrays.index.nodes().0;
+        assumptions.push(Assumption {
+            key: "cells",
+            value: side.to_string(),
+            message: format!(
+                "the checkpoint does not state its grid: assuming {side} cells along each axis, \
+                 the least power of 2 that holds all of them"
+            ),
         });
     }
     run.step_size = options.stepsize.map_or(run.step_size, f64::from);

@@ -13,8 +13,6 @@ use crate::model::grid::Element;
 const BRIDGED_BYTES: u64 = 4096;
 /// Bytes that are read at once, at most, unless one row is longer.
 const READ_BYTES: u64 = 1 << 20;
-/// Numbers that are decoded at once.
-const PIECE: usize = 1 << 18;
 /// Samples in a digest, evenly spaced from the first byte to the last, and bytes of each.
 const SAMPLES: u64 = 64;
 const SAMPLE_BYTES: u64 = 4096;
@@ -45,6 +43,8 @@ pub struct RowArray {
     place: Place,
     rows: u64,
     width: usize,
+    /// For each column, the factor and the addend that make values of stored numbers.
+    scales: Option<Vec<[f32; 2]>>,
     limits: Limits,
     /// The bytes, once they were asked for: checksums are verified, entries inflated.
     storage: Mutex<Option<Storage>>,
@@ -56,11 +56,33 @@ impl RowArray {
     /// # Errors
     /// `Malformed` for numbers that are no floats, or no whole rows.
     pub fn new(tensor: &Tensor, width: usize, limits: &Limits) -> Result<Self> {
-        let place = tensor.place();
         if !matches!(tensor.element(), Element::F16 | Element::BF16 | Element::F32 | Element::F64) {
             let found = format!("{} numbers", tensor.element().name());
-            return Err(Error::malformed(place, found, "float16, bfloat16, float32 or float64"));
+            let expected = "float16, bfloat16, float32 or float64";
+            return Err(Error::malformed(tensor.place(), found, expected));
         }
+        Self::of_tensor(tensor, width, None, limits)
+    }
+
+    /// The same of uint8 numbers: column by column, a value is a number times a factor and an addend.
+    ///
+    /// # Errors
+    /// `Malformed` for other numbers, or no whole rows.
+    pub fn quantized(tensor: &Tensor, scales: Vec<[f32; 2]>, limits: &Limits) -> Result<Self> {
+        if tensor.element() != Element::U8 {
+            let found = format!("{} numbers", tensor.element().name());
+            return Err(Error::malformed(tensor.place(), found, "uint8"));
+        }
+        Self::of_tensor(tensor, scales.len(), Some(scales), limits)
+    }
+
+    fn of_tensor(
+        tensor: &Tensor,
+        width: usize,
+        scales: Option<Vec<[f32; 2]>>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let place = tensor.place();
         let rows = tensor.count().checked_div(width as u64).unwrap_or(0);
         if rows.checked_mul(width as u64) != Some(tensor.count()) {
             let found = format!("shape {:?}", tensor.shape());
@@ -68,14 +90,15 @@ impl RowArray {
         }
         let (element, source) = (tensor.element(), Source::Tensor(tensor.clone()));
         let (limits, storage) = (limits.clone(), Mutex::new(None));
-        Ok(Self { source, element, place, rows, width, limits, storage })
+        Ok(Self { source, element, place, rows, width, scales, limits, storage })
     }
 
     /// Rows of float16 that are made when they are first wanted.
     pub fn made(source: Box<dyn MakeBytes>, rows: u64, width: usize, limits: &Limits) -> Self {
         let (source, place) = (Source::Made(source), Place::File);
         let (limits, storage) = (limits.clone(), Mutex::new(None));
-        Self { source, element: Element::F16, place, rows, width, limits, storage }
+        let scales = None;
+        Self { source, element: Element::F16, place, rows, width, scales, limits, storage }
     }
 
     /// Rows.
@@ -114,15 +137,57 @@ impl RowArray {
     pub fn values(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let count = limits::product(&[self.rows, self.width as u64], "rows", &self.place)?;
         let mut values = budget.zeroed(count, "bytes of rows", &self.place)?;
-        let storage = self.storage()?;
-        let size = self.element.size();
-        let mut bytes = Vec::new();
-        for (piece, values) in (0u64..).zip(values.chunks_mut(PIECE)) {
-            bytes.resize(values.len() * size, 0);
-            storage.read_into(piece * (PIECE * size) as u64, &mut bytes)?;
-            self.element.decode(&bytes, values);
-        }
+        let mut rest = &mut values[..];
+        self.for_each_piece(|piece| {
+            let (own, left) = std::mem::take(&mut rest).split_at_mut(piece.len());
+            own.copy_from_slice(piece);
+            rest = left;
+        })?;
         Ok(values)
+    }
+
+    /// Calls `see` with all rows in order, some at a time.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn for_each_piece(&self, mut see: impl FnMut(&[f32])) -> Result<()> {
+        let storage = self.storage()?;
+        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
+        let (mut bytes, mut values) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        while first < self.rows {
+            let count = at_once.min(self.rows - first);
+            let rows = limits::product(&[count], "rows", &self.place)?;
+            bytes.resize(rows * self.row_bytes(), 0);
+            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
+            values.resize(rows * self.width, 0.0);
+            for (bytes, row) in
+                bytes.chunks_exact(self.row_bytes()).zip(values.chunks_exact_mut(self.width))
+            {
+                self.decode(0, bytes, row);
+            }
+            see(&values);
+            first += count;
+        }
+        Ok(())
+    }
+
+    /// Values of stored numbers, of which the first one is in a column.
+    pub(super) fn decode(&self, column: usize, bytes: &[u8], out: &mut [f32]) {
+        self.element.decode(bytes, out);
+        let scales = self.scales.as_ref().and_then(|scales| scales.get(column..));
+        for (value, [factor, addend]) in out.iter_mut().zip(scales.unwrap_or_default()) {
+            *value = *value * factor + addend;
+        }
+    }
+
+    /// A column of rows as stored.
+    pub(super) fn decode_column(&self, column: usize, rows: &[u8], out: &mut Vec<f32>) {
+        let at = column * self.element.size();
+        self.element.decode_column(rows, self.row_bytes(), at, out);
+        if let Some([factor, addend]) = self.scales.as_ref().and_then(|scales| scales.get(column)) {
+            out.iter_mut().for_each(|value| *value = *value * factor + addend);
+        }
     }
 
     /// Refuses values that are not finite.
@@ -141,7 +206,7 @@ impl RowArray {
     /// # Errors
     /// Those of reading.
     pub fn column(&self, column: usize, mut see: impl FnMut(&[f32])) -> Result<()> {
-        let (storage, size) = (self.storage()?, self.element.size());
+        let storage = self.storage()?;
         let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
         let (mut bytes, mut values) = (Vec::new(), Vec::new());
         let mut first = 0;
@@ -150,12 +215,7 @@ impl RowArray {
             let count = limits::product(&[count], "rows", &self.place)?;
             bytes.resize(count * self.row_bytes(), 0);
             storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
-            values.clear();
-            for row in bytes.chunks_exact(self.row_bytes()) {
-                let mut value = [0.0];
-                self.element.decode(row.get(column * size..).unwrap_or_default(), &mut value);
-                values.extend(value);
-            }
+            self.decode_column(column, &bytes, &mut values);
             see(&values);
             first += count as u64;
         }

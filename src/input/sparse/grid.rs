@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::array::RowArray;
 use super::index::Index;
-use super::slab::Slabs;
+use super::slab::{Plane, Slabs};
 use crate::base::error::Result;
 use crate::model::field::NodeValues;
 use crate::model::grid::{Nodes, row};
@@ -25,9 +25,8 @@ impl Channel {
         Self { first: column, weights: vec![1.0], band_0: None }
     }
 
-    fn value(&self, stored: &[f32]) -> f32 {
-        let terms = stored.iter().zip(&self.weights);
-        let sum = terms.map(|(value, weight)| value * weight).sum();
+    /// The value that a weighted sum makes.
+    fn value(&self, sum: f32) -> f32 {
         match self.band_0 {
             None => sum,
             Some(rules) => {
@@ -135,8 +134,7 @@ impl NodeValues for RowGrid {
         let Nodes([_, _, outer_nz]) = self.nodes();
         let Some(channel) = self.channels.get(channel) else { return Ok(0) };
         let words = outer_nz.div_ceil(64);
-        let mut stored = vec![0.0; channel.weights.len()];
-        let empty = channel.value(&stored);
+        let empty = channel.value(0.0);
         for (row, out) in region.chunks_exact(words).zip(out.chunks_exact_mut(outer_nz)) {
             for (start, end) in row::runs(row) {
                 if let Some(out) = out.get_mut(start..end) {
@@ -147,29 +145,67 @@ impl NodeValues for RowGrid {
         if region.iter().all(|&word| word == 0) {
             return Ok(0);
         }
-        let inner = x.saturating_sub(self.border).min(nx - 1);
-        let element = self.slabs.element(&self.array);
-        let size = self.array.width() * element.size();
-        let at = channel.first * element.size();
-        // The places that repeat a node of the index along an axis.
-        let places = |node: usize, count: usize| {
-            let first = if node == 0 { 0 } else { node + self.border };
-            let last = if node + 1 == count { node + 2 * self.border } else { node + self.border };
-            first..last + 1
-        };
-        self.slabs.with_plane(&self.index, &self.array, inner, |plane| {
-            for (&node, row) in plane.nodes.iter().zip(plane.rows.chunks_exact(size)) {
-                element.decode(row.get(at..).unwrap_or_default(), &mut stored);
-                let value = channel.value(&stored);
-                let (y, z) = (node as usize / nz, node as usize % nz);
-                for y in places(y, ny) {
-                    for z in places(z, nz) {
-                        if let Some(out) = out.get_mut(y * outer_nz + z) {
-                            *out = value;
-                        }
+        if self.border > 0 {
+            // The border repeats the faces, in the region or not.
+            let (first, last) = (self.border, self.border + nz - 1);
+            for (y, row) in (0..).zip(out.chunks_exact_mut(outer_nz)) {
+                let is_face = y == self.border || y + 1 == self.border + ny;
+                let (start, end) = if is_face { (0, outer_nz) } else { (first, first + 1) };
+                for (start, end) in [(start, end), (last, last + 1)] {
+                    if let Some(part) = row.get_mut(start..end) {
+                        part.fill(empty);
                     }
                 }
             }
-        })
+        }
+        let inner = x.saturating_sub(self.border).min(nx - 1);
+        let bytes = self.slabs.with_plane(&self.index, &self.array, inner, |plane| {
+            let values = self.values(channel, plane);
+            let first = self.border * outer_nz + self.border;
+            for (&node, value) in plane.nodes.iter().zip(values) {
+                let (y, z) = (node as usize / nz, node as usize % nz);
+                if let Some(out) = out.get_mut(first + y * outer_nz + z) {
+                    *out = channel.value(value);
+                }
+            }
+        })?;
+        if self.border > 0 {
+            self.repeat_faces(out, [ny, nz]);
+        }
+        Ok(bytes)
+    }
+}
+
+impl RowGrid {
+    /// The weighted sums of a channel, of all rows of a plane.
+    fn values(&self, channel: &Channel, plane: &Plane) -> Vec<f32> {
+        let (mut sums, mut values) = (Vec::new(), Vec::new());
+        for (column, &weight) in (channel.first..).zip(&channel.weights) {
+            let out = if sums.is_empty() { &mut sums } else { &mut values };
+            self.slabs.column(&self.array, plane, column, out);
+            if weight != 1.0 {
+                out.iter_mut().for_each(|value| *value *= weight);
+            }
+            sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
+        }
+        sums
+    }
+
+    /// Copies the outermost nodes of the index's plane to the border around it.
+    fn repeat_faces(&self, out: &mut [f32], [ny, nz]: [usize; 2]) {
+        let (border, width) = (self.border, nz + 2 * self.border);
+        for row in out.chunks_exact_mut(width).skip(border).take(ny) {
+            row.copy_within(border..border + 1, 0);
+            for at in 1..border {
+                row.copy_within(..1, at);
+            }
+            for at in border + nz..width {
+                row.copy_within(border + nz - 1..border + nz, at);
+            }
+        }
+        for y in (0..border).chain(border + ny..ny + 2 * border) {
+            let from = y.clamp(border, border + ny - 1);
+            out.copy_within(from * width..(from + 1) * width, y * width);
+        }
     }
 }

@@ -12,9 +12,9 @@ use crate::model::grid::Element;
 /// Planes of a slab, at most: rows in Morton order then lie together.
 const PLANES: usize = 8;
 /// Bytes of a slab, at most, unless one plane is larger.
-const SLAB_BYTES: usize = 48 << 20;
-/// Slabs that are kept.
-const KEPT: usize = 3;
+const SLAB_BYTES: usize = 80 << 20;
+/// Bytes of the slabs that are kept, at most, beside the last two.
+const KEPT_BYTES: u64 = 160 << 20;
 
 /// The rows of the nodes of one plane.
 #[derive(Debug, Default)]
@@ -31,8 +31,23 @@ struct Slab {
     planes: Vec<Plane>,
 }
 
+impl Slab {
+    fn bytes(&self) -> u64 {
+        let planes = self.planes.iter().map(|plane| plane.rows.len() + 4 * plane.nodes.len());
+        planes.sum::<usize>() as u64
+    }
+}
+
 /// A slab that one thread fills while others wait.
 type Slot = Arc<Mutex<Option<Arc<Slab>>>>;
+
+/// A slab that is kept: its number, and its bytes once it is filled.
+#[derive(Debug)]
+struct Kept {
+    number: usize,
+    slot: Slot,
+    bytes: u64,
+}
 
 /// The last slabs that were wanted.
 #[derive(Debug)]
@@ -40,28 +55,39 @@ pub(super) struct Slabs {
     planes: usize,
     /// True if nodes without a row take the mean of their neighbours' rows.
     dilates: bool,
-    kept: Mutex<VecDeque<(usize, Slot)>>,
+    kept: Mutex<VecDeque<Kept>>,
 }
 
 impl Slabs {
     pub(super) fn new(index: &Index, array: &RowArray, dilates: bool) -> Self {
         let [_, ny, nz] = index.nodes().0;
         let plane_bytes = (ny * nz).saturating_mul(array.row_bytes() + 4).max(1);
-        let planes = (SLAB_BYTES / plane_bytes).clamp(1, PLANES);
+        // A power of 2, as Morton order has it.
+        let planes = 1 << (SLAB_BYTES / plane_bytes).clamp(1, PLANES).ilog2();
         Self { planes, dilates, kept: Mutex::default() }
     }
 
-    /// Type of the numbers of planes.
-    pub(super) fn element(&self, array: &RowArray) -> Element {
-        if self.dilates { Element::F32 } else { array.element() }
+    /// The values of a column of a plane.
+    pub(super) fn column(
+        &self,
+        array: &RowArray,
+        plane: &Plane,
+        column: usize,
+        out: &mut Vec<f32>,
+    ) {
+        match self.dilates {
+            true => Element::F32.decode_column(&plane.rows, 4 * array.width(), 4 * column, out),
+            false => array.decode_column(column, &plane.rows, out),
+        }
     }
 
     /// Bytes of all that is kept, at most.
     pub(super) fn memory_bytes(&self, index: &Index, array: &RowArray) -> u64 {
         let [_, ny, nz] = index.nodes().0;
         let plane_bytes = (ny * nz) as u64 * (array.row_bytes() as u64 + 4);
+        let slab = self.planes as u64 * plane_bytes;
         // One more while the oldest is still in use.
-        (KEPT as u64 + 1) * self.planes as u64 * plane_bytes
+        KEPT_BYTES.max(2 * slab).min(plane_bytes * index.nodes().0[0] as u64) + slab
     }
 
     /// Calls `take` with plane `x`, and returns the bytes that were read for it.
@@ -81,6 +107,7 @@ impl Slabs {
             None => {
                 let (slab, bytes) = self.fill(index, array, number)?;
                 read = bytes;
+                self.filled(number, slab.bytes());
                 let slab = Arc::new(slab);
                 *filled = Some(Arc::clone(&slab));
                 slab
@@ -95,19 +122,23 @@ impl Slabs {
 
     fn slot(&self, number: usize) -> Slot {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(at) = kept.iter().position(|(own, _)| *own == number)
-            && let Some(entry) = kept.remove(at)
-        {
-            let slot = Arc::clone(&entry.1);
-            kept.push_back(entry);
-            return slot;
+        let found = kept.iter().position(|own| own.number == number);
+        let own = found.and_then(|at| kept.remove(at));
+        let own = own.unwrap_or_else(|| Kept { number, slot: Slot::default(), bytes: 0 });
+        let slot = Arc::clone(&own.slot);
+        kept.push_back(own);
+        slot
+    }
+
+    /// Notes the bytes of a slab, and forgets those that were not wanted for longest.
+    fn filled(&self, number: usize, bytes: u64) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(own) = kept.iter_mut().find(|own| own.number == number) {
+            own.bytes = bytes;
         }
-        if kept.len() >= KEPT {
+        while kept.len() > 2 && kept.iter().map(|own| own.bytes).sum::<u64>() > KEPT_BYTES {
             kept.pop_front();
         }
-        let slot = Slot::default();
-        kept.push_back((number, Arc::clone(&slot)));
-        slot
     }
 
     fn fill(&self, index: &Index, array: &RowArray, number: usize) -> Result<(Slab, u64)> {
@@ -163,13 +194,15 @@ fn dilate(
     array: &RowArray,
     [ny, nz]: [usize; 2],
 ) -> Plane {
-    let (width, size, element) = (array.width(), array.row_bytes(), array.element());
+    let width = array.width();
     let decoded = |plane: &Plane| {
         let mut values = vec![0.0f32; plane.nodes.len() * width];
-        element.decode(&plane.rows, &mut values);
+        let rows = plane.rows.chunks_exact(array.row_bytes());
+        for (bytes, row) in rows.zip(values.chunks_exact_mut(width)) {
+            array.decode(0, bytes, row);
+        }
         values
     };
-    debug_assert_eq!(own.rows.len(), own.nodes.len() * size);
     let own_values = decoded(own);
     // The place of each node's row: first the own ones, then those of neighbours' sums.
     let mut places = vec![NO_ROW; ny * nz];

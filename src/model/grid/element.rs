@@ -72,6 +72,29 @@ impl Element {
         }
     }
 
+    /// Decodes one element of each row of bytes, `at` bytes after its start.
+    pub fn decode_column(self, rows: &[u8], row_bytes: usize, at: usize, out: &mut Vec<f32>) {
+        let columns =
+            rows.chunks_exact(row_bytes.max(1)).map(|row| row.get(at..).unwrap_or_default());
+        out.clear();
+        match self {
+            Self::F16 => out.extend(columns.map(|bytes| {
+                let bytes = bytes.first_chunk().copied().unwrap_or_default();
+                half::f16::from_le_bytes(bytes).to_f32()
+            })),
+            Self::F32 => {
+                out.extend(columns.map(|bytes| {
+                    f32::from_le_bytes(bytes.first_chunk().copied().unwrap_or_default())
+                }))
+            }
+            other => out.extend(columns.map(|bytes| {
+                let mut value = [0.0];
+                other.decode(bytes, &mut value);
+                value[0]
+            })),
+        }
+    }
+
     /// Decodes as many elements as `out` holds; `bytes` are at least as many. Values that float32
     /// cannot hold are rounded to nearest.
     pub fn decode(self, bytes: &[u8], out: &mut [f32]) {
