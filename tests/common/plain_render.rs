@@ -152,13 +152,11 @@ impl PlainField {
                 accumulated.iter_mut().zip(color).for_each(|(sum, color)| *sum += weight * color);
             }
         }
-        if let Some(ViewDependence::Harmonics(rules)) = &self.view.view_dependence {
-            if rules.evaluation == Evaluation::Ray {
-                let offset = f64::from(rules.offset) * counted;
-                accumulated[..3]
-                    .iter_mut()
-                    .for_each(|sum| *sum = limit(rules.clamp, *sum + offset));
-            }
+        if let Some(ViewDependence::Harmonics(rules)) = &self.view.view_dependence
+            && rules.evaluation == Evaluation::Ray
+        {
+            let offset = f64::from(rules.offset) * counted;
+            accumulated[..3].iter_mut().for_each(|sum| *sum = limit(rules.clamp, *sum + offset));
         }
         let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
         let specular = network.map_or([0.0; 3], |network| specular(network, unit, &accumulated));

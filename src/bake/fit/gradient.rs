@@ -185,8 +185,8 @@ impl<const C: usize> Rays<'_, C> {
             for part in sample.parts.iter_mut().flatten() {
                 part.color = self.field.color(part.level, &part.cell);
                 rule.activate(&mut part.color);
-                for lane in 0..C {
-                    mixed[lane] += part.share * part.color[lane];
+                for (mixed, color) in mixed.iter_mut().zip(part.color) {
+                    *mixed += part.share * color;
                 }
             }
             for (sum, color) in accumulated.iter_mut().zip(mixed) {

@@ -325,7 +325,9 @@ fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> b
         }
         (Group::Density, _, Blend::AfterActivation) => decode.density().is_some(),
         (Group::Diffuse, Some(_), _) => decode == Decode::Coefficient(0),
-        (Group::Band(band), _, _) => decode == Decode::Coefficient(band as u8),
+        (Group::Band(band), _, _) => {
+            matches!(decode, Decode::Coefficient(of) if usize::from(of) == band)
+        }
         // Levels that are mixed must mean the same.
         (Group::Diffuse | Group::Features, _, _) if linear && metadata.view.is_none() => {
             decode == Decode::Linear

@@ -161,7 +161,8 @@ mod tests {
             for (gaussian, expected) in own.iter().enumerate() {
                 let functions = basis_f64(direction).into_iter().zip(&weights);
                 let found: f64 = functions.map(|(f, row)| f * f64::from(row[gaussian])).sum();
-                assert!((found - expected).abs() < 2e-3, "{found} for {expected}");
+                // Functions beyond degree 3 of such a Gaussian add up to 2.1e-3.
+                assert!((found - expected).abs() < 2.5e-3, "{found} for {expected}");
             }
         }
     }

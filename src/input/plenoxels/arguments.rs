@@ -66,10 +66,14 @@ impl ArgumentsFile {
 }
 
 fn parse(bytes: &[u8]) -> Result<RunArguments> {
-    let arguments: RunArguments = serde_json::from_slice(bytes).map_err(|error| {
+    let malformed = |error: serde_json::Error| {
         let place = Place::Key(format!("line {}", error.line()));
         Error::malformed(place, error.to_string(), "the settings of a svox2 training run")
-    })?;
+    };
+    // A list would be taken for settings without names.
+    let settings: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_slice(bytes).map_err(malformed)?;
+    let arguments: RunArguments = serde_json::from_value(settings.into()).map_err(malformed)?;
     arguments.check()?;
     Ok(arguments)
 }
