@@ -3,7 +3,7 @@
 use super::checkpoint::{self, Family, Source, SourceOptions};
 use super::scale::rescale;
 use super::tensor::TensorFile;
-use super::{plenoctree, plenoxels, sampled};
+use super::{plenoctree, plenoxels, sampled, tensorf};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 
@@ -17,10 +17,11 @@ struct Reader {
 }
 
 /// All but Mip-VoG and DirectVoxGO, to which every other file is held.
-const READERS: [Reader; 3] = [
+const READERS: [Reader; 4] = [
     Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
+    Reader { family: Family::Tensorf, knows: tensorf::knows, open: tensorf::open_tensors },
 ];
 
 fn reader(file: &TensorFile) -> Option<&'static Reader> {

@@ -15,6 +15,7 @@ mod scale;
 mod settings;
 pub mod sparse;
 pub mod tensor;
+pub mod tensorf;
 
 pub use checkpoint::Source;
 pub use families::open_tensors;
