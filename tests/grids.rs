@@ -99,9 +99,9 @@ fn models_by_their_own_rules_agree_with_other_programs() {
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
 /// threshold, or of the first face.
-fn tensorf_agrees(name: &str, most: f32) {
-    let source = open(&format!("{name}.th"), &SourceOptions::default()).expect(name);
-    assert_eq!(source.family, Family::Tensorf);
+fn nearly_agrees(file: &str, options: &SourceOptions, most: f32) {
+    let source = open(file, options).expect(file);
+    let name = file.split('.').next().expect("a name");
     let (model, reference) = (renderer(&source), Reference::of(name));
     let light = model.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
     let (rgb, left) = (reference.values("rgb"), reference.values("transmittance"));
@@ -132,10 +132,23 @@ fn tensorf_agrees(name: &str, most: f32) {
 
 #[test]
 fn tensorf_by_its_own_rules_agrees_with_another_program() {
-    tensorf_agrees("tensorf_vm", 2e-4);
-    tensorf_agrees("tensorf_vm_sh", 2e-4);
-    tensorf_agrees("tensorf_cp", 2e-4);
-    tensorf_agrees("tensorf_vm_relu_rgb", 4e-4);
+    let plain = SourceOptions::default();
+    nearly_agrees("tensorf_vm_sh.th", &plain, 2e-4);
+    nearly_agrees("tensorf_cp.th", &plain, 2e-4);
+    nearly_agrees("tensorf_vm_relu_rgb.th", &plain, 4e-4);
+    nearly_agrees("tensorf_vm.th", &plain, 2e-4);
+}
+
+#[test]
+fn a_network_for_each_sample_agrees_with_another_program() {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    nearly_agrees("dvgo_default.tar", &near, 1e-4);
+    let source = open("dvgo_default.tar", &near).expect("a model");
+    assert_eq!(source.family, Family::Dvgo);
+    assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
+    let plain = SourceOptions { view: ViewChoice::None, ..near };
+    let source = open("dvgo_default.tar", &plain).expect("a model");
+    assert!(source.model.is_none() && source.field.color_channels() == 3, "as it is stored");
 }
 
 /// Rays of a field's nodes against its reference, in decibels.

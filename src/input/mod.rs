@@ -5,8 +5,10 @@
 //! other rules, a model that shows the unbaked input by these.
 
 pub mod checkpoint;
+pub mod dvgo;
 mod families;
 mod inspect;
+pub mod network;
 mod open;
 pub mod plenoctree;
 pub mod plenoxels;

@@ -20,9 +20,6 @@ use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Added to the light that passes a sample.
 const PASSES: f64 = 1e-10;
-/// Samples no farther beyond a face than this, as a share of the box's edge, lie on it.
-const ON_FACE: f64 = 1e-7;
-
 /// A file, ready to be loaded.
 #[derive(Debug)]
 pub(super) struct TensorfFile {
@@ -112,7 +109,7 @@ impl Tensorf {
 
     /// Optical depth of a world unit at a position, 0 where no matter is.
     fn sigma(&self, world: [f64; 3], share: [f64; 3], scratch: &mut Scratch) -> f64 {
-        let inside = share.into_iter().all(|at| (-ON_FACE..=1.0 + ON_FACE).contains(&at));
+        let inside = share.into_iter().all(|at| (0.0..=1.0).contains(&at));
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
             return 0.0;
         }
@@ -134,19 +131,46 @@ impl Tensorf {
         let at = share.map(|at| 2.0 * at - 1.0);
         directions.iter().map(|&along| self.shading.color(&features, at, along)).collect()
     }
+}
 
-    /// The distances at which a ray enters and leaves the box; in any order for a ray that misses
-    /// it.
-    fn crossing(&self, origin: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
-        let bounds = &self.settings.bounds;
-        let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
-        let corners = bounds.min.into_iter().zip(bounds.max);
-        for ((from, by), (low, high)) in origin.into_iter().zip(direction).zip(corners) {
+/// The samples of a ray as TensoRF takes them, in float32: the first one lies on a face, and
+/// rounding decides if it is in the box.
+struct Samples {
+    origin: [f32; 3],
+    direction: [f32; 3],
+    start: f32,
+    step: f32,
+    /// The distance at which the ray leaves the box.
+    end: f32,
+}
+
+impl Samples {
+    #[expect(clippy::cast_possible_truncation, reason = "TensoRF's rays are float32")]
+    fn new(ray: &Ray, rules: &RayRules, settings: &Settings) -> Self {
+        let direction = (ray.direction / ray.direction.length()).to_array();
+        let [origin, direction] =
+            [ray.origin.to_array(), direction].map(|at| at.map(|value| value as f32));
+        let (bounds, nodes) = (&settings.bounds, settings.nodes.0);
+        let (mut start, mut end, mut voxels) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
+        let corners = bounds.min.into_iter().zip(bounds.max).zip(nodes);
+        let rays = origin.into_iter().zip(direction);
+        for ((from, by), ((low, high), count)) in rays.zip(corners) {
             let by = if by == 0.0 { 1e-6 } else { by };
-            let (a, b) = ((f64::from(low) - from) / by, (f64::from(high) - from) / by);
-            (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
+            let (a, b) = ((low - from) / by, (high - from) / by);
+            (start, end) = (start.max(a.min(b)), end.min(a.max(b)));
+            voxels += (high - low) / (count - 1) as f32;
         }
-        [enters, leaves]
+        let start = start.min(rules.far.unwrap_or(f32::INFINITY)).max(rules.near);
+        let step = voxels / 3.0 * settings.step_ratio as f32;
+        Self { origin, direction, start, step, end }
+    }
+
+    /// The distance and the position of a sample; none behind the box.
+    fn at(&self, number: f32) -> Option<(f32, [f32; 3])> {
+        let t = self.start + self.step * number;
+        let mut at = self.origin;
+        at.iter_mut().zip(self.direction).for_each(|(at, by)| *at += by * t);
+        (t <= self.end + self.step).then_some((t, at))
     }
 }
 
@@ -155,25 +179,19 @@ impl TrainedModel for Tensorf {
     fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
         let settings = &self.settings;
         let direction = (ray.direction / ray.direction.length()).to_array();
-        let origin = ray.origin.to_array();
         let step = settings.voxel_size() * settings.step_ratio;
-        let [enters, leaves] = self.crossing(origin, direction);
-        let far = rules.far.map_or(f64::INFINITY, f64::from);
-        let start = enters.min(far).max(f64::from(rules.near));
+        let along = Samples::new(ray, rules, settings);
         let diagonal = settings.bounds.extent().iter().map(|edge| edge * edge).sum::<f64>().sqrt();
         // The last of the samples has no length.
-        let samples = (diagonal / step).floor();
+        let samples = (diagonal / step).floor() as f32;
         let mut scratch = Scratch::default();
         let (mut passes, mut sum, mut opacity, mut distance) = (1.0, [0.0; 3], 0.0, 0.0);
         let mut number = 0.0;
         while number < samples {
-            let t = start + number * step;
-            if t > leaves + step {
-                break;
-            }
+            let Some((t, at)) = along.at(number) else { break };
             number += 1.0;
-            let mut world = origin;
-            world.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let t = f64::from(t);
+            let world = at.map(f64::from);
             let share = self.share(world);
             let sigma = self.sigma(world, share, &mut scratch);
             if sigma <= 0.0 {

@@ -1,20 +1,17 @@
 //! Density and colours at nodes, plane by plane.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::factors::Between;
-use super::fit::Fit;
 use super::keys::Arrays;
 use super::model::{Scratch, Tensorf};
 use super::shading::{STORED_FUNCTIONS, Shading};
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::input::network::{Fit, PlaneCache, lock, visit};
 use crate::model::field::NodeValues;
-use crate::model::grid::{Nodes, row};
+use crate::model::grid::Nodes;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
-
-/// Planes of colours that are kept, for their other channels.
-const KEPT_PLANES: usize = 4;
 
 /// A model that is loaded when the first node is asked for.
 #[derive(Debug)]
@@ -50,22 +47,6 @@ impl LazyModel {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Visits the nodes of a plane that belong to a region.
-fn visit(nodes: Nodes, x: usize, region: &[u64], mut visit: impl FnMut(usize, &[Between; 3])) {
-    let Nodes([_, _, nz]) = nodes;
-    for (y, bits) in region.chunks_exact(row::words(nodes)).enumerate() {
-        for (start, end) in row::runs(bits) {
-            for z in start..end.min(nz) {
-                visit(y * nz + z, &[Between::on(x), Between::on(y), Between::on(z)]);
-            }
-        }
-    }
-}
-
 /// Density before its activation.
 #[derive(Debug)]
 pub(super) struct DensityValues(pub(super) Arc<LazyModel>);
@@ -92,9 +73,10 @@ impl NodeValues for DensityValues {
     fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let model = self.0.get()?;
         let mut scratch = Scratch::default();
-        visit(self.nodes(), x, region, |node, at| {
-            if let Some(out) = out.get_mut(node) {
-                *out = model.raw_density(at, &mut scratch) as f32;
+        let Nodes([_, _, nz]) = self.nodes();
+        visit(self.nodes(), region, |[y, z]| {
+            if let Some(out) = out.get_mut(y * nz + z) {
+                *out = model.raw_density(&[x, y, z].map(Between::on), &mut scratch) as f32;
             }
         });
         Ok(0)
@@ -110,21 +92,7 @@ pub(super) struct ColorValues {
     /// Colours that do not depend on the view, of a model that has others.
     plain: bool,
     fit: Fit,
-    kept: Mutex<Vec<Arc<Slot>>>,
-}
-
-/// A plane of colours.
-#[derive(Debug)]
-struct Slot {
-    x: usize,
-    filled: Mutex<Option<Filled>>,
-}
-
-#[derive(Debug)]
-struct Filled {
-    region: Vec<u64>,
-    /// Channel by channel.
-    values: Vec<f32>,
+    planes: PlaneCache,
 }
 
 impl ColorValues {
@@ -132,8 +100,8 @@ impl ColorValues {
     /// without rules those of the model itself.
     pub(super) fn new(model: &Arc<LazyModel>, harmonics: Option<Harmonics>, plain: bool) -> Self {
         let fit = Fit::new(harmonics.map_or(1, |rules| rules.functions()));
-        let kept = Mutex::new(Vec::new());
-        Self { model: Arc::clone(model), harmonics, plain, fit, kept }
+        let planes = PlaneCache::default();
+        Self { model: Arc::clone(model), harmonics, plain, fit, planes }
     }
 
     /// All channels of a node.
@@ -173,20 +141,6 @@ impl ColorValues {
             _ => coefficients,
         }
     }
-
-    /// The plane's place among those that are kept.
-    fn slot(&self, x: usize) -> Arc<Slot> {
-        let mut kept = lock(&self.kept);
-        if let Some(slot) = kept.iter().find(|slot| slot.x == x) {
-            return Arc::clone(slot);
-        }
-        if kept.len() == KEPT_PLANES {
-            kept.remove(0);
-        }
-        let slot = Arc::new(Slot { x, filled: Mutex::new(None) });
-        kept.push(Arc::clone(&slot));
-        slot
-    }
 }
 
 impl NodeValues for ColorValues {
@@ -202,8 +156,7 @@ impl NodeValues for ColorValues {
     }
 
     fn memory_bytes(&self) -> u64 {
-        let Nodes([_, ny, nz]) = self.nodes();
-        (4 * KEPT_PLANES * self.channels() * ny * nz) as u64
+        PlaneCache::bytes(self.nodes(), self.channels())
     }
 
     fn digest(&self, _: &mut dyn FnMut(&[u8])) -> Result<()> {
@@ -212,26 +165,18 @@ impl NodeValues for ColorValues {
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
-        let slot = self.slot(x);
-        let mut filled = lock(&slot.filled);
-        let covers = |filled: &Filled| {
-            filled.region.iter().zip(region).all(|(has, asked)| asked & !has == 0)
-        };
-        let plane = out.len();
-        if !filled.as_ref().is_some_and(covers) {
+        let (plane, channels) = (out.len(), self.channels());
+        let Nodes([_, _, nz]) = self.nodes();
+        self.planes.read(x, [channel, channels], region, out, |values| {
             let model = self.model.get()?;
-            let mut values = vec![0.0; plane * self.channels()];
             let mut scratch = Scratch::default();
-            visit(self.nodes(), x, region, |node, at| {
-                let channels = values.iter_mut().skip(node).step_by(plane);
-                let found = self.node(&model, at, &mut scratch);
-                channels.zip(found).for_each(|(out, value)| *out = value);
+            visit(self.nodes(), region, |[y, z]| {
+                let out = values.iter_mut().skip(y * nz + z).step_by(plane);
+                let found = self.node(&model, &[x, y, z].map(Between::on), &mut scratch);
+                out.zip(found).for_each(|(out, value)| *out = value);
             });
-            *filled = Some(Filled { region: region.to_vec(), values });
-        }
-        let values = filled.as_ref().map_or(&[][..], |filled| &filled.values);
-        let values = values.get(channel * plane..).unwrap_or_default();
-        out.iter_mut().zip(values).for_each(|(out, value)| *out = *value);
+            Ok(())
+        })?;
         Ok(0)
     }
 }

@@ -9,9 +9,9 @@ const PENALTY: f64 = 1e-5;
 
 /// A linear map from colours along fixed directions to coefficients, by least squares.
 #[derive(Debug)]
-pub(super) struct Fit {
+pub struct Fit {
     /// Unit directions, evenly spread.
-    pub(super) directions: Vec<[f64; 3]>,
+    pub directions: Vec<[f64; 3]>,
     /// For each direction its share in each coefficient.
     shares: Vec<Vec<f64>>,
     functions: usize,
@@ -19,7 +19,7 @@ pub(super) struct Fit {
 
 impl Fit {
     /// Of harmonics with so many functions.
-    pub(super) fn new(functions: usize) -> Self {
+    pub fn new(functions: usize) -> Self {
         let directions = spread();
         let rows: Vec<[f64; FUNCTIONS]> = directions.iter().map(|&at| basis_f64(at)).collect();
         let scale = 1.0 / f64::from(DIRECTIONS);
@@ -62,7 +62,7 @@ impl Fit {
 
     /// The coefficients of colours along the directions, function by function, each red, green
     /// and blue.
-    pub(super) fn coefficients(&self, colors: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
+    pub fn coefficients(&self, colors: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
         let mut sums = vec![0.0; 3 * self.functions];
         for (color, shares) in colors.zip(&self.shares) {
             for (sums, share) in sums.chunks_exact_mut(3).zip(shares) {
