@@ -5,8 +5,10 @@
 //! other rules, a model that shows the unbaked input by these.
 
 pub mod checkpoint;
+pub mod dvgo;
 mod families;
 mod inspect;
+pub mod network;
 mod open;
 pub mod plenoctree;
 pub mod plenoxels;
@@ -15,6 +17,7 @@ mod scale;
 mod settings;
 pub mod sparse;
 pub mod tensor;
+pub mod tensorf;
 
 pub use checkpoint::Source;
 pub use families::open_tensors;

@@ -19,7 +19,7 @@ const OTHERS: [(&[&str], &[&str], &str); 3] = [
     (
         &["density.xy_plane", "k0.xy_plane", "density_plane.", "app_plane."],
         &[],
-        "a factorized grid (TensoRF), whose planes and lines this version does not multiply",
+        "a grid of factors (TensoRFGrid), which this version does not multiply",
     ),
 ];
 

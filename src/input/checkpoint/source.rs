@@ -61,6 +61,8 @@ pub enum Family {
     PlenOctree,
     /// Arrays of density and colour that anybody's code sampled.
     Sampled,
+    /// TensoRF, vector-matrix or CP.
+    Tensorf,
 }
 
 impl Family {
@@ -77,6 +79,7 @@ impl Family {
             Self::Plenoxels => "Plenoxels",
             Self::PlenOctree => "PlenOctree",
             Self::Sampled => "sampled",
+            Self::Tensorf => "TensoRF",
         }
     }
 }

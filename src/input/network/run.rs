@@ -1,0 +1,127 @@
+//! A network that makes the colour of each sample.
+
+use crate::base::error::{Error, Result};
+use crate::base::limits::Budget;
+use crate::input::tensor::Tensor;
+use crate::model::activate;
+
+/// Inputs beside the features themselves and the direction, in octaves of sines and cosines.
+#[derive(Debug, Clone, Copy)]
+pub struct Inputs {
+    /// Of each feature.
+    pub features: u32,
+    /// Of the position, -1 to 1 in the box.
+    pub position: u32,
+    /// Of the direction.
+    pub direction: u32,
+}
+
+/// The layers of a network, checked against its inputs; weights are not yet read.
+#[derive(Debug, Clone)]
+pub struct NetworkFile {
+    layers: Vec<[Tensor; 2]>,
+    inputs: Inputs,
+}
+
+/// A network in memory.
+#[derive(Debug)]
+pub struct Network {
+    layers: Vec<Layer>,
+    inputs: Inputs,
+}
+
+#[derive(Debug)]
+struct Layer {
+    /// Input by input, so that sums run over outputs.
+    weights: Vec<f64>,
+    biases: Vec<f64>,
+}
+
+impl NetworkFile {
+    /// A network of weights `[outputs, inputs]` and biases, layer by layer, from so many features
+    /// to three colours.
+    ///
+    /// # Errors
+    /// `Malformed` where shapes do not follow each other.
+    pub fn new(layers: Vec<[Tensor; 2]>, inputs: Inputs, features: usize) -> Result<Self> {
+        let octaves = |octaves: u32, width: usize| 2 * octaves as usize * width;
+        let mut width = features + 3 + octaves(inputs.features, features);
+        width += octaves(inputs.position, 3) + octaves(inputs.direction, 3);
+        for (number, [weight, bias]) in layers.iter().enumerate() {
+            let last = number + 1 == layers.len();
+            let fits = match (weight.shape(), bias.shape()) {
+                (&[rows, columns], &[biases]) => {
+                    let outputs = if last { 3..=3 } else { 1..=1024 };
+                    columns == width as u64 && rows == biases && outputs.contains(&rows)
+                }
+                _ => false,
+            };
+            if !fits {
+                let found = format!("shapes {:?} and {:?}", weight.shape(), bias.shape());
+                let rows = if last { "3" } else { "1 to 1024" };
+                let expected = format!("[{rows}, {width}], and as many biases");
+                return Err(Error::malformed(weight.place(), found, expected));
+            }
+            width = usize::try_from(bias.count()).unwrap_or(0);
+        }
+        Ok(Self { layers, inputs })
+    }
+
+    /// Reads the weights.
+    ///
+    /// # Errors
+    /// Those of reading, and weights that are no numbers.
+    pub fn load(&self, budget: &mut Budget) -> Result<Network> {
+        let mut layers = Vec::new();
+        for [weight, bias] in &self.layers {
+            let (stored, biases) = (weight.read_f32(budget)?, bias.read_f32(budget)?);
+            if stored.iter().chain(&biases).any(|value| !value.is_finite()) {
+                return Err(Error::malformed(weight.place(), "no number", "finite numbers"));
+            }
+            let (outputs, inputs) = (biases.len(), stored.len() / biases.len().max(1));
+            let mut weights: Vec<f64> =
+                budget.zeroed(stored.len(), "bytes of a network", &weight.place())?;
+            for (output, row) in stored.chunks_exact(inputs).enumerate() {
+                let out = weights.iter_mut().skip(output).step_by(outputs);
+                out.zip(row).for_each(|(out, value)| *out = f64::from(*value));
+            }
+            layers.push(Layer { weights, biases: biases.into_iter().map(f64::from).collect() });
+        }
+        Ok(Network { layers, inputs: self.inputs })
+    }
+}
+
+impl Network {
+    /// The colour of features at a position (-1 to 1 in the box) seen along a unit direction.
+    pub fn color(&self, features: &[f64], at: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        let mut values: Vec<f64> = features.iter().copied().chain(direction).collect();
+        encode(features, self.inputs.features, &mut values);
+        encode(&at, self.inputs.position, &mut values);
+        encode(&direction, self.inputs.direction, &mut values);
+        for (number, layer) in self.layers.iter().enumerate() {
+            let mut sums = layer.biases.clone();
+            for (value, weights) in values.iter().zip(layer.weights.chunks_exact(sums.len())) {
+                // Most inputs of later layers are 0.
+                if *value != 0.0 {
+                    sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += value * weight);
+                }
+            }
+            if number + 1 < self.layers.len() {
+                sums.iter_mut().for_each(|sum| *sum = sum.max(0.0));
+            }
+            values = sums;
+        }
+        let mut color = [0.0; 3];
+        color.iter_mut().zip(values).for_each(|(out, value)| *out = activate::sigmoid(value));
+        color
+    }
+}
+
+/// Adds the sines of all values by octave, then the cosines.
+fn encode(values: &[f64], octaves: u32, out: &mut Vec<f64>) {
+    for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
+        for value in values {
+            out.extend((0..octaves).map(|octave| wave(value * f64::from(1u32 << octave))));
+        }
+    }
+}

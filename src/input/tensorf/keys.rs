@@ -1,0 +1,166 @@
+//! The settings and arrays of a file.
+
+use super::factors::{Part, Terms, components};
+use super::mask::MaskFile;
+use super::read::{corners, key, malformed, tensor};
+use super::shading::ShadingFile;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::input::tensor::{Tensor, TensorFile, Value};
+use crate::model::grid::{Bounds, Nodes};
+
+/// The axes of the columns and rows of a plane, and the axis of its line.
+const AXES: [([usize; 2], usize); 3] = [([0, 1], 2), ([0, 2], 1), ([1, 2], 0)];
+
+/// Settings of the renderer.
+#[derive(Debug, Clone)]
+pub(super) struct Settings {
+    pub(super) bounds: Bounds,
+    pub(super) nodes: Nodes,
+    /// Added to density before softplus; none for relu.
+    pub(super) shift: Option<f64>,
+    /// Optical depth of a world unit of density 1.
+    pub(super) distance_scale: f64,
+    /// Samples of at most this weight have no colour.
+    pub(super) threshold: f64,
+    pub(super) near_far: [f64; 2],
+    /// Step length in voxels.
+    pub(super) step_ratio: f64,
+}
+
+/// The arrays of a model; nothing of them is read.
+#[derive(Debug, Clone)]
+pub(super) struct Arrays {
+    pub(super) settings: Settings,
+    pub(super) density: Terms,
+    pub(super) color: Terms,
+    /// `[features, components]`.
+    pub(super) basis: Tensor,
+    pub(super) features: usize,
+    pub(super) shading: ShadingFile,
+    pub(super) mask: Option<MaskFile>,
+}
+
+/// True for a file with the keys of TensoRF.
+pub fn knows(file: &TensorFile) -> bool {
+    let has = |key: &str| file.root.at(&["state_dict", key]).is_some();
+    let old = has("line_coef") && has("plane_coef");
+    file.root.at(&["kwargs", "aabb"]).is_some() && (has("density_line.0") || old)
+}
+
+impl Settings {
+    /// The edge of a voxel, the mean of the three axes.
+    pub(super) fn voxel_size(&self) -> f64 {
+        self.nodes.spacing(&self.bounds).into_iter().sum::<f64>() / 3.0
+    }
+
+    fn find(kwargs: &Value, limits: &Limits) -> Result<Self> {
+        let setting = |name: &str| {
+            kwargs.get(name).ok_or_else(|| malformed(name, "no such setting", "TensoRF's settings"))
+        };
+        let number = |name: &str| -> Result<f64> {
+            let value = setting(name)?.number(name)?;
+            let finite = value.is_finite() && value.abs() < 1e30;
+            if finite {
+                return Ok(value);
+            }
+            Err(malformed(name, value.to_string(), "a finite number"))
+        };
+        let positive = |name: &str| -> Result<f64> {
+            let value = number(name)?;
+            if value > 0.0 {
+                return Ok(value);
+            }
+            Err(malformed(name, value.to_string(), "a number above 0"))
+        };
+        let bounds = corners(kwargs.get("aabb"), "kwargs.aabb")?;
+        let sizes = setting("gridSize")?.vector3("gridSize")?;
+        if !sizes.into_iter().all(|size| (2.0..=1e6).contains(&size) && size.fract() == 0.0) {
+            let expected = "three numbers of nodes, at least 2 each";
+            return Err(malformed("gridSize", format!("{sizes:?}"), expected));
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+        let nodes = Nodes::checked(sizes.map(|size| size as u64), limits, &key("gridSize"))?;
+        let shift = match setting("fea2denseAct")? {
+            Value::Text(name) if name == "softplus" => Some(number("density_shift")?),
+            Value::Text(name) if name == "relu" => None,
+            other => {
+                let place = key("fea2denseAct");
+                return Err(Error::unsupported(place, other.describe(), "softplus or relu"));
+            }
+        };
+        let near_far = match setting("near_far")?.numbers("near_far")?.as_slice() {
+            &[near, far] if near >= 0.0 && far >= near && far.is_finite() => [near, far],
+            other => {
+                let expected = "two distances, near and far";
+                return Err(malformed("near_far", format!("{other:?}"), expected));
+            }
+        };
+        if near_far == [0.0, 1.0] {
+            let found = "near 0 and far 1: a scene in normalised device coordinates, whose rays \
+                         are not straight in the world";
+            let expected = "a scene in world coordinates";
+            return Err(Error::unsupported(key("near_far"), found, expected));
+        }
+        let threshold = number("rayMarch_weight_thres")?;
+        if !(0.0..1.0).contains(&threshold) {
+            let found = threshold.to_string();
+            return Err(malformed("rayMarch_weight_thres", found, "a weight from 0 to below 1"));
+        }
+        let (distance_scale, step_ratio) = (positive("distance_scale")?, positive("step_ratio")?);
+        Ok(Self { bounds, nodes, shift, distance_scale, threshold, near_far, step_ratio })
+    }
+}
+
+impl Arrays {
+    /// Finds the arrays and checks their shapes.
+    pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Self> {
+        let none = Value::None;
+        let (kwargs, state) = (file.root.get("kwargs"), file.root.get("state_dict"));
+        let (kwargs, state) = (kwargs.unwrap_or(&none), state.unwrap_or(&none));
+        if state.get("plane_coef").is_some() {
+            let found = "the layout of the first TensorVM, density and colour in one array";
+            let place = Place::Tensor("state_dict.plane_coef".to_owned());
+            return Err(Error::unsupported(place, found, "TensorVMSplit or TensorCP"));
+        }
+        let settings = Settings::find(kwargs, limits)?;
+        let nodes = settings.nodes.0;
+        let (density, color) = (terms(state, "density")?, terms(state, "app")?);
+        components(&density, nodes)?;
+        let components = components(&color, nodes)? as u64;
+        let basis = tensor(state, "basis_mat.weight")?;
+        let features = match basis.shape() {
+            &[features @ 3..=256, width] if width == components => {
+                usize::try_from(features).unwrap_or(0)
+            }
+            shape => {
+                let found = format!("shape {shape:?}");
+                let expected = format!("[3 to 256 features, {components}]");
+                return Err(Error::malformed(basis.place(), found, expected));
+            }
+        };
+        let shading = ShadingFile::find(kwargs, state, features)?;
+        let mask = MaskFile::find(&file.root, limits)?;
+        let basis = basis.clone();
+        Ok(Self { settings, density, color, basis, features, shading, mask })
+    }
+}
+
+/// The factors of density or of colours; a CP model has lines alone.
+fn terms(state: &Value, of: &str) -> Result<Terms> {
+    let line = |number: usize, axis: usize| -> Result<Part> {
+        let tensor = tensor(state, &format!("{of}_line.{number}"))?.clone();
+        Ok(Part { tensor, axes: (axis, None) })
+    };
+    let axes = AXES.iter().enumerate();
+    if state.get(&format!("{of}_plane.0")).is_none() {
+        let lines = axes.map(|(number, (_, axis))| line(number, *axis));
+        return Ok(vec![lines.collect::<Result<_>>()?]);
+    }
+    let terms = axes.map(|(number, ([columns, rows], axis))| {
+        let plane = tensor(state, &format!("{of}_plane.{number}"))?.clone();
+        let plane = Part { tensor: plane, axes: (*rows, Some(*columns)) };
+        Ok(vec![plane, line(number, *axis)?])
+    });
+    terms.collect()
+}

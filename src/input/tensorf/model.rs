@@ -1,0 +1,230 @@
+//! TensoRF by the rules of its own renderer.
+//!
+//! ```text
+//! t      = entry of the box (between near and far) + k step, k = 0, 1, ...
+//! depth  = softplus(density + shift) step distance_scale, where the mask is above 0; else 0
+//! alpha  = 1 - exp(-depth), and 0 at the last sample
+//! weight = alpha T,  T *= 1 - alpha + 1e-10
+//! colour = sum of weight shading, where a weight is over the threshold
+//! ```
+
+use super::factors::{Between, Factors};
+use super::keys::{Arrays, Settings};
+use super::mask::Mask;
+use super::shading::Shading;
+use crate::base::error::{Error, Result};
+use crate::base::limits::{Budget, Limits};
+use crate::model::activate;
+use crate::model::camera::Ray;
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+
+/// Added to the light that passes a sample.
+const PASSES: f64 = 1e-10;
+/// A file, ready to be loaded.
+#[derive(Debug)]
+pub(super) struct TensorfFile {
+    pub(super) arrays: Arrays,
+}
+
+/// A model in memory.
+#[derive(Debug)]
+pub(super) struct Tensorf {
+    settings: Settings,
+    density: Factors,
+    color: Factors,
+    /// For each feature the weights of all components.
+    basis: Vec<f32>,
+    components: usize,
+    features: usize,
+    pub(super) shading: Shading,
+    mask: Option<Mask>,
+}
+
+/// Memory for sums of products.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    sums: Vec<f64>,
+    products: Vec<f64>,
+}
+
+impl LoadModel for TensorfFile {
+    fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>> {
+        Ok(Box::new(Tensorf::load(&self.arrays, &mut Budget::new(limits))?))
+    }
+}
+
+impl Tensorf {
+    /// Reads a model's arrays.
+    pub(super) fn load(arrays: &Arrays, budget: &mut Budget) -> Result<Self> {
+        let nodes = arrays.settings.nodes.0;
+        let basis = arrays.basis.read_f32(budget)?;
+        if basis.iter().any(|value| !value.is_finite()) {
+            return Err(Error::malformed(arrays.basis.place(), "no number", "finite numbers"));
+        }
+        Ok(Self {
+            settings: arrays.settings.clone(),
+            density: Factors::load(&arrays.density, nodes, budget)?,
+            color: Factors::load(&arrays.color, nodes, budget)?,
+            components: basis.len() / arrays.features,
+            basis,
+            features: arrays.features,
+            shading: arrays.shading.load(budget)?,
+            mask: arrays.mask.as_ref().map(|mask| mask.load(budget)).transpose()?,
+        })
+    }
+
+    /// Density before its activation.
+    pub(super) fn raw_density(&self, at: &[Between; 3], scratch: &mut Scratch) -> f64 {
+        self.density.products(at, &mut scratch.sums, &mut scratch.products);
+        scratch.products.iter().sum()
+    }
+
+    /// The features that colours are made of.
+    pub(super) fn features(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
+        self.color.products(at, &mut scratch.sums, &mut scratch.products);
+        let mut features = Vec::with_capacity(self.features);
+        features.extend(self.basis.chunks_exact(self.components).map(|row| {
+            let terms = row.iter().zip(&scratch.products);
+            terms.map(|(weight, product)| f64::from(*weight) * product).sum::<f64>()
+        }));
+        features
+    }
+
+    /// A position of the world, 0 to 1 in the box.
+    fn share(&self, world: [f64; 3]) -> [f64; 3] {
+        let bounds = &self.settings.bounds;
+        let mut share = world;
+        let axes = share.iter_mut().zip(bounds.min).zip(bounds.extent());
+        axes.for_each(|((at, min), extent)| *at = (*at - f64::from(min)) / extent);
+        share
+    }
+
+    fn between(&self, share: [f64; 3]) -> [Between; 3] {
+        let mut at = [Between::on(0); 3];
+        for ((at, share), count) in at.iter_mut().zip(share).zip(self.settings.nodes.0) {
+            *at = Between::at(share * (count - 1) as f64, count);
+        }
+        at
+    }
+
+    /// Optical depth of a world unit at a position, 0 where no matter is.
+    fn sigma(&self, world: [f64; 3], share: [f64; 3], scratch: &mut Scratch) -> f64 {
+        let inside = share.into_iter().all(|at| (0.0..=1.0).contains(&at));
+        if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
+            return 0.0;
+        }
+        let raw = self.raw_density(&self.between(share), scratch);
+        let density = match self.settings.shift {
+            Some(shift) => activate::softplus(raw + shift),
+            None => raw.max(0.0),
+        };
+        density * self.settings.distance_scale
+    }
+
+    fn color(
+        &self,
+        share: [f64; 3],
+        directions: &[[f64; 3]],
+        scratch: &mut Scratch,
+    ) -> Vec<[f64; 3]> {
+        let features = self.features(&self.between(share), scratch);
+        let at = share.map(|at| 2.0 * at - 1.0);
+        directions.iter().map(|&along| self.shading.color(&features, at, along)).collect()
+    }
+}
+
+/// The samples of a ray as TensoRF takes them, in float32: the first one lies on a face, and
+/// rounding decides if it is in the box.
+struct Samples {
+    origin: [f32; 3],
+    direction: [f32; 3],
+    start: f32,
+    step: f32,
+    /// The distance at which the ray leaves the box.
+    end: f32,
+}
+
+impl Samples {
+    #[expect(clippy::cast_possible_truncation, reason = "TensoRF's rays are float32")]
+    fn new(ray: &Ray, rules: &RayRules, settings: &Settings) -> Self {
+        let direction = (ray.direction / ray.direction.length()).to_array();
+        let [origin, direction] =
+            [ray.origin.to_array(), direction].map(|at| at.map(|value| value as f32));
+        let (bounds, nodes) = (&settings.bounds, settings.nodes.0);
+        let (mut start, mut end, mut voxels) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
+        let corners = bounds.min.into_iter().zip(bounds.max).zip(nodes);
+        let rays = origin.into_iter().zip(direction);
+        for ((from, by), ((low, high), count)) in rays.zip(corners) {
+            let by = if by == 0.0 { 1e-6 } else { by };
+            let (a, b) = ((low - from) / by, (high - from) / by);
+            (start, end) = (start.max(a.min(b)), end.min(a.max(b)));
+            voxels += (high - low) / (count - 1) as f32;
+        }
+        let start = start.min(rules.far.unwrap_or(f32::INFINITY)).max(rules.near);
+        let step = voxels / 3.0 * settings.step_ratio as f32;
+        Self { origin, direction, start, step, end }
+    }
+
+    /// The distance and the position of a sample; none behind the box.
+    fn at(&self, number: f32) -> Option<(f32, [f32; 3])> {
+        let t = self.start + self.step * number;
+        let mut at = self.origin;
+        at.iter_mut().zip(self.direction).for_each(|(at, by)| *at += by * t);
+        (t <= self.end + self.step).then_some((t, at))
+    }
+}
+
+impl TrainedModel for Tensorf {
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+        let settings = &self.settings;
+        let direction = (ray.direction / ray.direction.length()).to_array();
+        let step = settings.voxel_size() * settings.step_ratio;
+        let along = Samples::new(ray, rules, settings);
+        let diagonal = settings.bounds.extent().iter().map(|edge| edge * edge).sum::<f64>().sqrt();
+        // The last of the samples has no length.
+        let samples = (diagonal / step).floor() as f32;
+        let mut scratch = Scratch::default();
+        let (mut passes, mut sum, mut opacity, mut distance) = (1.0, [0.0; 3], 0.0, 0.0);
+        let mut number = 0.0;
+        while number < samples {
+            let Some((t, at)) = along.at(number) else { break };
+            number += 1.0;
+            let t = f64::from(t);
+            let world = at.map(f64::from);
+            let share = self.share(world);
+            let sigma = self.sigma(world, share, &mut scratch);
+            if sigma <= 0.0 {
+                passes *= 1.0 + PASSES;
+                continue;
+            }
+            let alpha = -libm::expm1(-sigma * step);
+            let weight = alpha * passes;
+            passes *= 1.0 - alpha + PASSES;
+            (opacity, distance) = (opacity + weight, distance + weight * t);
+            if weight > settings.threshold {
+                let seen = self.color(share, &[direction], &mut scratch);
+                let seen = seen.first().copied().unwrap_or_default();
+                sum.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
+            }
+        }
+        let left = (1.0 - opacity).max(0.0);
+        let mut color = rules.background;
+        for (value, sum) in color.iter_mut().zip(sum) {
+            *value = (sum + left * f64::from(*value)).clamp(0.0, 1.0) as f32;
+        }
+        let distance = (distance + left * rules.far.map_or(0.0, f64::from)) as f32;
+        RayColor { color, transmittance: left as f32, distance }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
+    fn density(&self, position: [f64; 3]) -> f32 {
+        self.sigma(position, self.share(position), &mut Scratch::default()) as f32
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
+        let colors = self.color(self.share(position), directions, &mut Scratch::default());
+        colors.into_iter().map(|color| color.map(|value| value as f32)).collect()
+    }
+}

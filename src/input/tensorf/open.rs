@@ -1,0 +1,111 @@
+//! Opens a file of TensoRF as a field, and as a model with its own rules.
+
+use std::sync::Arc;
+
+use super::keys::{Arrays, Settings};
+use super::model::TensorfFile;
+use super::shading::ShadingFile;
+use super::values::{ColorValues, DensityValues, LazyModel};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::input::checkpoint::{Assumption, Family, Source, SourceOptions, ViewChoice};
+use crate::input::tensor::TensorFile;
+use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
+use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
+use crate::model::view_dependence::ViewDependence;
+
+/// Added to the sum of harmonics.
+const OFFSET: f32 = 0.5;
+/// The degree of the shading `SH`, and of a fit that nobody asked for another of.
+const DEGREE: usize = 2;
+
+/// Opens a file of TensoRF. Factors stay in the file until a node is asked for.
+///
+/// # Errors
+/// `Unsupported` for the first layout, other activations and shadings, and scenes in normalised
+/// device coordinates; `Malformed` where arrays are missing or do not fit.
+pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    let mut arrays = Arrays::find(file, limits)?;
+    let settings = &mut arrays.settings;
+    settings.step_ratio = options.stepsize.map_or(settings.step_ratio, f64::from);
+    settings.threshold = options.color_threshold.map_or(settings.threshold, f64::from);
+    let scene = scene(settings, options);
+    // Colours of the model are limited at each sample; those of a network were fitted.
+    let (stored, evaluation) = match arrays.shading {
+        ShadingFile::Rgb => (None, Evaluation::Ray),
+        ShadingFile::Harmonics => (Some(DEGREE), Evaluation::Sample),
+        ShadingFile::Network(_) => (Some(Harmonics::MAX_DEGREE), Evaluation::Ray),
+    };
+    let mut assumptions = Vec::new();
+    let harmonics = stored.map(|most| {
+        let degree = match options.view {
+            ViewChoice::Keep => DEGREE,
+            ViewChoice::Harmonics(wanted) => most.min(wanted),
+            ViewChoice::None => 0,
+        };
+        Harmonics { degree, evaluation, offset: OFFSET, clamp: Clamp::Zero }
+    });
+    let plain = options.view == ViewChoice::None;
+    if let (ShadingFile::Network(_), Some(Harmonics { degree, .. })) = (&arrays.shading, harmonics)
+    {
+        assumptions.push(Assumption {
+            key: "view",
+            value: if plain { "none".to_owned() } else { format!("sh:{degree}") },
+            message: format!(
+                "colours come from a network for each sample: a bake fits harmonics of degree \
+                 {degree} to it at each node, over directions all around; pictures of the \
+                 unbaked file use the network; option view sets the degree"
+            ),
+        });
+    }
+    let free_space = arrays.mask.as_ref().map(|mask| mask.free_space(limits)).transpose()?;
+    let lazy = Arc::new(LazyModel::new(arrays.clone(), limits));
+    let colors = ColorValues::new(&lazy, harmonics, plain);
+    let field = RadianceField {
+        scene,
+        density: Grid::Values(Arc::new(DensityValues(lazy))),
+        color: vec![Grid::Values(Arc::new(colors))],
+        color_domain: ColorDomain::Linear,
+        view: harmonics.filter(|_| !plain).map(ViewDependence::Harmonics),
+        free_space,
+    };
+    field.check()?;
+    Ok(Source {
+        field,
+        model: Some(Arc::new(TensorfFile { arrays })),
+        family: Family::Tensorf,
+        kind: file.kind,
+        scene_scale: 1.0,
+        assumptions,
+        recorded: vec!["stepsize", "near", "far", "color_threshold"],
+        digest: file.digest,
+        file: Arc::clone(&file.file),
+        companions: Vec::new(),
+    })
+}
+
+/// The scene of the field.
+#[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
+fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
+    let voxel_size = settings.voxel_size();
+    let interval = (settings.step_ratio * voxel_size * settings.distance_scale) as f32;
+    let [near, far] = settings.near_far.map(|distance| distance as f32);
+    Scene {
+        bounds: settings.bounds,
+        nodes: settings.nodes,
+        activation: match settings.shift {
+            Some(shift) => Activation::logits(shift as f32, interval),
+            None => Activation::relu(interval),
+        },
+        march: March {
+            stepsize: settings.step_ratio as f32,
+            voxel_size: voxel_size as f32,
+            near: options.near.unwrap_or(near),
+            far: options.far.or(Some(far)),
+            color_threshold: settings.threshold as f32,
+            alpha_threshold: 0.0,
+            sampled: None,
+        },
+        background: options.background.unwrap_or([1.0; 3]),
+    }
+}
