@@ -423,13 +423,15 @@ fn used(grid: &SmallGrid) -> Result<(), Error> {
     Ok(())
 }
 
+/// A grid, the part that lies, and the lie.
+type LieCase = (fn() -> SmallGrid, &'static str, fn(&mut SmallGrid));
+
 #[test]
 fn small_models_of_every_kind_are_read_and_lies_are_refused() {
     for make in SMALL_GRIDS {
         used(&make()).expect("sound");
     }
-    type Lie = fn(&mut SmallGrid);
-    let lies: [(fn() -> SmallGrid, &str, Lie); 16] = [
+    let lies: [LieCase; 16] = [
         (grids::plenoxels, "a link beyond the rows", |grid| {
             if let Values::I32(links) = &mut grid.array("links").2 {
                 links[4] = 30;
