@@ -42,7 +42,7 @@ impl MaskFile {
             return Err(malformed("alphaMask.shape", format!("{shape:?}"), "[1, 1, z, y, x]"));
         };
         let expected = "whole numbers of nodes, at least 2 along each axis";
-        let whole = |count: f64| count >= 2.0 && count <= 1e6 && count.fract() == 0.0;
+        let whole = |count: f64| (2.0..=1e6).contains(&count) && count.fract() == 0.0;
         if ![x, y, z].into_iter().all(whole) {
             return Err(malformed("alphaMask.shape", format!("{shape:?}"), expected));
         }
