@@ -7,6 +7,7 @@ pub mod checkpoint;
 pub mod chunks;
 pub mod grids;
 pub mod harmonic_field;
+pub mod models;
 pub mod pages;
 pub mod plain;
 pub mod plain_alpha;

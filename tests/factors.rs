@@ -1,0 +1,175 @@
+//! TensoRF's factors and networks that run for each sample, held against references that other
+//! programs rendered.
+
+mod common;
+
+use common::fixture;
+use common::models::{Reference, farthest, open, renderer};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::input::checkpoint::{Family, SourceOptions, ViewChoice};
+use mipvog_bake::unstable::input::open_tensors;
+use mipvog_bake::unstable::input::tensor::{self, Value};
+use mipvog_bake::unstable::view::render::Renderer;
+
+/// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
+/// threshold, or of the first face.
+fn nearly_agrees(file: &str, options: &SourceOptions, most: f32) {
+    let source = open(file, options).expect(file);
+    let name = file.split('.').next().expect("a name");
+    let (model, reference) = (renderer(&source), Reference::of(name));
+    let light = model.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
+    let (rgb, left) = (reference.values("rgb"), reference.values("transmittance"));
+    let mut off: Vec<f32> = (0..light.len())
+        .map(|ray| {
+            let color = farthest(light[ray].color, &rgb[3 * ray..3 * ray + 3]);
+            color.max((light[ray].transmittance - left[ray]).abs())
+        })
+        .collect();
+    off.sort_by(f32::total_cmp);
+    let within = off[off.len() - 1 - off.len() / 1000];
+    println!("{name}: median {:e}, all but two {within:e}, farthest {:e}", off[1000], off[1999]);
+    assert!(within <= most, "{name}: {within}");
+    let (positions, densities) = (reference.points("positions"), reference.values("density"));
+    for (position, expected) in positions.iter().zip(densities) {
+        let found = model.sample(*position, 0).expect("a point").density;
+        let off = (found - expected).abs();
+        assert!(off <= 1e-5 * expected.abs() + 1e-6, "{name}: {found} for {expected}");
+    }
+    let directions = reference.points("color_directions");
+    let colors = reference.values("color");
+    for (position, expected) in positions.iter().zip(colors.chunks_exact(3 * directions.len())) {
+        let found = model.point_colors(*position, &directions, 0).expect("a point");
+        let off = farthest(found.into_iter().flatten(), expected);
+        assert!(off < 1e-5, "{name}: colours {off} off at {position:?}");
+    }
+}
+
+#[test]
+fn tensorf_by_its_own_rules_agrees_with_another_program() {
+    let plain = SourceOptions::default();
+    nearly_agrees("tensorf_vm_sh.th", &plain, 2e-4);
+    nearly_agrees("tensorf_cp.th", &plain, 2e-4);
+    nearly_agrees("tensorf_vm_relu_rgb.th", &plain, 4e-4);
+    nearly_agrees("tensorf_vm.th", &plain, 2e-4);
+}
+
+#[test]
+fn a_network_for_each_sample_agrees_with_another_program() {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    nearly_agrees("dvgo_default.tar", &near, 1e-4);
+    let source = open("dvgo_default.tar", &near).expect("a model");
+    assert_eq!(source.family, Family::Dvgo);
+    assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
+    let plain = SourceOptions { view: ViewChoice::None, ..near };
+    let source = open("dvgo_default.tar", &plain).expect("a model");
+    assert!(source.model.is_none() && source.field.color_channels() == 3, "as it is stored");
+}
+
+/// Rays of a field's nodes against its reference, in decibels.
+fn field_decibels(name: &str, options: &SourceOptions) -> f64 {
+    let source = open(&format!("{name}.th"), options).expect(name);
+    let nodes = Renderer::of_field(&source.field).expect("nodes");
+    let reference = Reference::of(name);
+    let light = nodes.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
+    let rgb = reference.values("rgb");
+    let found = light.iter().flat_map(|ray| ray.color);
+    let squares: f64 =
+        found.zip(&rgb).map(|(a, b)| f64::from((a.clamp(0.0, 1.0) - b).powi(2))).sum();
+    let decibels = -10.0 * (squares / rgb.len() as f64).log10();
+    println!("{name}: {decibels:.1} dB");
+    decibels
+}
+
+#[test]
+fn a_field_of_factors_shows_what_its_model_shows() {
+    let plain = SourceOptions::default();
+    assert!(field_decibels("tensorf_vm_sh", &plain) > 60.0);
+    assert!(field_decibels("tensorf_vm_relu_rgb", &plain) > 60.0);
+    // A network is fitted at nodes.
+    for name in ["tensorf_vm", "tensorf_cp"] {
+        let decibels = [
+            field_decibels(name, &SourceOptions { view: ViewChoice::None, ..plain.clone() }),
+            field_decibels(
+                name,
+                &SourceOptions { view: ViewChoice::Harmonics(1), ..plain.clone() },
+            ),
+            field_decibels(name, &plain),
+        ];
+        assert!(decibels.is_sorted() && decibels[2] > 40.0, "{name}: {decibels:?}");
+        let source = open(&format!("{name}.th"), &plain).expect(name);
+        assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
+        assert!(source.assumptions.iter().any(|assumption| assumption.key == "view"));
+    }
+}
+
+/// The value that keys lead to, to be changed.
+fn entry<'a>(value: &'a mut Value, keys: &[&str]) -> &'a mut Value {
+    keys.iter().fold(value, |value, key| match value {
+        Value::Dict(entries) => {
+            &mut entries.iter_mut().find(|entry| entry.0 == *key).expect("such a key").1
+        }
+        other => panic!("{key} of {other:?}"),
+    })
+}
+
+#[test]
+fn lies_about_factors_are_refused() {
+    let lie = |name: &str, keys: &[&str], change: &dyn Fn(&Value) -> Value| {
+        let path = fixture("grids/tensorf_vm.th");
+        let mut file = tensor::open(&path, &Limits::default()).expect("a file");
+        let other = entry(&mut file.root, &["state_dict", "app_plane.1"]).clone();
+        let changed = entry(&mut file.root, keys);
+        let value = change(&other);
+        *changed = value;
+        let opened = open_tensors(&file, &SourceOptions::default(), &Limits::default());
+        let loaded =
+            opened.and_then(|source| Renderer::of_source(&source, None, &Limits::default()));
+        let error = loaded.err().unwrap_or_else(|| panic!("{name} passes"));
+        let kind = error.kind();
+        let typed = matches!(
+            kind,
+            ErrorKind::Malformed { .. }
+                | ErrorKind::Unsupported { .. }
+                | ErrorKind::OverLimit { .. }
+        );
+        assert!(typed, "{name}: {error}");
+    };
+    let list = |numbers: &[f64]| Value::List(numbers.iter().map(|&n| Value::Float(n)).collect());
+    let settings: [(&str, &str, Value); 15] = [
+        ("no corners", "aabb", list(&[1.0, 2.0])),
+        ("a box inside out", "aabb", list(&[1.0, 1.0, 1.0, 0.0, 0.0, 0.0])),
+        ("other nodes", "gridSize", list(&[19.0, 19.0, 17.0])),
+        ("half a node", "gridSize", list(&[18.5, 19.0, 17.0])),
+        ("one node", "gridSize", list(&[1.0, 19.0, 17.0])),
+        ("too many nodes", "gridSize", list(&[1e6, 1e6, 1e6])),
+        ("no step", "step_ratio", Value::Float(0.0)),
+        ("a step that is no number", "step_ratio", Value::Float(f64::NAN)),
+        ("a scale below 0", "distance_scale", Value::Float(-25.0)),
+        ("no activation", "fea2denseAct", Value::Text("exp".to_owned())),
+        ("device coordinates", "near_far", list(&[0.0, 1.0])),
+        ("far before near", "near_far", list(&[6.0, 2.0])),
+        ("a threshold above 1", "rayMarch_weight_thres", Value::Float(2.0)),
+        ("an unknown shading", "shadingMode", Value::Text("MLP_Sea".to_owned())),
+        ("more octaves than inputs", "fea_pe", Value::Int(3)),
+    ];
+    for (name, key, value) in settings {
+        lie(name, &["kwargs", key], &|_| value.clone());
+    }
+    for key in [
+        "density_plane.0",
+        "density_line.2",
+        "app_line.1",
+        "basis_mat.weight",
+        "renderModule.mlp.0.weight",
+        "renderModule.mlp.4.bias",
+    ] {
+        lie("another array", &["state_dict", key], &|other| other.clone());
+        lie("no array", &["state_dict", key], &|_| Value::None);
+    }
+    lie("bits of another mask", &["alphaMask.mask"], &|other| other.clone());
+    lie("a mask without shape", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 29.0, 31.0]));
+    lie("a larger mask", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 28.0, 29.0, 31.0]));
+    lie("a mask without a box", &["alphaMask.aabb"], &|_| Value::None);
+}
