@@ -195,10 +195,9 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
 #[test]
 fn other_models_are_refused_with_the_reason() {
     for (name, reason) in [
-        ("per_sample.tar", "for each sample"),
         ("contracted.tar", "contracted"),
         ("multiplane.tar", "multiplane"),
-        ("factorized.tar", "factorized"),
+        ("factorized.tar", "factors"),
         ("nearest.tar", "nearest node"),
     ] {
         let error = refuse(&format!("refused/{name}"));
@@ -209,6 +208,8 @@ fn other_models_are_refused_with_the_reason() {
         let error = refuse(&format!("refused/{name}"));
         assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
     }
+    let fitted = open("refused/per_sample.tar");
+    assert!(fitted.model.is_some() && fitted.field.harmonics().is_some(), "fitted");
     let options = SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() };
     let asked = input::open_with(&fixture("refused/per_sample.tar"), &options, &Limits::default());
     assert_eq!(asked.expect("diffuse only").field.color_channels(), 3);
