@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
+use crate::input::Source;
 use crate::model::baked::ViewMetadata;
-use crate::model::field::RadianceField;
 
 /// View-dependent colour.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -33,8 +33,10 @@ impl ViewReport {
         Self { kind, degree, fitted: false, held_out_psnr: None, clamped_share: None }
     }
 
-    /// Of a trained field, which is baked with what it has.
-    pub fn of_field(field: &RadianceField) -> Self {
-        Self::of(field.view.as_ref().map(ViewMetadata::of).as_ref())
+    /// Of a trained input. Where its colours are fitted, it says so as an assumption.
+    pub fn of_source(source: &Source) -> Self {
+        let own = Self::of(source.field.view.as_ref().map(ViewMetadata::of).as_ref());
+        let is_fitted = source.assumptions.iter().any(|assumption| assumption.key == "view");
+        Self { fitted: is_fitted && source.field.harmonics().is_some(), ..own }
     }
 }

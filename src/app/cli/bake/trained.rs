@@ -92,7 +92,7 @@ pub fn bake_trained(
     let reported = settings.report(&source);
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
     inputs.extend(cameras.into_iter().flatten());
-    let view = ViewReport::of_field(&source.field);
+    let view = ViewReport::of_source(&source);
     Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
 }
 
