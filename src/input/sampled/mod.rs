@@ -6,10 +6,10 @@
 //! | `aabb` | `[2, 3]` | the box; the outermost nodes lie on its faces |
 //! | `sh` | `[X, Y, Z, 3, B]` | harmonics, `B` of 1, 4, 9 or 16: see [`crate::model::harmonics`] |
 //! | `color` | `[X, Y, Z, 3]` | in place of `sh`: colours that do not depend on the view, 0 to 1 |
-//! | `offset` | | added to the sum of harmonics [0.5] |
-//! | `clamp` | | `zero`, `none` or `sigmoid` of that, at each sample [`zero`] |
-//! | `stepsize` | | distance of samples in voxels [0.5] |
-//! | `background` | `[3]` | the colour behind the field [white] |
+//! | `offset` | | added to the sum of harmonics (default 0.5) |
+//! | `clamp` | | `zero`, `none` or `sigmoid` of that, at each sample (default `zero`) |
+//! | `stepsize` | | distance of samples in voxels (default 0.5) |
+//! | `background` | `[3]` | the colour behind the field (white) |
 //! | `blocks` | `[n, 3]` | numbers of blocks along x, y and z; arrays are then `[n, b, b, b, ...]` |
 //! | `block_size` | | `b`, nodes along a block's edge |
 //! | `dimensions` | `[3]` | X, Y and Z of a file of blocks [as far as the blocks reach] |
