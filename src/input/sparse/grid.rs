@@ -161,10 +161,15 @@ impl NodeValues for RowGrid {
         let inner = x.saturating_sub(self.border).min(nx - 1);
         let bytes = self.slabs.with_plane(&self.index, &self.array, inner, |plane| {
             let values = self.values(channel, plane);
-            let first = self.border * outer_nz + self.border;
+            // Nodes ascend, so rows end one after the other.
+            let (mut row_end, mut shift) = (nz, self.border * outer_nz + self.border);
             for (&node, value) in plane.nodes.iter().zip(values) {
-                let (y, z) = (node as usize / nz, node as usize % nz);
-                if let Some(out) = out.get_mut(first + y * outer_nz + z) {
+                let node = node as usize;
+                while node >= row_end {
+                    row_end += nz;
+                    shift += outer_nz - nz;
+                }
+                if let Some(out) = out.get_mut(node + shift) {
                     *out = channel.value(value);
                 }
             }

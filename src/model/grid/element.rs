@@ -1,5 +1,7 @@
 //! Numbers as tensor files hold them.
 
+use half::slice::HalfFloatSliceExt;
+
 /// The type of a tensor's elements, little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
@@ -78,10 +80,10 @@ impl Element {
             rows.chunks_exact(row_bytes.max(1)).map(|row| row.get(at..).unwrap_or_default());
         out.clear();
         match self {
-            Self::F16 => out.extend(columns.map(|bytes| {
-                let bytes = bytes.first_chunk().copied().unwrap_or_default();
-                half::f16::from_le_bytes(bytes).to_f32()
-            })),
+            Self::F16 => {
+                out.resize(rows.len() / row_bytes.max(1), 0.0);
+                halves(columns.map(|bytes| bytes.first_chunk().copied().unwrap_or_default()), out);
+            }
             Self::F32 => {
                 out.extend(columns.map(|bytes| {
                     f32::from_le_bytes(bytes.first_chunk().copied().unwrap_or_default())
@@ -106,7 +108,7 @@ impl Element {
             };
         }
         match self {
-            Self::F16 => each!(2, |b| half::f16::from_le_bytes(b).to_f32()),
+            Self::F16 => halves(bytes.as_chunks().0.iter().copied(), out),
             Self::BF16 => each!(2, |b| half::bf16::from_le_bytes(b).to_f32()),
             Self::F32 => each!(4, f32::from_le_bytes),
             Self::F64 => each!(8, |b| f64::from_le_bytes(b) as f32),
@@ -118,6 +120,18 @@ impl Element {
             Self::I32 => each!(4, |b| i32::from_le_bytes(b) as f32),
             Self::I64 => each!(8, |b| i64::from_le_bytes(b) as f32),
         }
+    }
+}
+
+/// Decodes float16 numbers, many at a time: one by one, each would be a call.
+fn halves(mut bytes: impl Iterator<Item = [u8; 2]>, out: &mut [f32]) {
+    let mut piece = [half::f16::ZERO; 64];
+    for out in out.chunks_mut(piece.len()) {
+        let (piece, _) = piece.split_at_mut(out.len());
+        for (half, bytes) in piece.iter_mut().zip(&mut bytes) {
+            *half = half::f16::from_le_bytes(bytes);
+        }
+        piece.convert_to_f32_slice(out);
     }
 }
 
