@@ -1,7 +1,6 @@
 //! The quality gate of `bake`: it measures the container's pictures before the file gets its name.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
@@ -9,11 +8,8 @@ use serde::Serialize;
 use super::cameras::CameraArguments;
 use super::compare::errors_text;
 use super::progress::Bar;
-use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::codec::container::Container;
-use crate::input::Source;
 use crate::model::camera::Camera;
 use crate::model::field::RadianceField;
 use crate::view::compare::{Reference, ScaleErrors, compare};
@@ -31,6 +27,10 @@ pub struct GateArguments {
     /// mean over the cameras, is below this
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_psnr: Option<f64>,
+    /// Write nothing and exit with 1 if fitted colours, along directions that no fit has seen, are
+    /// farther from the model's than this PSNR
+    #[arg(long, value_name = "DB", help_heading = "Quality gate")]
+    require_view_psnr: Option<f64>,
 }
 
 /// The figures of the cameras' pictures.
@@ -48,6 +48,9 @@ impl GateArguments {
     /// True if there are cameras to measure from. Refuses a gate without them.
     pub fn measures(&self) -> Result<bool> {
         let given = self.cameras.given();
+        if self.require_view_psnr.is_some_and(|least| !least.is_finite()) {
+            return Err(Error::usage("--require-view-psnr must be a finite number of dB"));
+        }
         match self.require_psnr {
             Some(_) if !given => {
                 Err(Error::usage("--require-psnr needs --cameras or --turntable to measure from"))
@@ -62,6 +65,11 @@ impl GateArguments {
         }
     }
 
+    /// The least PSNR of fitted colours.
+    pub const fn required_view_psnr(&self) -> Option<f64> {
+        self.require_view_psnr
+    }
+
     /// The camera file, if there is one.
     pub fn camera_file(&self) -> Option<PathBuf> {
         self.cameras.file()
@@ -72,22 +80,18 @@ impl GateArguments {
         self.cameras.cameras(&field.scene.bounds, limits)
     }
 
-    /// Compares the container in the file `written` with the input it was baked from.
+    /// Compares a container with the input it was baked from.
     pub fn measure(
         &self,
-        source: &Source,
+        reference: &Reference,
+        baked: &Renderer,
         cameras: &[Camera],
-        written: &Path,
-        limits: &Limits,
         bar: &Bar,
     ) -> Result<GateReport> {
-        let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
-        let baked = Renderer::baked(&container.read()?, limits)?;
-        let reference = Reference::Field(Box::new(Renderer::of_source(source, None, limits)?));
         let sides = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]);
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
-        let errors = compare(&reference, &baked, cameras, &scales, 1, bar, |_| Ok(()))?;
+        let errors = compare(reference, baked, cameras, &scales, 1, bar, |_| Ok(()))?;
         let reached = |least| errors.first().is_some_and(|full| full.psnr >= least);
         let passed = self.require_psnr.is_none_or(reached);
         Ok(GateReport { errors, required_psnr: self.require_psnr, passed })

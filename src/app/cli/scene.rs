@@ -16,6 +16,7 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::{SceneSettings, Source};
+use crate::model::camera::{self, Camera};
 
 /// The user's settings for a scene, beside those of its file.
 #[derive(Debug, Clone, Args)]
@@ -91,6 +92,7 @@ impl SceneArguments {
             color_threshold: self.color_threshold,
             scene_scale: self.scene_scale,
             view: self.view,
+            cameras: Vec::new(),
             drop_background: self.drop_background,
         }
     }
@@ -132,6 +134,12 @@ impl SceneArguments {
             false => SceneSettings::beside(input, limits)?,
         };
         // A camera file that cannot be read is told by the reader of cameras.
+        if let Some(path) = cameras
+            && let Ok(found) = camera::read(path, Some([1; 2]), limits)
+        {
+            let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
+            options.cameras = found.cameras.iter().map(place).collect();
+        }
         let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {
             let names = stated.complete(&mut options);

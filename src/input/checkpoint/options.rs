@@ -28,6 +28,9 @@ pub struct SourceOptions {
     pub scene_scale: Option<f32>,
     /// The part of the view-dependent colour that is kept. Default: all
     pub view: ViewChoice,
+    /// Places of the cameras that colours are fitted for, where a model's colours have to be; one
+    /// in eight is left out. Default, and if there are fewer than 16: all around
+    pub cameras: Vec<[f64; 3]>,
     /// Leaves out a background that no container can hold. Default: such inputs are refused
     pub drop_background: bool,
 }

@@ -1,96 +1,62 @@
-//! Harmonics that are fitted to a network at nodes.
-
-use std::sync::{Arc, Mutex};
+//! The features of a network at nodes: all channels of `k0`.
 
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::input::network::{Fit, Network, NetworkFile, PlaneCache, lock, visit};
-use crate::model::field::{Grid, NodeValues, Volume};
+use crate::input::network::{NodeFeatures, visit};
+use crate::model::field::{Grid, Volume};
 use crate::model::grid::Nodes;
-use crate::model::harmonics::Harmonics;
 
-/// Coefficients at nodes.
+/// Features that are stored at nodes.
 #[derive(Debug)]
-pub(super) struct FittedColors {
-    color: Grid,
-    network: NetworkFile,
-    harmonics: Harmonics,
-    fit: Fit,
+pub(super) struct StoredFeatures {
+    grid: Grid,
     limits: Limits,
-    loaded: Mutex<Option<Arc<Network>>>,
-    planes: PlaneCache,
 }
 
-impl FittedColors {
-    pub(super) fn new(
-        color: Volume,
-        network: NetworkFile,
-        harmonics: Harmonics,
-        limits: &Limits,
-    ) -> Self {
-        let (fit, limits) = (Fit::new(harmonics.functions()), limits.clone());
-        let (loaded, planes) = (Mutex::new(None), PlaneCache::default());
-        Self { color: color.into(), network, harmonics, fit, limits, loaded, planes }
-    }
-
-    fn network(&self) -> Result<Arc<Network>> {
-        let mut loaded = lock(&self.loaded);
-        if let Some(network) = &*loaded {
-            return Ok(Arc::clone(network));
-        }
-        let network = Arc::new(self.network.load(&mut Budget::new(&self.limits))?);
-        *loaded = Some(Arc::clone(&network));
-        Ok(network)
+impl StoredFeatures {
+    pub(super) fn new(volume: Volume, limits: &Limits) -> Self {
+        Self { grid: volume.into(), limits: limits.clone() }
     }
 }
 
-impl NodeValues for FittedColors {
+impl NodeFeatures for StoredFeatures {
     fn nodes(&self) -> Nodes {
-        self.color.nodes()
-    }
-
-    fn channels(&self) -> usize {
-        3 * self.harmonics.functions()
+        self.grid.nodes()
     }
 
     fn memory_bytes(&self) -> u64 {
-        PlaneCache::bytes(self.nodes(), self.channels() + self.color.channels())
+        let Nodes([_, ny, nz]) = self.nodes();
+        // Of some threads.
+        (8 * 4 * self.grid.channels() * ny * nz) as u64
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         // The checksums of an archive, if there are any, stand for all values.
         let Nodes([nx, ny, nz]) = self.nodes();
         let mut plane = vec![0.0; ny * nz];
-        self.color.read_plane(0, nx / 2, &mut plane, see)
+        self.grid.read_plane(0, nx / 2, &mut plane, see)
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
-    fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
-        let (plane, channels) = (out.len(), self.channels());
-        let Nodes([_, _, nz]) = self.nodes();
-        let offset = f64::from(self.harmonics.offset);
-        self.planes.read(x, [channel, channels], region, out, |values| {
-            let network = self.network()?;
-            let place = Place::Tensor("k0.grid".to_owned());
-            let mut budget = Budget::new(&self.limits);
-            let count = plane * self.color.channels();
-            let mut stored: Vec<f32> = budget.zeroed(count, "bytes of a plane", &place)?;
-            for (channel, out) in stored.chunks_exact_mut(plane).enumerate() {
-                self.color.read_plane(channel, x, out, |_| {})?;
-            }
-            visit(self.nodes(), region, |[y, z]| {
-                let node = y * nz + z;
-                let features: Vec<f64> =
-                    stored.iter().skip(node).step_by(plane).map(|v| f64::from(*v)).collect();
-                let colors = self.fit.directions.iter().map(|&direction| {
-                    network.color(&features, [0.0; 3], direction).map(|value| value - offset)
-                });
-                let out = values.iter_mut().skip(node).step_by(plane);
-                let found = self.fit.coefficients(colors);
-                out.zip(found).for_each(|(out, value)| *out = value as f32);
-            });
-            Ok(())
-        })?;
-        Ok(0)
+    fn visit(
+        &self,
+        x: usize,
+        region: &[u64],
+        see: &mut dyn FnMut([usize; 2], &[f64]),
+    ) -> Result<()> {
+        let Nodes([_, ny, nz]) = self.nodes();
+        let (plane, width) = (ny * nz, self.grid.channels());
+        let place = Place::Tensor("k0.grid".to_owned());
+        let mut budget = Budget::new(&self.limits);
+        let mut stored: Vec<f32> = budget.zeroed(plane * width, "bytes of a plane", &place)?;
+        for (channel, out) in stored.chunks_exact_mut(plane).enumerate() {
+            self.grid.read_plane(channel, x, out, |_| {})?;
+        }
+        let mut features = vec![0.0; width];
+        visit(self.nodes(), region, |[y, z]| {
+            let values = stored.iter().skip(y * nz + z).step_by(plane);
+            features.iter_mut().zip(values).for_each(|(out, value)| *out = f64::from(*value));
+            see([y, z], &features);
+        });
+        Ok(())
     }
 }

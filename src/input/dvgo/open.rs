@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use super::colors::FittedColors;
+use super::colors::StoredFeatures;
 use super::model::DvgoFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{
     self, Assumption, Family, MlpChoice, Source, SourceOptions, ViewChoice,
 };
-use crate::input::network::{Inputs, NetworkFile};
+use crate::input::network::{FittedColors, Inputs, NetworkFile};
 use crate::input::tensor::{Tensor, TensorFile, Value};
-use crate::model::field::{ColorDomain, Grid};
+use crate::model::field::{ColorDomain, Grid, RadianceField};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
 
@@ -73,14 +73,17 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         value: format!("sh:{degree}"),
         message: format!(
             "colours come from a network for each sample: a bake fits harmonics of degree \
-             {degree} to it at each node, over directions all around; pictures of the unbaked \
-             file use the network; option view sets the degree"
+             {degree} to it at each node, along the directions it is seen from; pictures of the \
+             unbaked file use the network; option view sets the degree"
         ),
     });
     source.family = Family::Dvgo;
     let field = source.field.clone();
+    let matter = RadianceField { color: Vec::new(), ..field.clone() };
     let model = Arc::new(DvgoFile { field, color: color.clone(), network: network.clone() });
-    let colors = FittedColors::new(color, network, harmonics, limits);
+    let features = Arc::new(StoredFeatures::new(color, limits));
+    let cameras = &options.cameras;
+    let colors = FittedColors::new(features, network, harmonics, matter, cameras, limits);
     source.field.color = vec![Grid::Values(Arc::new(colors))];
     source.field.color_domain = ColorDomain::Linear;
     source.field.view = Some(ViewDependence::Harmonics(harmonics));

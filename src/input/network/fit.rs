@@ -1,28 +1,30 @@
-//! Harmonics in place of colours that were evaluated along directions all around.
+//! Harmonics in place of colours along directions, by ridge regression.
+//!
+//! ```text
+//! minimise  mean over directions of (sum of c_i Y_i(d) - colour(d))^2
+//!           + PENALTY sum of (l (l + 1))^2 c_i^2,   l the band of function i
+//! ```
+//!
+//! The penalty grows with the band, so that high bands stay small where directions do not tell
+//! them apart.
 
 use crate::model::harmonics::{FUNCTIONS, basis_f64};
 
-/// Directions in which colours are evaluated.
-const DIRECTIONS: u32 = 48;
-/// Weight of the penalty on a band `l`: this times `(l (l + 1))^2`.
+/// Weight of the penalty on coefficients.
 const PENALTY: f64 = 1e-5;
 
-/// A linear map from colours along fixed directions to coefficients, by least squares.
+/// A linear map from colours along directions to coefficients.
 #[derive(Debug)]
 pub struct Fit {
-    /// Unit directions, evenly spread.
-    pub directions: Vec<[f64; 3]>,
-    /// For each direction its share in each coefficient.
+    /// For each coefficient the share of each direction's colour.
     shares: Vec<Vec<f64>>,
-    functions: usize,
 }
 
 impl Fit {
-    /// Of harmonics with so many functions.
-    pub fn new(functions: usize) -> Self {
-        let directions = spread();
+    /// Of so many functions, to colours along these unit directions.
+    pub fn new(directions: &[[f64; 3]], functions: usize) -> Self {
         let rows: Vec<[f64; FUNCTIONS]> = directions.iter().map(|&at| basis_f64(at)).collect();
-        let scale = 1.0 / f64::from(DIRECTIONS);
+        let scale = 1.0 / directions.len().max(1) as f64;
         // [normal matrix | values of the functions along each direction], reduced to the identity.
         let mut system: Vec<Vec<f64>> = (0..functions)
             .map(|function| {
@@ -52,56 +54,57 @@ impl Fit {
                 other.iter_mut().zip(&row).for_each(|(value, of)| *value -= factor * of);
             }
         }
-        let share = |direction: usize| {
-            let of_row = |row: &Vec<f64>| row.get(functions + direction).copied().unwrap_or(0.0);
-            system.iter().map(of_row).collect()
-        };
-        let shares = (0..directions.len()).map(share).collect();
-        Self { directions, shares, functions }
-    }
-
-    /// The coefficients of colours along the directions, function by function, each red, green
-    /// and blue.
-    pub fn coefficients(&self, colors: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
-        let mut sums = vec![0.0; 3 * self.functions];
-        for (color, shares) in colors.zip(&self.shares) {
-            for (sums, share) in sums.chunks_exact_mut(3).zip(shares) {
-                sums.iter_mut().zip(color).for_each(|(sum, value)| *sum += share * value);
-            }
+        Self {
+            shares: system
+                .into_iter()
+                .map(|row| row.into_iter().skip(functions).collect())
+                .collect(),
         }
-        sums
     }
-}
 
-/// Points of a spiral on the sphere, at equal steps of height.
-fn spread() -> Vec<[f64; 3]> {
-    let turn = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
-    let at = |number: u32| {
-        let z = 1.0 - (2.0 * f64::from(number) + 1.0) / f64::from(DIRECTIONS);
-        let (radius, angle) = ((1.0 - z * z).sqrt(), turn * f64::from(number));
-        [radius * libm::cos(angle), radius * libm::sin(angle), z]
-    };
-    (0..DIRECTIONS).map(at).collect()
+    /// The coefficients of colours along the directions, each red, green and blue: function by
+    /// function, red, green, blue of each.
+    pub fn coefficients<'a>(
+        &'a self,
+        colors: &'a [Vec<f64>; 3],
+    ) -> impl Iterator<Item = f64> + use<'a> {
+        self.shares.iter().flat_map(move |shares| {
+            colors.iter().map(move |colors| {
+                shares.iter().zip(colors).map(|(share, color)| share * color).sum::<f64>()
+            })
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::views::Views;
     use super::*;
 
     #[test]
     fn colours_that_are_harmonics_are_found_again() {
-        for functions in [1, 4, 9, 16] {
-            let fit = Fit::new(functions);
-            let stored: Vec<f64> = (0..functions).map(|at| 0.3 - 0.05 * at as f64).collect();
-            let colors = fit.directions.iter().map(|&at| {
-                let terms = basis_f64(at).into_iter().zip(&stored);
-                [terms.map(|(function, value)| function * value).sum(), 0.0, 0.0]
-            });
-            let found = fit.coefficients(colors);
-            for (function, expected) in stored.iter().enumerate() {
-                let off = (found[3 * function] - expected).abs();
-                assert!(off < 0.03, "{functions}: {function} is {off} off");
-                assert!(found[3 * function + 1].abs() < 1e-9);
+        let Views::Around(around) = Views::new(&[]) else { panic!("no cameras") };
+        let half: Vec<[f64; 3]> = around.iter().copied().filter(|[x, y, _]| x + y > 0.1).collect();
+        for (directions, most) in [(around, 0.03), (half, 0.05)] {
+            for functions in [1, 4, 9, 16] {
+                let fit = Fit::new(&directions, functions);
+                let stored: Vec<f64> = (0..functions).map(|at| 0.3 - 0.05 * at as f64).collect();
+                let color = |at: &[f64; 3]| -> f64 {
+                    let terms = basis_f64(*at).into_iter().zip(&stored);
+                    terms.map(|(function, value)| function * value).sum()
+                };
+                let red: Vec<f64> = directions.iter().map(color).collect();
+                let zero = vec![0.0; directions.len()];
+                let colors = [red.clone(), zero.clone(), zero];
+                let found: Vec<f64> = fit.coefficients(&colors).collect();
+                assert!(found.iter().skip(1).step_by(3).all(|green| *green == 0.0));
+                // Colours along the directions count, not coefficients that they leave open.
+                for (at, expected) in directions.iter().zip(&red) {
+                    let terms = basis_f64(*at).into_iter().zip(found.iter().step_by(3));
+                    let shown: f64 = terms.map(|(function, value)| function * value).sum();
+                    let off = (shown - expected).abs();
+                    assert!(off < most, "{functions} functions: {off} off");
+                }
             }
         }
     }

@@ -3,10 +3,15 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod batch;
 mod fit;
+mod fitted;
 mod planes;
 mod run;
+mod seen;
+mod views;
 
-pub use fit::Fit;
+pub use fitted::{FittedColors, NodeFeatures};
 pub use planes::{PlaneCache, lock, visit};
 pub use run::{Inputs, Network, NetworkFile};
+pub use views::judging_eyes;

@@ -1,17 +1,22 @@
 //! Colours that are found node by node, kept plane by plane for their other channels.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::base::error::Result;
 use crate::model::grid::{Nodes, row};
 
-/// Planes that are kept.
-const KEPT_PLANES: usize = 4;
+/// Planes that are kept: those of a slab, which threads read at once, and one more.
+const KEPT_PLANES: usize = 9;
 
-/// The planes that were found last, with all their channels.
+/// Bytes of the planes that are kept for later passes, at most.
+const ARCHIVE_BYTES: u64 = 256 << 20;
+
+/// The planes that were found last, with all their channels, and the nodes of earlier ones.
 #[derive(Debug, Default)]
 pub struct PlaneCache {
     kept: Mutex<Vec<Arc<Slot>>>,
+    archive: Mutex<Archive>,
 }
 
 /// A plane.
@@ -25,6 +30,21 @@ struct Slot {
 struct Filled {
     region: Vec<u64>,
     /// Channel by channel.
+    values: Vec<f32>,
+}
+
+/// Nodes of planes, for the next pass over all planes.
+#[derive(Debug, Default)]
+struct Archive {
+    planes: BTreeMap<usize, Packed>,
+    bytes: u64,
+}
+
+/// The nodes of a region.
+#[derive(Debug)]
+struct Packed {
+    region: Vec<u64>,
+    /// All channels of a node, then those of the next one.
     values: Vec<f32>,
 }
 
@@ -46,22 +66,24 @@ pub fn visit(nodes: Nodes, region: &[u64], mut visit: impl FnMut([usize; 2])) {
 impl PlaneCache {
     /// Bytes of the planes of so many nodes and channels.
     pub fn bytes(nodes: Nodes, channels: usize) -> u64 {
-        let Nodes([_, ny, nz]) = nodes;
-        (4 * KEPT_PLANES * channels * ny * nz) as u64
+        let Nodes([nx, ny, nz]) = nodes;
+        let plane = (4 * channels * ny * nz) as u64;
+        plane * KEPT_PLANES as u64 + ARCHIVE_BYTES.min(plane * nx as u64)
     }
 
-    /// Copies one of `channels` of plane `x`. Where the plane is not there, `fill` finds all its
-    /// channels at the nodes of the region, channel by channel.
+    /// Copies one of `channels` of plane `x`. Where nodes of the region are not there, `fill` finds
+    /// all channels of these, channel by channel.
     ///
     /// # Errors
     /// Those of `fill`.
     pub fn read(
         &self,
+        nodes: Nodes,
         x: usize,
         [channel, channels]: [usize; 2],
         region: &[u64],
         out: &mut [f32],
-        fill: impl FnOnce(&mut [f32]) -> Result<()>,
+        fill: impl FnOnce(&[u64], &mut [f32]) -> Result<()>,
     ) -> Result<()> {
         let slot = self.slot(x);
         let mut filled = lock(&slot.filled);
@@ -70,8 +92,13 @@ impl PlaneCache {
         };
         if !filled.as_ref().is_some_and(covers) {
             let mut values = vec![0.0; out.len() * channels];
-            fill(&mut values)?;
-            *filled = Some(Filled { region: region.to_vec(), values });
+            let mut known = lock(&self.archive).restore(nodes, x, &mut values);
+            known.resize(region.len(), 0);
+            let missing = region.iter().zip(&known).map(|(asked, has)| asked & !has);
+            fill(&missing.collect::<Vec<_>>(), &mut values)?;
+            row::or_into(&mut known, region);
+            lock(&self.archive).keep(nodes, x, &known, &values);
+            *filled = Some(Filled { region: known, values });
         }
         let values = filled.as_ref().map_or(&[][..], |filled| &filled.values);
         let values = values.get(channel * out.len()..).unwrap_or_default();
@@ -91,5 +118,77 @@ impl PlaneCache {
         let slot = Arc::new(Slot { x, filled: Mutex::new(None) });
         kept.push(Arc::clone(&slot));
         slot
+    }
+}
+
+impl Archive {
+    /// Fills in the nodes of plane `x` that are known, channel by channel, and returns them.
+    fn restore(&self, nodes: Nodes, x: usize, values: &mut [f32]) -> Vec<u64> {
+        let Some(packed) = self.planes.get(&x) else { return Vec::new() };
+        let Nodes([_, ny, nz]) = nodes;
+        let channels = values.len() / (ny * nz);
+        let mut rows = packed.values.chunks_exact(channels.max(1));
+        visit(nodes, &packed.region, |[y, z]| {
+            let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
+            let row = rows.next().unwrap_or_default();
+            out.zip(row).for_each(|(out, value)| *out = *value);
+        });
+        packed.region.clone()
+    }
+
+    /// Keeps the nodes of a region, as long as there is room.
+    fn keep(&mut self, nodes: Nodes, x: usize, region: &[u64], values: &[f32]) {
+        let Nodes([_, ny, nz]) = nodes;
+        let channels = values.len() / (ny * nz);
+        let count = region.iter().map(|word| word.count_ones() as usize).sum::<usize>();
+        let bytes = |values: usize| 4 * values as u64;
+        let old = self.planes.get(&x).map_or(0, |packed| bytes(packed.values.len()));
+        if self.bytes - old + bytes(count * channels) > ARCHIVE_BYTES {
+            return;
+        }
+        let mut own = Vec::with_capacity(count * channels);
+        visit(nodes, region, |[y, z]| {
+            own.extend(values.iter().skip(y * nz + z).step_by(ny * nz));
+        });
+        self.bytes = self.bytes - old + bytes(own.len());
+        self.planes.insert(x, Packed { region: region.to_vec(), values: own });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_node_is_found_twice() {
+        let (nodes, channels) = (Nodes([40, 3, 70]), 2);
+        let (cache, found) = (PlaneCache::default(), Mutex::new(0));
+        let value =
+            |x: usize, channel: usize, node: usize| (1000 * x + 500 * channel + node) as f32;
+        let regions = [[0b1011, 0, 1, 1, 0, 0], [0b111, 1, 0, 0, u64::MAX, 0]];
+        for region in [regions[0], regions[1], regions[0]] {
+            for x in 0..40 {
+                for channel in 0..channels {
+                    let mut out = vec![0.0; 210];
+                    let fill = |region: &[u64], values: &mut [f32]| {
+                        visit(nodes, region, |[y, z]| {
+                            *lock(&found) += 1;
+                            for channel in 0..channels {
+                                let node = y * 70 + z;
+                                values[channel * 210 + node] = value(x, channel, node);
+                            }
+                        });
+                        Ok(())
+                    };
+                    let asked = [channel, channels];
+                    cache.read(nodes, x, asked, &region, &mut out, fill).expect("values");
+                    visit(nodes, &region, |[y, z]| {
+                        assert_eq!(out[y * 70 + z], value(x, channel, y * 70 + z));
+                    });
+                }
+            }
+        }
+        // Those of both regions, once each.
+        assert_eq!(*lock(&found), 40 * (5 + 66));
     }
 }

@@ -1,5 +1,7 @@
 //! A network that makes the colour of each sample.
 
+use std::ops::Range;
+
 use crate::base::error::{Error, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::Tensor;
@@ -21,6 +23,7 @@ pub struct Inputs {
 pub struct NetworkFile {
     layers: Vec<[Tensor; 2]>,
     inputs: Inputs,
+    features: usize,
 }
 
 /// A network in memory.
@@ -28,6 +31,7 @@ pub struct NetworkFile {
 pub struct Network {
     layers: Vec<Layer>,
     inputs: Inputs,
+    features: usize,
 }
 
 #[derive(Debug)]
@@ -64,7 +68,7 @@ impl NetworkFile {
             }
             width = usize::try_from(bias.count()).unwrap_or(0);
         }
-        Ok(Self { layers, inputs })
+        Ok(Self { layers, inputs, features })
     }
 
     /// Reads the weights.
@@ -87,7 +91,13 @@ impl NetworkFile {
             }
             layers.push(Layer { weights, biases: biases.into_iter().map(f64::from).collect() });
         }
-        Ok(Network { layers, inputs: self.inputs })
+        Ok(Network { layers, inputs: self.inputs, features: self.features })
+    }
+
+    /// Neurons of the first layer.
+    pub(super) fn hidden_width(&self) -> usize {
+        let first = self.layers.first();
+        first.and_then(|[_, bias]| usize::try_from(bias.count()).ok()).unwrap_or(0)
     }
 }
 
@@ -115,10 +125,71 @@ impl Network {
         color.iter_mut().zip(values).for_each(|(out, value)| *out = activate::sigmoid(value));
         color
     }
+
+    /// A network of layers that are so wide, of weights that `number` makes.
+    #[cfg(test)]
+    pub(super) fn of(
+        features: usize,
+        inputs: Inputs,
+        widths: &[usize],
+        mut number: impl FnMut() -> f64,
+    ) -> Self {
+        let mut network = Self { layers: Vec::new(), inputs, features };
+        let mut width = network.direction_inputs().end;
+        for &outputs in widths {
+            let mut numbers = |count: usize| -> Vec<f64> {
+                (0..count).map(|_| f64::from(number() as f32)).collect()
+            };
+            let (weights, biases) = (numbers(width * outputs), numbers(outputs));
+            network.layers.push(Layer { weights, biases });
+            width = outputs;
+        }
+        network
+    }
+
+    /// Its inputs beside features and direction.
+    pub(super) fn inputs(&self) -> Inputs {
+        self.inputs
+    }
+
+    /// Features of a node.
+    pub(super) fn features(&self) -> usize {
+        self.features
+    }
+
+    /// The inputs, of all, that encode a direction.
+    pub(super) fn direction_inputs(&self) -> Range<usize> {
+        let width = |octaves: u32, values: usize| 2 * octaves as usize * values;
+        let of_node = width(self.inputs.features, self.features) + width(self.inputs.position, 3);
+        let start = self.features + 3 + of_node;
+        start..start + width(self.inputs.direction, 3)
+    }
+
+    /// Neurons of the first layer.
+    pub(super) fn hidden_width(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.biases.len())
+    }
+
+    /// Weights, input by input, and biases of each layer.
+    pub(super) fn layers(&self) -> impl Iterator<Item = (&[f64], &[f64])> {
+        self.layers.iter().map(|layer| (&layer.weights[..], &layer.biases[..]))
+    }
+
+    /// The first layer's sums over the first of its inputs, with or without its biases.
+    pub(super) fn first_layer(&self, inputs: &[f64], biased: bool) -> Vec<f64> {
+        let Some(Layer { weights, biases }) = self.layers.first() else { return Vec::new() };
+        let mut sums = if biased { biases.clone() } else { vec![0.0; biases.len()] };
+        for (value, weights) in inputs.iter().zip(weights.chunks_exact(sums.len().max(1))) {
+            if *value != 0.0 {
+                sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += value * weight);
+            }
+        }
+        sums
+    }
 }
 
 /// Adds the sines of all values by octave, then the cosines.
-fn encode(values: &[f64], octaves: u32, out: &mut Vec<f64>) {
+pub(super) fn encode(values: &[f64], octaves: u32, out: &mut Vec<f64>) {
     for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
         for value in values {
             out.extend((0..octaves).map(|octave| wave(value * f64::from(1u32 << octave))));

@@ -29,11 +29,6 @@ impl Between {
         Self { low, high: (low + 1).min(count - 1), share }
     }
 
-    /// The node at or before it.
-    pub(super) const fn node(self) -> usize {
-        self.low
-    }
-
     fn corners(self) -> [(usize, f64); 2] {
         [(self.low, 1.0 - self.share), (self.high, self.share)]
     }

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use super::keys::{Arrays, Settings};
 use super::model::TensorfFile;
 use super::shading::ShadingFile;
-use super::values::{ColorValues, DensityValues, LazyModel};
+use super::values::{ColorValues, DensityValues, Features, LazyModel};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{Assumption, Family, Source, SourceOptions, ViewChoice};
+use crate::input::network::FittedColors;
 use crate::input::tensor::TensorFile;
-use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
+use crate::model::field::{Activation, ColorDomain, Grid, March, NodeValues, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
 
@@ -53,22 +54,32 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             value: if plain { "none".to_owned() } else { format!("sh:{degree}") },
             message: format!(
                 "colours come from a network for each sample: a bake fits harmonics of degree \
-                 {degree} to it at each node, over directions all around; pictures of the \
-                 unbaked file use the network; option view sets the degree"
+                 {degree} to it at each node, along the directions it is seen from; pictures of \
+                 the unbaked file use the network; option view sets the degree"
             ),
         });
     }
     let free_space = arrays.mask.as_ref().map(|mask| mask.free_space(limits)).transpose()?;
     let lazy = Arc::new(LazyModel::new(arrays.clone(), limits));
-    let colors = ColorValues::new(&lazy, harmonics, plain);
-    let field = RadianceField {
+    let mut field = RadianceField {
         scene,
-        density: Grid::Values(Arc::new(DensityValues(lazy))),
-        color: vec![Grid::Values(Arc::new(colors))],
+        density: Grid::Values(Arc::new(DensityValues(Arc::clone(&lazy)))),
+        color: Vec::new(),
         color_domain: ColorDomain::Linear,
         view: harmonics.filter(|_| !plain).map(ViewDependence::Harmonics),
         free_space,
     };
+    let colors: Arc<dyn NodeValues> = match (&arrays.shading, harmonics) {
+        (ShadingFile::Network(network), Some(rules)) => {
+            let (matter, cameras) = (field.clone(), &options.cameras);
+            let features = Arc::new(Features(lazy));
+            let fitted =
+                FittedColors::new(features, network.clone(), rules, matter, cameras, limits);
+            Arc::new(if plain { fitted.plain() } else { fitted })
+        }
+        _ => Arc::new(ColorValues::new(&lazy, harmonics, plain)),
+    };
+    field.color.push(Grid::Values(colors));
     field.check()?;
     Ok(Source {
         field,

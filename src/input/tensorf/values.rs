@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 use super::factors::Between;
 use super::keys::Arrays;
 use super::model::{Scratch, Tensorf};
-use super::shading::{STORED_FUNCTIONS, Shading};
+use super::shading::STORED_FUNCTIONS;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
-use crate::input::network::{Fit, PlaneCache, lock, visit};
+use crate::input::network::{NodeFeatures, PlaneCache, lock, visit};
 use crate::model::field::NodeValues;
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
@@ -83,7 +83,42 @@ impl NodeValues for DensityValues {
     }
 }
 
-/// The colours of a field.
+/// The inputs of the network.
+#[derive(Debug)]
+pub(super) struct Features(pub(super) Arc<LazyModel>);
+
+impl NodeFeatures for Features {
+    fn nodes(&self) -> Nodes {
+        self.0.nodes()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        // Those of density stand for the factors.
+        0
+    }
+
+    fn digest(&self, _: &mut dyn FnMut(&[u8])) -> Result<()> {
+        // The digest of an archive has the checksums of all values.
+        Ok(())
+    }
+
+    fn visit(
+        &self,
+        x: usize,
+        region: &[u64],
+        see: &mut dyn FnMut([usize; 2], &[f64]),
+    ) -> Result<()> {
+        let model = self.0.get()?;
+        let mut scratch = Scratch::default();
+        visit(self.nodes(), region, |[y, z]| {
+            let at = [x, y, z].map(Between::on);
+            see([y, z], &model.features(&at, &mut scratch));
+        });
+        Ok(())
+    }
+}
+
+/// The colours of a field that are stored.
 #[derive(Debug)]
 pub(super) struct ColorValues {
     model: Arc<LazyModel>,
@@ -91,7 +126,6 @@ pub(super) struct ColorValues {
     harmonics: Option<Harmonics>,
     /// Colours that do not depend on the view, of a model that has others.
     plain: bool,
-    fit: Fit,
     planes: PlaneCache,
 }
 
@@ -99,9 +133,7 @@ impl ColorValues {
     /// Colours with harmonics of these rules, reduced to band 0 as plain colours on request;
     /// without rules those of the model itself.
     pub(super) fn new(model: &Arc<LazyModel>, harmonics: Option<Harmonics>, plain: bool) -> Self {
-        let fit = Fit::new(harmonics.map_or(1, |rules| rules.functions()));
-        let planes = PlaneCache::default();
-        Self { model: Arc::clone(model), harmonics, plain, fit, planes }
+        Self { model: Arc::clone(model), harmonics, plain, planes: PlaneCache::default() }
     }
 
     /// All channels of a node.
@@ -111,28 +143,11 @@ impl ColorValues {
         let Some(rules) = self.harmonics else {
             return features.into_iter().map(|value| value as f32).collect();
         };
-        let coefficients: Vec<f32> = match &model.shading {
-            // Stored colour by colour.
-            Shading::Rgb | Shading::Harmonics => {
-                let of_function = |function: usize| {
-                    features.iter().skip(function).step_by(STORED_FUNCTIONS).take(3)
-                };
-                let functions = (0..rules.functions()).flat_map(of_function);
-                functions.map(|value| *value as f32).collect()
-            }
-            shading @ Shading::Network(_) => {
-                let mut place = [0.0; 3];
-                for ((place, at), count) in place.iter_mut().zip(at).zip(self.nodes().0) {
-                    *place = 2.0 * at.node() as f64 / (count - 1) as f64 - 1.0;
-                }
-                let offset = f64::from(rules.offset);
-                let colors = self.fit.directions.iter().map(|&direction| {
-                    shading.color(&features, place, direction).map(|value| value - offset)
-                });
-                let coefficients = self.fit.coefficients(colors);
-                coefficients.into_iter().map(|value| value as f32).collect()
-            }
-        };
+        // Stored colour by colour.
+        let of_function =
+            |function: usize| features.iter().skip(function).step_by(STORED_FUNCTIONS).take(3);
+        let functions = (0..rules.functions()).flat_map(of_function);
+        let coefficients: Vec<f32> = functions.map(|value| *value as f32).collect();
         match (self.plain, coefficients.as_slice()) {
             (true, &[red, green, blue, ..]) => {
                 let band_0 = Harmonics { degree: 0, ..rules };
@@ -167,7 +182,7 @@ impl NodeValues for ColorValues {
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let (plane, channels) = (out.len(), self.channels());
         let Nodes([_, _, nz]) = self.nodes();
-        self.planes.read(x, [channel, channels], region, out, |values| {
+        self.planes.read(self.nodes(), x, [channel, channels], region, out, |region, values| {
             let model = self.model.get()?;
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {

@@ -5,11 +5,13 @@
 //! each scale with one ray a pixel, and clamped. [`metrics`] has the figures, [`Reference`] the
 //! pictures to compare with, and [`References`] keeps them where several fields are compared.
 
+mod directions;
 pub mod metrics;
 mod reference;
 mod references;
 mod scales;
 
+pub use directions::{DirectionErrors, compare_directions};
 pub use metrics::{Errors, Picture};
 pub use reference::Reference;
 pub use references::References;

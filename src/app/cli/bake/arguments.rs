@@ -128,6 +128,10 @@ impl Arguments {
                            from the whole field; use compare afterwards";
             return Err(Error::usage(message));
         }
+        if options.memory.is_some() && self.gate.required_view_psnr().is_some() {
+            let message = "--memory excludes --require-view-psnr: it reads the whole container";
+            return Err(Error::usage(message));
+        }
         if self.fit.given() && !options.filter.is_fitted() {
             let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
             return Err(Error::usage(message));

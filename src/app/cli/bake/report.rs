@@ -48,6 +48,11 @@ pub struct Work<'a> {
 }
 
 impl Baked {
+    /// True if no gate is missed.
+    pub fn passes(&self) -> bool {
+        self.gate.as_ref().is_none_or(|gate| gate.passed) && self.view.passes()
+    }
+
     /// The report, for people and for programs.
     pub fn outcome(
         &self,
@@ -79,9 +84,11 @@ impl Baked {
             json["gltf"] = json!(gltf);
         }
         let mut text = self.text(work, common);
+        text += &self.view.text();
         text += &self.gate.as_ref().map_or_else(String::new, GateReport::text);
         text += &gltf.map_or_else(String::new, GltfReport::text);
         let failure = self.gate.as_ref().and_then(|gate| gate.failure(work.output));
+        let failure = failure.or_else(|| self.view.failure(work.output));
         if failure.is_none() && work.output != Path::new(STANDARD_STREAM) {
             writeln!(text, "  next: mipvog-bake view {}", work.output.display()).ok();
         }
@@ -95,7 +102,7 @@ impl Baked {
         let output = work.output.display();
         let input = readable(work.input_bytes);
         let ratio = work.input_bytes as f64 / report.output_bytes.max(1) as f64;
-        let missed = self.gate.as_ref().is_some_and(|gate| !gate.passed);
+        let missed = !self.passes();
         let mut text = match report.unchanged {
             true => format!("{output}: {bytes}, nothing has changed\n"),
             false if missed => format!("{output}: not written: it would have {bytes}\n"),

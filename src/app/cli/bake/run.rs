@@ -68,10 +68,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let mut baked = baked.map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
+    let passes = baked.passes();
     let report = &mut baked.report;
     let mut gltf = None;
     // An output that fails its gate does not get its name.
-    if baked.gate.as_ref().is_none_or(|gate| gate.passed) {
+    if passes {
         if let Some(asset) = &mut asset {
             let clock = Instant::now();
             let container = if report.unchanged { &*arguments.output } else { output.written() };

@@ -1,5 +1,6 @@
 //! A trained scene, baked.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::json;
@@ -15,14 +16,18 @@ use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
 use super::report::Baked;
 use crate::bake::{BakeOptions, Origin, StageReport, bake};
-use crate::base::bytes::Output;
+use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
+use crate::codec::container::Container;
 use crate::input;
 use crate::input::checkpoint::Source;
+use crate::input::network::judging_eyes;
 use crate::input::tensor::TensorFile;
 use crate::model::camera::turntable;
 use crate::model::field::RadianceField;
 use crate::model::view_mlp::ViewMlp;
+use crate::view::compare::{Reference, compare_directions};
+use crate::view::render::Renderer;
 
 /// Cameras around a model that is resampled for a bake, and pixels along a side of their pictures.
 const LOOKS: usize = 4;
@@ -70,17 +75,29 @@ pub fn bake_trained(
         Some(report) => report,
         None => bake(&source.field, options, &origin, output, bar)?,
     };
-    let gate = match cameras {
-        Some(cameras) => {
-            let clock = Instant::now();
-            let written = if report.unchanged { &*arguments.output } else { output.written() };
-            let gate = arguments.gate.measure(&source, &cameras, written, limits, bar)?;
-            let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
-            report.stages.push(StageReport { name: "compare", seconds, bytes });
-            Some(gate)
+    let mut view = ViewReport::of_source(&source);
+    let looks_along = (view.is_fitted() && options.memory.is_none())
+        || (view.has_harmonics() && !judges.is_empty());
+    let mut gate = None;
+    if looks_along || !judges.is_empty() {
+        let clock = Instant::now();
+        let written = if report.unchanged { &*arguments.output } else { output.written() };
+        let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
+        let baked = Renderer::of_container(&container)?;
+        let unbaked = Renderer::of_source(&source, None, limits)?;
+        if looks_along {
+            let bounds = &source.field.scene.bounds;
+            let eyes = judging_eyes(&settings.options.cameras, bounds);
+            let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
+            view.measured(errors, arguments.gate.required_view_psnr());
         }
-        None => None,
-    };
+        if !judges.is_empty() {
+            let reference = Reference::Field(Box::new(unbaked));
+            gate = Some(arguments.gate.measure(&reference, &baked, judges, bar)?);
+        }
+        let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
+        report.stages.push(StageReport { name: "compare", seconds, bytes });
+    }
     let scene = &source.field.scene;
     let mut resolved = options.to_json();
     resolved["scene"] = json!({
@@ -92,7 +109,6 @@ pub fn bake_trained(
     let reported = settings.report(&source);
     let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
     inputs.extend(cameras.into_iter().flatten());
-    let view = ViewReport::of_source(&source);
     Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
 }
 

@@ -1,0 +1,136 @@
+//! Directions that a scene is seen along: those that a fit uses, and those that judge it.
+//!
+//! Given cameras are places, from which each position is seen along another direction. Without
+//! enough of them the scene is seen from all around, along the directions of a spiral. One in
+//! [`JUDGES_EVERY`] cameras is kept from every fit, and so is a second spiral.
+
+use crate::model::grid::Bounds;
+
+/// Cameras that are too few to be fitted to.
+const LEAST_CAMERAS: usize = 16;
+/// Each camera of this many judges fits.
+const JUDGES_EVERY: usize = 8;
+/// Directions of a scene without cameras.
+const AROUND: u32 = 64;
+/// Directions all around that judge its fits.
+const JUDGES_AROUND: u32 = 16;
+/// The turn from one spiral to the other, in radians.
+const TURN: f64 = 1.0;
+/// Distance of judges' eyes from the middle of the box, in half diagonals.
+const EYE: f64 = 3.0;
+
+/// Directions that a fit uses.
+#[derive(Debug, Clone)]
+pub enum Views {
+    /// Unit directions into the scene.
+    Around(Vec<[f64; 3]>),
+    /// Places of cameras.
+    Cameras(Vec<[f64; 3]>),
+}
+
+impl Views {
+    /// From cameras at these places, as far as fits use them; from all around if they are few.
+    pub fn new(cameras: &[[f64; 3]]) -> Self {
+        if cameras.len() < LEAST_CAMERAS {
+            return Self::Around(spiral(AROUND, 0.0));
+        }
+        let fits = (0..).zip(cameras).filter(|(number, _)| !judges(*number));
+        Self::Cameras(fits.map(|(_, place)| *place).collect())
+    }
+
+    /// Their number.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Around(views) | Self::Cameras(views) => views.len(),
+        }
+    }
+
+    /// The unit direction of a view at a position, and the distance to the camera.
+    pub fn at(&self, number: usize, position: [f64; 3]) -> ([f64; 3], f64) {
+        match self {
+            Self::Around(directions) => {
+                (directions.get(number).copied().unwrap_or([0.0, 0.0, 1.0]), f64::INFINITY)
+            }
+            Self::Cameras(places) => {
+                let mut way = position;
+                let place = places.get(number).copied().unwrap_or_default();
+                way.iter_mut().zip(place).for_each(|(at, from)| *at -= from);
+                let distance = way.iter().map(|value| value * value).sum::<f64>().sqrt();
+                (way.map(|value| value / distance.max(f64::MIN_POSITIVE)), distance)
+            }
+        }
+    }
+}
+
+/// The eyes that judge a fit to these cameras, or to views from all around if they are few.
+pub fn judging_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
+    if cameras.len() >= LEAST_CAMERAS {
+        let judging = (0..).zip(cameras).filter(|(number, _)| judges(*number));
+        return judging.map(|(_, place)| *place).collect();
+    }
+    let extent = bounds.extent();
+    let radius = EYE * 0.5 * extent.iter().map(|edge| edge * edge).sum::<f64>().sqrt();
+    let eye = |direction: [f64; 3]| {
+        let mut eye = direction;
+        let corners = bounds.min.into_iter().zip(bounds.max);
+        for (at, (min, max)) in eye.iter_mut().zip(corners) {
+            *at = 0.5 * (f64::from(min) + f64::from(max)) - radius * *at;
+        }
+        eye
+    };
+    spiral(JUDGES_AROUND, TURN).into_iter().map(eye).collect()
+}
+
+/// True for cameras that no fit uses.
+fn judges(number: usize) -> bool {
+    number % JUDGES_EVERY == JUDGES_EVERY - 1
+}
+
+/// Points of a spiral on the sphere, at equal steps of height.
+fn spiral(count: u32, turned: f64) -> Vec<[f64; 3]> {
+    let turn = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+    let at = |number: u32| {
+        let z = 1.0 - (2.0 * f64::from(number) + 1.0) / f64::from(count);
+        let (radius, angle) = ((1.0 - z * z).sqrt(), turn * f64::from(number) + turned);
+        [radius * libm::cos(angle), radius * libm::sin(angle), z]
+    };
+    (0..count).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_camera_both_fits_and_judges() {
+        let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
+        for count in [0, 15, 16, 100] {
+            let cameras: Vec<[f64; 3]> = (0..count).map(|at| [f64::from(at), 3.0, 4.0]).collect();
+            let (views, eyes) = (Views::new(&cameras), judging_eyes(&cameras, &bounds));
+            assert!(!eyes.is_empty());
+            match views {
+                Views::Cameras(places) => {
+                    assert_eq!(places.len() + eyes.len(), cameras.len());
+                    assert!(eyes.iter().all(|eye| !places.contains(eye)));
+                }
+                Views::Around(directions) => {
+                    let near = |eye: &[f64; 3]| {
+                        let along = |direction: &[f64; 3]| -> f64 {
+                            let products = direction.iter().zip(eye).map(|(a, b)| -a * b);
+                            products.sum::<f64>() / (EYE * 3.0f64.sqrt())
+                        };
+                        directions.iter().map(along).fold(-1.0, f64::max)
+                    };
+                    assert!(eyes.iter().map(near).all(|cosine| cosine < 0.9999));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_are_seen_from_where_they_are() {
+        let cameras: Vec<[f64; 3]> = (0..16).map(|at| [0.0, 0.0, f64::from(at) + 2.0]).collect();
+        let (direction, distance) = Views::new(&cameras).at(1, [0.0; 3]);
+        assert_eq!((direction, distance), ([0.0, 0.0, -1.0], 3.0));
+    }
+}
