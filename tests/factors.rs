@@ -8,9 +8,9 @@ use common::models::{Reference, farthest, open, renderer};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::checkpoint::{Family, SourceOptions, ViewChoice};
 use mipvog_bake::unstable::input::open_tensors;
 use mipvog_bake::unstable::input::tensor::{self, Value};
+use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
 use mipvog_bake::unstable::view::render::Renderer;
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a

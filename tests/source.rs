@@ -9,7 +9,7 @@ use common::checkpoint::Checkpoint;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::{Family, MlpChoice, Source, SourceOptions};
+use mipvog_bake::unstable::input::{Family, MlpChoice, Source, SourceOptions};
 use mipvog_bake::unstable::model::field::Volume;
 use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
 use mipvog_bake::unstable::model::grid::{Element, Nodes};

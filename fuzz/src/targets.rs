@@ -18,7 +18,7 @@ use mipvog_bake::unstable::base::picture;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::input::tensor;
 use mipvog_bake::unstable::input::{SceneSettings, inspect_tensors, open_tensors};
 use mipvog_bake::unstable::model::camera;

@@ -1,7 +1,9 @@
 //! The families of models, told by the keys of their files.
 
-use super::checkpoint::{self, Family, Source, SourceOptions};
+use super::checkpoint;
+use super::options::SourceOptions;
 use super::scale::rescale;
+use super::source::{Family, Source};
 use super::tensor::TensorFile;
 use super::{dvgo, plenoctree, plenoxels, sampled, tensorf};
 use crate::base::error::Result;

@@ -30,7 +30,7 @@ use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::{TensorFormat, write_tensors};
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::input::open_with;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
 use mipvog_bake::unstable::model::baked::Group;

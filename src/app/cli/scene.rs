@@ -14,7 +14,7 @@ use super::output::STANDARD_STREAM;
 use super::values::{Background, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{MlpChoice, SourceOptions, ViewChoice};
+use crate::input::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::{SceneSettings, Source};
 
 /// The user's settings for a scene, beside those of its file.

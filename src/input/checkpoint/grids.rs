@@ -1,9 +1,9 @@
 //! The two grids, the box they span, and the models that this is not.
 
 use super::names::NamedValues;
-use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
+use crate::input::source::{Assumption, Family};
 use crate::model::field::Volume;
 use crate::model::grid::Bounds;
 

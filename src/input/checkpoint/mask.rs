@@ -15,10 +15,10 @@
 use super::coarse::{self, Coarse};
 use super::march;
 use super::names::NamedValues;
-use super::options::SourceOptions;
-use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::input::options::SourceOptions;
+use crate::input::source::Assumption;
 use crate::input::tensor::Tensor;
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};

@@ -3,7 +3,7 @@
 //!
 //! Both families store dense grids of raw density and colour in a box, a small network, a mask of
 //! free space, and settings. A setting that a checkpoint lacks has a default here, an option in
-//! [`SourceOptions`], and an [`Assumption`] in the result, to be shown to the user. Background,
+//! [`SourceOptions`](crate::input::SourceOptions), and an [`Assumption`](crate::input::Assumption) in the result, to be shown to the user. Background,
 //! near and far plane and the colour threshold belong to the scene and are never stored: their
 //! usual values (white, 0, none, 1e-4) are defaults like those of any option.
 //!
@@ -16,10 +16,6 @@ mod mask;
 mod mlp;
 mod names;
 mod open;
-mod options;
-mod source;
 
 pub use names::STATE;
 pub use open::{describe, open_tensors};
-pub use options::{MlpChoice, SourceOptions, ViewChoice};
-pub use source::{Assumption, Companion, Family, Source};

@@ -6,10 +6,10 @@ use super::colors::FittedColors;
 use super::model::DvgoFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{
-    self, Assumption, Family, MlpChoice, Source, SourceOptions, ViewChoice,
-};
+use crate::input::checkpoint;
 use crate::input::network::{Inputs, NetworkFile};
+use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 use crate::model::field::{ColorDomain, Grid};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};

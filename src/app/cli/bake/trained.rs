@@ -18,7 +18,7 @@ use crate::bake::{BakeOptions, Origin, StageReport, bake};
 use crate::base::bytes::Output;
 use crate::base::error::Result;
 use crate::input;
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::input::tensor::TensorFile;
 use crate::model::camera::turntable;
 use crate::model::field::RadianceField;
