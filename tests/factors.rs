@@ -59,6 +59,7 @@ fn tensorf_by_its_own_rules_agrees_with_another_program() {
 fn a_network_for_each_sample_agrees_with_another_program() {
     let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
     nearly_agrees("dvgo_default.tar", &near, 1e-4);
+    nearly_agrees("dvgo_tensorf_grid.tar", &near, 1e-4);
     let source = open("dvgo_default.tar", &near).expect("a model");
     assert_eq!(source.family, Family::Dvgo);
     assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
@@ -68,9 +69,14 @@ fn a_network_for_each_sample_agrees_with_another_program() {
 }
 
 /// Rays of a field's nodes against its reference, in decibels.
-fn field_decibels(name: &str, options: &SourceOptions) -> f64 {
-    let source = open(&format!("{name}.th"), options).expect(name);
-    let nodes = Renderer::of_field(&source.field).expect("nodes");
+fn field_decibels(file: &str, options: &SourceOptions) -> f64 {
+    let source = open(file, options).expect(file);
+    decibels(file, &Renderer::of_field(&source.field).expect("nodes"))
+}
+
+/// Rays against a reference, in decibels.
+fn decibels(file: &str, nodes: &Renderer) -> f64 {
+    let name = file.split('.').next().expect("a name");
     let reference = Reference::of(name);
     let light = nodes.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
     let rgb = reference.values("rgb");
@@ -85,12 +91,20 @@ fn field_decibels(name: &str, options: &SourceOptions) -> f64 {
 #[test]
 fn a_field_of_factors_shows_what_its_model_shows() {
     let plain = SourceOptions::default();
-    assert!(field_decibels("tensorf_vm_sh", &plain) > 60.0);
-    assert!(field_decibels("tensorf_vm_relu_rgb", &plain) > 60.0);
+    assert!(field_decibels("tensorf_vm_sh.th", &plain) > 60.0);
+    assert!(field_decibels("tensorf_vm_relu_rgb.th", &plain) > 60.0);
     // A network is fitted at nodes.
-    for name in ["tensorf_vm", "tensorf_cp"] {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    for (name, plain) in [
+        ("tensorf_vm.th", plain.clone()),
+        ("tensorf_cp.th", plain),
+        ("dvgo_tensorf_grid.tar", near),
+    ] {
         let decibels = [
-            field_decibels(name, &SourceOptions { view: ViewChoice::None, ..plain.clone() }),
+            field_decibels(
+                name,
+                &SourceOptions { view: ViewChoice::Harmonics(0), ..plain.clone() },
+            ),
             field_decibels(
                 name,
                 &SourceOptions { view: ViewChoice::Harmonics(1), ..plain.clone() },
@@ -98,7 +112,7 @@ fn a_field_of_factors_shows_what_its_model_shows() {
             field_decibels(name, &plain),
         ];
         assert!(decibels.is_sorted() && decibels[2] > 40.0, "{name}: {decibels:?}");
-        let source = open(&format!("{name}.th"), &plain).expect(name);
+        let source = open(name, &plain).expect(name);
         assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
         assert!(source.assumptions.iter().any(|assumption| assumption.key == "view"));
     }

@@ -195,9 +195,8 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
 #[test]
 fn other_models_are_refused_with_the_reason() {
     for (name, reason) in [
-        ("contracted.tar", "contracted"),
+        ("contracted.tar", "--drop-background"),
         ("multiplane.tar", "multiplane"),
-        ("factorized.tar", "factors"),
         ("nearest.tar", "nearest node"),
     ] {
         let error = refuse(&format!("refused/{name}"));

@@ -6,8 +6,10 @@
 
 pub mod checkpoint;
 pub mod dvgo;
+pub mod factors;
 mod families;
 mod inspect;
+mod lazy;
 pub mod network;
 mod open;
 mod options;

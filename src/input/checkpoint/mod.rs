@@ -10,12 +10,16 @@
 //! Opening reads settings, the network and the mask; the grids stay in the file.
 
 mod coarse;
+mod contracted;
 mod grids;
 mod march;
 mod mask;
 mod mlp;
 mod names;
 mod open;
+mod stored;
 
-pub use names::STATE;
+pub use contracted::Inner;
+pub use names::{NamedValues, STATE};
 pub use open::{describe, open_tensors};
+pub use stored::StoredGrid;

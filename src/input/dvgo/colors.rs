@@ -1,11 +1,12 @@
 //! Harmonics that are fitted to a network at nodes.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::input::network::{Fit, Network, NetworkFile, PlaneCache, lock, visit};
-use crate::model::field::{Grid, NodeValues, Volume};
+use crate::input::lazy::Lazy;
+use crate::input::network::{Fit, Network, NetworkFile, PlaneCache, visit};
+use crate::model::field::{Grid, NodeValues};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::Harmonics;
 
@@ -17,30 +18,24 @@ pub(super) struct FittedColors {
     harmonics: Harmonics,
     fit: Fit,
     limits: Limits,
-    loaded: Mutex<Option<Arc<Network>>>,
+    loaded: Lazy<Network>,
     planes: PlaneCache,
 }
 
 impl FittedColors {
     pub(super) fn new(
-        color: Volume,
+        color: Grid,
         network: NetworkFile,
         harmonics: Harmonics,
         limits: &Limits,
     ) -> Self {
         let (fit, limits) = (Fit::new(harmonics.functions()), limits.clone());
-        let (loaded, planes) = (Mutex::new(None), PlaneCache::default());
-        Self { color: color.into(), network, harmonics, fit, limits, loaded, planes }
+        let (loaded, planes) = (Lazy::default(), PlaneCache::default());
+        Self { color, network, harmonics, fit, limits, loaded, planes }
     }
 
     fn network(&self) -> Result<Arc<Network>> {
-        let mut loaded = lock(&self.loaded);
-        if let Some(network) = &*loaded {
-            return Ok(Arc::clone(network));
-        }
-        let network = Arc::new(self.network.load(&mut Budget::new(&self.limits))?);
-        *loaded = Some(Arc::clone(&network));
-        Ok(network)
+        self.loaded.get(|| self.network.load(&mut Budget::new(&self.limits)))
     }
 }
 
@@ -54,7 +49,11 @@ impl NodeValues for FittedColors {
     }
 
     fn memory_bytes(&self) -> u64 {
-        PlaneCache::bytes(self.nodes(), self.channels() + self.color.channels())
+        let features = match &self.color {
+            Grid::Array(_) => 0,
+            Grid::Values(values) => values.memory_bytes(),
+        };
+        features + PlaneCache::bytes(self.nodes(), self.channels() + self.color.channels())
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {

@@ -1,12 +1,12 @@
 //! The settings and arrays of a file.
 
-use super::factors::{Part, Terms, components};
 use super::mask::MaskFile;
 use super::read::{corners, key, malformed, tensor};
 use super::shading::ShadingFile;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::input::tensor::{Tensor, TensorFile, Value};
+use crate::input::factors::{FactorArrays, Mix, Part, Terms};
+use crate::input::tensor::{TensorFile, Value};
 use crate::model::grid::{Bounds, Nodes};
 
 /// The axes of the columns and rows of a plane, and the axis of its line.
@@ -32,11 +32,9 @@ pub(super) struct Settings {
 #[derive(Debug, Clone)]
 pub(super) struct Arrays {
     pub(super) settings: Settings,
-    pub(super) density: Terms,
-    pub(super) color: Terms,
-    /// `[features, components]`.
-    pub(super) basis: Tensor,
-    pub(super) features: usize,
+    pub(super) density: FactorArrays,
+    /// Features that colours are made of.
+    pub(super) features: FactorArrays,
     pub(super) shading: ShadingFile,
     pub(super) mask: Option<MaskFile>,
 }
@@ -118,31 +116,19 @@ impl Arrays {
         let none = Value::None;
         let (kwargs, state) = (file.root.get("kwargs"), file.root.get("state_dict"));
         let (kwargs, state) = (kwargs.unwrap_or(&none), state.unwrap_or(&none));
-        if state.get("plane_coef").is_some() {
-            let found = "the layout of the first TensorVM, density and colour in one array";
-            let place = Place::Tensor("state_dict.plane_coef".to_owned());
-            return Err(Error::unsupported(place, found, "TensorVMSplit or TensorCP"));
-        }
         let settings = Settings::find(kwargs, limits)?;
-        let nodes = settings.nodes.0;
-        let (density, color) = (terms(state, "density")?, terms(state, "app")?);
-        components(&density, nodes)?;
-        let components = components(&color, nodes)? as u64;
-        let basis = tensor(state, "basis_mat.weight")?;
-        let features = match basis.shape() {
-            &[features @ 3..=256, width] if width == components => {
-                usize::try_from(features).unwrap_or(0)
-            }
-            shape => {
-                let found = format!("shape {shape:?}");
-                let expected = format!("[3 to 256 features, {components}]");
-                return Err(Error::malformed(basis.place(), found, expected));
-            }
+        let nodes = settings.nodes;
+        let (density, color) = match state.get("plane_coef") {
+            Some(_) => joint_terms(kwargs, state)?,
+            None => (terms(state, "density")?, terms(state, "app")?),
         };
-        let shading = ShadingFile::find(kwargs, state, features)?;
+        let density = FactorArrays::new(density, nodes, None)?;
+        let basis = tensor(state, "basis_mat.weight")?.clone();
+        let basis = Mix { tensor: basis, by_component: false };
+        let features = FactorArrays::new(color, nodes, Some(basis))?;
+        let shading = ShadingFile::find(kwargs, state, features.channels)?;
         let mask = MaskFile::find(&file.root, limits)?;
-        let basis = basis.clone();
-        Ok(Self { settings, density, color, basis, features, shading, mask })
+        Ok(Self { settings, density, features, shading, mask })
     }
 }
 
@@ -163,4 +149,36 @@ fn terms(state: &Value, of: &str) -> Result<Terms> {
         Ok(vec![plane, line(number, *axis)?])
     });
     terms.collect()
+}
+
+/// The factors of density and of colours of the first TensorVM, whose arrays hold the components of
+/// colours before those of density.
+fn joint_terms(kwargs: &Value, state: &Value) -> Result<(Terms, Terms)> {
+    let count = |name: &str| -> Result<u64> {
+        let counts = kwargs.get(name).map(|value| value.numbers(name)).transpose()?;
+        match counts.unwrap_or_default().as_slice() {
+            #[expect(clippy::cast_possible_truncation, reason = "a whole number up to 4096")]
+            &[count, ..] if (1.0..=4096.0).contains(&count) && count.fract() == 0.0 => {
+                Ok(count as u64)
+            }
+            other => Err(malformed(name, format!("{other:?}"), "a number of components")),
+        }
+    };
+    let (planes, lines) = (tensor(state, "plane_coef")?, tensor(state, "line_coef")?);
+    let (color, density) = (count("appearance_n_comp")?, count("density_n_comp")?);
+    let held = planes.shape().get(1).copied().unwrap_or(0);
+    if held != color + density || planes.shape().first() != Some(&3) {
+        let found = format!("shape {:?}", planes.shape());
+        let expected =
+            format!("3 planes of {color} components of colours and {density} of density");
+        return Err(Error::malformed(planes.place(), found, expected));
+    }
+    let terms = |components: std::ops::Range<u64>| -> Result<Terms> {
+        let numbered = (0..).zip(AXES).map(|(number, ([columns, rows], axis))| {
+            let plane = Part::of(planes, number, components.clone(), (rows, Some(columns)))?;
+            Ok(vec![plane, Part::of(lines, number, components.clone(), (axis, None))?])
+        });
+        numbered.collect()
+    };
+    Ok((terms(color..held)?, terms(0..color)?))
 }

@@ -23,7 +23,6 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
-mod factors;
 mod keys;
 mod mask;
 mod model;

@@ -8,18 +8,19 @@
 //! colour = sum of weight shading, where a weight is over the threshold
 //! ```
 
-use super::factors::{Between, Factors};
 use super::keys::{Arrays, Settings};
 use super::mask::Mask;
 use super::shading::Shading;
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::input::factors::{Between, Mixed, Scratch};
 use crate::model::activate;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Added to the light that passes a sample.
 const PASSES: f64 = 1e-10;
+
 /// A file, ready to be loaded.
 #[derive(Debug)]
 pub(super) struct TensorfFile {
@@ -28,23 +29,13 @@ pub(super) struct TensorfFile {
 
 /// A model in memory.
 #[derive(Debug)]
-pub(super) struct Tensorf {
+struct Tensorf {
     settings: Settings,
-    density: Factors,
-    color: Factors,
-    /// For each feature the weights of all components.
-    basis: Vec<f32>,
-    components: usize,
-    features: usize,
-    pub(super) shading: Shading,
+    density: Mixed,
+    /// Features that colours are made of.
+    features: Mixed,
+    shading: Shading,
     mask: Option<Mask>,
-}
-
-/// Memory for sums of products.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    sums: Vec<f64>,
-    products: Vec<f64>,
 }
 
 impl LoadModel for TensorfFile {
@@ -55,39 +46,14 @@ impl LoadModel for TensorfFile {
 
 impl Tensorf {
     /// Reads a model's arrays.
-    pub(super) fn load(arrays: &Arrays, budget: &mut Budget) -> Result<Self> {
-        let nodes = arrays.settings.nodes.0;
-        let basis = arrays.basis.read_f32(budget)?;
-        if basis.iter().any(|value| !value.is_finite()) {
-            return Err(Error::malformed(arrays.basis.place(), "no number", "finite numbers"));
-        }
+    fn load(arrays: &Arrays, budget: &mut Budget) -> Result<Self> {
         Ok(Self {
             settings: arrays.settings.clone(),
-            density: Factors::load(&arrays.density, nodes, budget)?,
-            color: Factors::load(&arrays.color, nodes, budget)?,
-            components: basis.len() / arrays.features,
-            basis,
-            features: arrays.features,
+            density: arrays.density.load(budget)?,
+            features: arrays.features.load(budget)?,
             shading: arrays.shading.load(budget)?,
             mask: arrays.mask.as_ref().map(|mask| mask.load(budget)).transpose()?,
         })
-    }
-
-    /// Density before its activation.
-    pub(super) fn raw_density(&self, at: &[Between; 3], scratch: &mut Scratch) -> f64 {
-        self.density.products(at, &mut scratch.sums, &mut scratch.products);
-        scratch.products.iter().sum()
-    }
-
-    /// The features that colours are made of.
-    pub(super) fn features(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
-        self.color.products(at, &mut scratch.sums, &mut scratch.products);
-        let mut features = Vec::with_capacity(self.features);
-        features.extend(self.basis.chunks_exact(self.components).map(|row| {
-            let terms = row.iter().zip(&scratch.products);
-            terms.map(|(weight, product)| f64::from(*weight) * product).sum::<f64>()
-        }));
-        features
     }
 
     /// A position of the world, 0 to 1 in the box.
@@ -113,7 +79,7 @@ impl Tensorf {
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
             return 0.0;
         }
-        let raw = self.raw_density(&self.between(share), scratch);
+        let raw = self.density.sum(&self.between(share), scratch);
         let density = match self.settings.shift {
             Some(shift) => activate::softplus(raw + shift),
             None => raw.max(0.0),
@@ -127,7 +93,7 @@ impl Tensorf {
         directions: &[[f64; 3]],
         scratch: &mut Scratch,
     ) -> Vec<[f64; 3]> {
-        let features = self.features(&self.between(share), scratch);
+        let features = self.features.values(&self.between(share), scratch);
         let at = share.map(|at| 2.0 * at - 1.0);
         directions.iter().map(|&along| self.shading.color(&features, at, along)).collect()
     }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use super::keys::{Arrays, Settings};
 use super::model::TensorfFile;
 use super::shading::ShadingFile;
-use super::values::{ColorValues, DensityValues, LazyModel};
+use super::values::ColorValues;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::input::factors::FactorGrid;
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::TensorFile;
@@ -23,7 +24,7 @@ const DEGREE: usize = 2;
 /// Opens a file of TensoRF. Factors stay in the file until a node is asked for.
 ///
 /// # Errors
-/// `Unsupported` for the first layout, other activations and shadings, and scenes in normalised
+/// `Unsupported` for other activations and shadings, and scenes in normalised
 /// device coordinates; `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let mut arrays = Arrays::find(file, limits)?;
@@ -60,11 +61,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         });
     }
     let free_space = arrays.mask.as_ref().map(|mask| mask.free_space(limits)).transpose()?;
-    let lazy = Arc::new(LazyModel::new(arrays.clone(), limits));
-    let colors = ColorValues::new(&lazy, harmonics, plain);
+    let density = FactorGrid::new(arrays.density.clone(), 1, limits);
+    let colors = ColorValues::new(&arrays, harmonics, plain, limits);
     let field = RadianceField {
         scene,
-        density: Grid::Values(Arc::new(DensityValues(lazy))),
+        density: Grid::Values(Arc::new(density)),
         color: vec![Grid::Values(Arc::new(colors))],
         color_domain: ColorDomain::Linear,
         view: harmonics.filter(|_| !plain).map(ViewDependence::Harmonics),
