@@ -21,6 +21,15 @@ pub struct Inputs {
 pub struct NetworkFile {
     layers: Vec<[Tensor; 2]>,
     inputs: Inputs,
+    waves: Waves,
+}
+
+/// The frequencies of the sines and cosines.
+#[derive(Debug, Clone, Copy)]
+struct Waves {
+    first: f64,
+    /// Each is so many times the one before.
+    ratio: f64,
 }
 
 /// A network in memory.
@@ -28,6 +37,7 @@ pub struct NetworkFile {
 pub struct Network {
     layers: Vec<Layer>,
     inputs: Inputs,
+    waves: Waves,
 }
 
 #[derive(Debug)]
@@ -64,7 +74,14 @@ impl NetworkFile {
             }
             width = usize::try_from(bias.count()).unwrap_or(0);
         }
-        Ok(Self { layers, inputs })
+        Ok(Self { layers, inputs, waves: Waves { first: 1.0, ratio: 2.0 } })
+    }
+
+    /// The same with other frequencies than 1, 2, 4, ...: the first one, and the ratio of each to
+    /// the one before.
+    #[must_use]
+    pub fn with_waves(self, first: f64, ratio: f64) -> Self {
+        Self { waves: Waves { first, ratio }, ..self }
     }
 
     /// Reads the weights.
@@ -87,7 +104,7 @@ impl NetworkFile {
             }
             layers.push(Layer { weights, biases: biases.into_iter().map(f64::from).collect() });
         }
-        Ok(Network { layers, inputs: self.inputs })
+        Ok(Network { layers, inputs: self.inputs, waves: self.waves })
     }
 }
 
@@ -95,9 +112,9 @@ impl Network {
     /// The colour of features at a position (-1 to 1 in the box) seen along a unit direction.
     pub fn color(&self, features: &[f64], at: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
         let mut values: Vec<f64> = features.iter().copied().chain(direction).collect();
-        encode(features, self.inputs.features, &mut values);
-        encode(&at, self.inputs.position, &mut values);
-        encode(&direction, self.inputs.direction, &mut values);
+        self.waves.encode(features, self.inputs.features, &mut values);
+        self.waves.encode(&at, self.inputs.position, &mut values);
+        self.waves.encode(&direction, self.inputs.direction, &mut values);
         for (number, layer) in self.layers.iter().enumerate() {
             let mut sums = layer.biases.clone();
             for (value, weights) in values.iter().zip(layer.weights.chunks_exact(sums.len())) {
@@ -117,11 +134,16 @@ impl Network {
     }
 }
 
-/// Adds the sines of all values by octave, then the cosines.
-fn encode(values: &[f64], octaves: u32, out: &mut Vec<f64>) {
-    for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
-        for value in values {
-            out.extend((0..octaves).map(|octave| wave(value * f64::from(1u32 << octave))));
+impl Waves {
+    /// Adds the sines of all values by octave, then the cosines.
+    fn encode(self, values: &[f64], octaves: u32, out: &mut Vec<f64>) {
+        for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
+            for value in values {
+                let next = |frequency: &f64| Some(frequency * self.ratio);
+                let frequencies = std::iter::successors(Some(self.first), next);
+                let octaves = frequencies.take(octaves as usize);
+                out.extend(octaves.map(|frequency| wave(value * frequency)));
+            }
         }
     }
 }

@@ -3,10 +3,12 @@
 use super::mask::MaskFile;
 use super::read::{corners, key, malformed, tensor};
 use super::shading::ShadingFile;
+use std::ops::Range;
+
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::factors::{FactorArrays, Mix, Part, Terms};
-use crate::input::tensor::{TensorFile, Value};
+use crate::input::tensor::{Tensor, TensorFile, Value};
 use crate::model::grid::{Bounds, Nodes};
 
 /// The axes of the columns and rows of a plane, and the axis of its line.
@@ -23,9 +25,12 @@ pub(super) struct Settings {
     pub(super) distance_scale: f64,
     /// Samples of at most this weight have no colour.
     pub(super) threshold: f64,
-    pub(super) near_far: [f64; 2],
+    pub(super) near: f64,
+    pub(super) far: Option<f64>,
     /// Step length in voxels.
     pub(super) step_ratio: f64,
+    /// Rays are those of nerfstudio, not of TensoRF.
+    pub(super) two_passes: bool,
 }
 
 /// The arrays of a model; nothing of them is read.
@@ -40,7 +45,7 @@ pub(super) struct Arrays {
 }
 
 /// True for a file with the keys of TensoRF.
-pub fn knows(file: &TensorFile) -> bool {
+pub(super) fn knows(file: &TensorFile) -> bool {
     let has = |key: &str| file.root.at(&["state_dict", key]).is_some();
     let old = has("line_coef") && has("plane_coef");
     file.root.at(&["kwargs", "aabb"]).is_some() && (has("density_line.0") || old)
@@ -106,7 +111,19 @@ impl Settings {
             return Err(malformed("rayMarch_weight_thres", found, "a weight from 0 to below 1"));
         }
         let (distance_scale, step_ratio) = (positive("distance_scale")?, positive("step_ratio")?);
-        Ok(Self { bounds, nodes, shift, distance_scale, threshold, near_far, step_ratio })
+        let ([near, far], two_passes) = (near_far, false);
+        let far = Some(far);
+        Ok(Self {
+            bounds,
+            nodes,
+            shift,
+            distance_scale,
+            threshold,
+            near,
+            far,
+            step_ratio,
+            two_passes,
+        })
     }
 }
 
@@ -167,18 +184,38 @@ fn joint_terms(kwargs: &Value, state: &Value) -> Result<(Terms, Terms)> {
     let (planes, lines) = (tensor(state, "plane_coef")?, tensor(state, "line_coef")?);
     let (color, density) = (count("appearance_n_comp")?, count("density_n_comp")?);
     let held = planes.shape().get(1).copied().unwrap_or(0);
-    if held != color + density || planes.shape().first() != Some(&3) {
-        let found = format!("shape {:?}", planes.shape());
-        let expected =
-            format!("3 planes of {color} components of colours and {density} of density");
+    if held != color + density {
+        let found = format!("{held} components");
+        let expected = format!("{color} of colours and {density} of density");
         return Err(Error::malformed(planes.place(), found, expected));
     }
-    let terms = |components: std::ops::Range<u64>| -> Result<Terms> {
-        let numbered = (0..).zip(AXES).map(|(number, ([columns, rows], axis))| {
-            let plane = Part::of(planes, number, components.clone(), (rows, Some(columns)))?;
-            Ok(vec![plane, Part::of(lines, number, components.clone(), (axis, None))?])
-        });
-        numbered.collect()
-    };
+    let terms = |components| stacked_terms(Some(planes), lines, components);
     Ok((terms(color..held)?, terms(0..color)?))
+}
+
+/// Some components of the three planes and lines that lie in one array each; a CP model has lines
+/// alone.
+pub(super) fn stacked_terms(
+    planes: Option<&Tensor>,
+    lines: &Tensor,
+    components: Range<u64>,
+) -> Result<Terms> {
+    for array in planes.iter().copied().chain([lines]) {
+        if array.shape().first() != Some(&3) {
+            let found = format!("shape {:?}", array.shape());
+            return Err(Error::malformed(array.place(), found, "[3, components, rows, columns]"));
+        }
+    }
+    let line = |number, axis| Part::of(lines, number, components.clone(), (axis, None));
+    let axes = (0..).zip(AXES);
+    let Some(planes) = planes else {
+        return Ok(vec![
+            axes.map(|(number, (_, axis))| line(number, axis)).collect::<Result<_>>()?,
+        ]);
+    };
+    let terms = axes.map(|(number, ([columns, rows], axis))| {
+        let plane = Part::of(planes, number, components.clone(), (rows, Some(columns)))?;
+        Ok(vec![plane, line(number, axis)?])
+    });
+    terms.collect()
 }
