@@ -4,7 +4,7 @@
 mod common;
 
 use common::fixture;
-use common::models::{Reference, farthest, open, renderer};
+use common::models::{Reference, farthest, open, points_agree, renderer};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
@@ -31,19 +31,7 @@ fn nearly_agrees(file: &str, options: &SourceOptions, most: f32) {
     let within = off[off.len() - 1 - off.len() / 1000];
     println!("{name}: median {:e}, all but two {within:e}, farthest {:e}", off[1000], off[1999]);
     assert!(within <= most, "{name}: {within}");
-    let (positions, densities) = (reference.points("positions"), reference.values("density"));
-    for (position, expected) in positions.iter().zip(densities) {
-        let found = model.sample(*position, 0).expect("a point").density;
-        let off = (found - expected).abs();
-        assert!(off <= 1e-5 * expected.abs() + 1e-6, "{name}: {found} for {expected}");
-    }
-    let directions = reference.points("color_directions");
-    let colors = reference.values("color");
-    for (position, expected) in positions.iter().zip(colors.chunks_exact(3 * directions.len())) {
-        let found = model.point_colors(*position, &directions, 0).expect("a point");
-        let off = farthest(found.into_iter().flatten(), expected);
-        assert!(off < 1e-5, "{name}: colours {off} off at {position:?}");
-    }
+    points_agree(name, &model, &reference);
 }
 
 #[test]

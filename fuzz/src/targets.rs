@@ -5,10 +5,14 @@
 //! panics, hangs and memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with
 //! a plain mutator.
 
+#[path = "archive.rs"]
+mod archive;
+
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use archive::archive;
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::bake::{Changes, repack as pack_again};
 use mipvog_bake::unstable::base::bytes::{SourceFile, WriterSink};
@@ -28,12 +32,13 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 12] = [
+pub const TARGETS: [Target; 13] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
     ("safetensors", safetensors),
     ("grids", grids),
+    ("models", models),
     ("container", container),
     ("render", render),
     ("repack", repack),
@@ -82,7 +87,29 @@ pub fn safetensors(bytes: &[u8]) {
 /// A safetensors file of Plenoxels, of a PlenOctree or of sampled arrays: shown by its own rules,
 /// and read as a bake reads it.
 pub fn grids(bytes: &[u8]) {
-    let (file, limits) = (file(bytes.to_vec()), limits());
+    shown(bytes.to_vec());
+}
+
+/// The pickle and the storages of a checkpoint of TensoRF or DirectVoxGO, each after its length in
+/// four bytes, in a sound zip file: shown by its own rules, and read as a bake reads it.
+pub fn models(bytes: &[u8]) {
+    let mut rest = bytes;
+    let mut parts = [&bytes[..0]; 3];
+    for part in &mut parts {
+        let Some((length, after)) = rest.split_first_chunk() else { break };
+        let length = (u32::from_le_bytes(*length) as usize).min(after.len());
+        (*part, rest) = after.split_at(length);
+    }
+    let [pickle, numbers, flags] = parts;
+    shown(archive(&[
+        ("archive/data.pkl", pickle),
+        ("archive/data/0", numbers),
+        ("archive/data/1", flags),
+    ]));
+}
+
+fn shown(bytes: Vec<u8>) {
+    let (file, limits) = (file(bytes), limits());
     let Ok(tensors) = tensor::open_file(&file, &limits) else { return };
     let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
     let Ok(source) = open_tensors(&tensors, &options, &limits) else { return };
@@ -215,42 +242,4 @@ fn mend_checksums(bytes: &mut [u8]) {
         let sum = crc32fast::hash(head).to_le_bytes();
         bytes[48..52].copy_from_slice(&sum);
     }
-}
-
-/// A zip file of stored entries.
-fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
-    let (mut bytes, mut directory) = (Vec::<u8>::new(), Vec::<u8>::new());
-    for (name, content) in entries {
-        let start = bytes.len() as u32;
-        let (sum, length) = (crc32fast::hash(content), content.len() as u32);
-        let mut fields = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        for number in [sum, length, length] {
-            fields.extend(number.to_le_bytes());
-        }
-        fields.extend((name.len() as u16).to_le_bytes());
-        fields.extend([0; 2]);
-        for part in [b"PK\x03\x04", &fields[..], name.as_bytes(), content] {
-            bytes.extend(part);
-        }
-        for part in
-            [b"PK\x01\x02\x14\x00", &fields[..], &[0; 10], &start.to_le_bytes(), name.as_bytes()]
-        {
-            directory.extend(part);
-        }
-    }
-    let count = (entries.len() as u16).to_le_bytes();
-    let start = bytes.len() as u32;
-    let length = directory.len() as u32;
-    bytes.extend(directory);
-    for part in [
-        b"PK\x05\x06\0\0\0\0",
-        &count[..],
-        &count,
-        &length.to_le_bytes(),
-        &start.to_le_bytes(),
-        &[0; 2],
-    ] {
-        bytes.extend(part);
-    }
-    bytes
 }

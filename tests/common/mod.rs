@@ -5,6 +5,8 @@ pub mod asset;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
+pub mod factored;
+pub mod factored_values;
 pub mod grids;
 pub mod harmonic_field;
 pub mod models;
@@ -18,6 +20,7 @@ pub mod stress;
 pub mod stress_field;
 pub mod stress_ray;
 pub mod stress_scalar;
+pub mod torch;
 pub mod transcoded;
 
 use std::path::{Path, PathBuf};
