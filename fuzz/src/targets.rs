@@ -120,8 +120,8 @@ fn shown(bytes: Vec<u8>) {
     }
     let mut plane = vec![0.0; nodes.0[1] * nodes.0[2]];
     for grid in source.field.grids() {
-        for channel in 0..grid.channels() {
-            for x in 0..nodes.0[0] {
+        for x in 0..nodes.0[0] {
+            for channel in 0..grid.channels() {
                 grid.read_plane(channel, x, &mut plane, |_| {}).ok();
             }
         }

@@ -111,8 +111,9 @@ pub fn read(source: &Source) -> Result<(), Error> {
     let [nx, ny, nz] = source.field.scene.nodes.0;
     for grid in source.field.grids() {
         let mut plane = vec![0.0; ny * nz];
-        for channel in 0..grid.channels() {
-            (0..nx).try_for_each(|x| grid.read_plane(channel, x, &mut plane, |_| {}))?;
+        for x in 0..nx {
+            (0..grid.channels())
+                .try_for_each(|channel| grid.read_plane(channel, x, &mut plane, |_| {}))?;
         }
     }
     Ok(())
