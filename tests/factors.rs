@@ -3,14 +3,15 @@
 
 mod common;
 
-use common::fixture;
-use common::models::{Reference, farthest, open, points_agree, renderer};
-use mipvog_bake::unstable::base::error::ErrorKind;
+use common::models::{Reference, farthest, is_typed, open, points_agree, renderer};
+use common::{fixture, folder};
+use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::open_tensors;
+use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::input::tensor::{self, Value};
 use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
+use mipvog_bake::unstable::input::{inspect, open_tensors};
 use mipvog_bake::unstable::view::render::Renderer;
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
@@ -129,14 +130,7 @@ fn lies_about_factors_are_refused() {
         let loaded =
             opened.and_then(|source| Renderer::of_source(&source, None, &Limits::default()));
         let error = loaded.err().unwrap_or_else(|| panic!("{name} passes"));
-        let kind = error.kind();
-        let typed = matches!(
-            kind,
-            ErrorKind::Malformed { .. }
-                | ErrorKind::Unsupported { .. }
-                | ErrorKind::OverLimit { .. }
-        );
-        assert!(typed, "{name}: {error}");
+        assert!(is_typed(&error), "{name}: {error}");
     };
     let list = |numbers: &[f64]| Value::List(numbers.iter().map(|&n| Value::Float(n)).collect());
     let settings: [(&str, &str, Value); 15] = [
@@ -174,4 +168,36 @@ fn lies_about_factors_are_refused() {
     lie("a mask without shape", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 29.0, 31.0]));
     lie("a larger mask", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 28.0, 29.0, 31.0]));
     lie("a mask without a box", &["alphaMask.aabb"], &|_| Value::None);
+}
+
+#[test]
+fn a_bake_of_factors_shows_what_their_model_shows() {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    let here = folder();
+    for (name, options, least) in [
+        ("dvgo_tensorf_grid.tar", near, 43.0),
+        ("tensorf_cp.th", SourceOptions::default(), 41.5),
+        ("tensorf_vm_sh.th", SourceOptions::default(), 57.0),
+    ] {
+        let source = open(name, &options).expect(name);
+        let path = here.path().join("baked.mipvog");
+        Baker::new(BakeOptions::default()).to_file(&source, &path, true).expect("a bake");
+        let baked = Container::open_path(&path, &Limits::default()).expect("a container");
+        let found = decibels(name, &Renderer::of_container(&baked).expect("a field"));
+        assert!(found > least, "{name}: {found} dB");
+    }
+}
+
+#[test]
+fn masks_of_models_are_listed() {
+    for (name, expected) in
+        [("tensorf_vm.th", Some([33, 31, 29])), ("tensorf_vm_relu_rgb.th", None)]
+    {
+        let path = fixture("grids").join(name);
+        let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect(name);
+        assert_eq!(found.scene.expect("a scene").free_space, expected, "{name}");
+    }
+    let path = fixture("grids/dvgo_default.tar");
+    let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect("a model");
+    assert!(found.scene.expect("a scene").free_space.is_some());
 }

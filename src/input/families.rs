@@ -47,8 +47,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     Ok(rescale(source, options))
 }
 
-/// A model of any family as a bake takes it, without the values of a free-space mask, and the nodes
-/// of that.
+/// A model of any family as a bake takes it, and the nodes of its free-space mask; the mask's values
+/// are not read where that can be spared.
 ///
 /// # Errors
 /// Those of [`open_tensors`].
@@ -63,5 +63,6 @@ pub(super) fn describe(
     };
     options.check()?;
     let source = (reader.open)(file, options, limits)?;
-    Ok((rescale(source, options), None))
+    let mask = source.field.free_space.as_ref().map(|mask| mask.nodes.0);
+    Ok((rescale(source, options), mask))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::Error;
+use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::input::tensor::{self, Value};
@@ -98,6 +98,21 @@ pub fn of_bytes(bytes: Vec<u8>, options: &SourceOptions) -> Result<Source, Error
     let file = Arc::new(SourceFile::decoded(bytes, Path::new("/nowhere/model")));
     let limits = Limits::default();
     open_tensors(&tensor::open_file(&file, &limits)?, options, &limits)
+}
+
+/// True for errors about what is in a file.
+pub fn is_typed(error: &Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::Malformed { .. }
+            | ErrorKind::Unsupported { .. }
+            | ErrorKind::OverLimit { .. }
+            | ErrorKind::Overflow { .. }
+            | ErrorKind::NonFinite { .. }
+            | ErrorKind::Checksum { .. }
+            | ErrorKind::Truncated { .. }
+            | ErrorKind::WrongKind { .. }
+    )
 }
 
 /// Opens a small grid, loads it, and reads its field.

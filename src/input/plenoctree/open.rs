@@ -59,13 +59,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let grid = |channels| RowGrid::new(&index, &arrays.rows, channels, 1, unchecked.clone());
     let (stepsize, voxel_size) = (options.stepsize.unwrap_or(STEPSIZE), cells.voxel_size());
     let march = March {
-        stepsize,
-        voxel_size,
-        near: 0.0,
-        far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
         sampled: Some(cells.faces()),
+        ..March::new(stepsize, voxel_size)
     };
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let interval = (f64::from(stepsize * voxel_size) / arrays.unit) as f32;

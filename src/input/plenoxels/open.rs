@@ -127,13 +127,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
 fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result<Scene> {
     let (stepsize, voxel_size) = (run.step_size as f32, cells.voxel_size());
     let march = March {
-        stepsize,
-        voxel_size,
         near: run.near_clip as f32,
-        far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
         sampled: Some(cells.faces()),
+        ..March::new(stepsize, voxel_size)
     };
     Ok(Scene {
         bounds: cells.bounds(&Place::Tensor("radius".to_owned()))?,

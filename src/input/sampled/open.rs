@@ -107,15 +107,8 @@ fn scene(
         Error::malformed(Place::File, error.kind().to_string(), expected)
     })?;
     let stepsize = options.stepsize.or(own_step).unwrap_or(STEPSIZE);
-    let march = March {
-        stepsize,
-        voxel_size,
-        near: 0.0,
-        far: None,
-        color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
-        sampled: None,
-    };
+    let color_threshold = options.color_threshold.unwrap_or(0.0);
+    let march = March { color_threshold, ..March::new(stepsize, voxel_size) };
     let scene = Scene {
         bounds,
         nodes,
