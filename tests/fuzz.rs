@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use common::archive;
 use common::factored::SMALL_MODELS;
 use common::grids::SMALL_GRIDS;
 use common::{Random, chunks, fixture};

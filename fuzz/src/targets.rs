@@ -5,14 +5,11 @@
 //! panics, hangs and memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with
 //! a plain mutator.
 
-#[path = "archive.rs"]
-mod archive;
-
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use archive::archive;
+use crate::archive::archive;
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::bake::{Changes, repack as pack_again};
 use mipvog_bake::unstable::base::bytes::{SourceFile, WriterSink};

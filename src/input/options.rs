@@ -1,10 +1,10 @@
-//! The choices that a user has about a checkpoint.
+//! The choices that a user has about an input.
 
 use std::path::PathBuf;
 
 use crate::base::error::{Error, Result};
 
-/// The user's settings for a checkpoint.
+/// The user's settings for an input.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SourceOptions {
     /// Step length in voxels. Default: 0.5, with an assumption
@@ -28,7 +28,8 @@ pub struct SourceOptions {
     pub scene_scale: Option<f32>,
     /// The part of the view-dependent colour that is kept. Default: all
     pub view: ViewChoice,
-    /// Leaves out a background that no container can hold. Default: such inputs are refused
+    /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
+    /// space. Default: such inputs are refused
     pub drop_background: bool,
 }
 

@@ -1,6 +1,8 @@
 //! Parts that several tests share: fixtures, random fields, plain reference code in float64.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+#[path = "../../fuzz/src/archive.rs"]
+pub mod archive;
 pub mod asset;
 pub mod broken;
 pub mod checkpoint;

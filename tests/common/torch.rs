@@ -1,9 +1,6 @@
 //! Small checkpoints in PyTorch's layout: a pickle and two storages in a zip file.
 
-#[path = "../../fuzz/src/archive.rs"]
-mod archive;
-
-use archive::archive;
+use super::archive::archive;
 
 /// A value of a checkpoint.
 #[derive(Debug, Clone)]

@@ -51,7 +51,8 @@ pub struct SceneArguments {
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Leave out a background that no container can hold, such as Plenoxels' spheres
+    /// Leave out surroundings that no container can hold: Plenoxels' spheres behind the box, the
+    /// contracted space around DirectVoxGO's inner box
     #[arg(long)]
     pub drop_background: bool,
 }
