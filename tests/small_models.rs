@@ -2,7 +2,6 @@
 
 mod common;
 
-use common::Random;
 use common::factored::{
     self, AABB, INNER, NODES, SIDE, contracted, dvgo, first_tensorf, nerfstudio, nerfstudio_cp,
     tensorf, tensorf_cp,
@@ -10,6 +9,7 @@ use common::factored::{
 use common::factored_values::{self as values, dvgo_color, dvgo_grid, products, softplus};
 use common::models::{of_bytes, read, renderer};
 use common::torch::{Item, TorchFile};
+use common::{Random, assert_schema, folder, program};
 use glam::DVec3;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::progress::Silent;
@@ -307,5 +307,32 @@ fn small_models_are_read() {
     let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
     for make in factored::SMALL_MODELS {
         read(&of_bytes(make().to_bytes(), &options).expect("sound")).expect("sound");
+    }
+}
+
+#[test]
+fn every_verb_takes_small_models() {
+    let here = folder();
+    for (number, make) in factored::SMALL_MODELS.into_iter().enumerate() {
+        let path = here.path().join(format!("{number}.th"));
+        let baked = here.path().join(format!("{number}.mipvog"));
+        std::fs::write(&path, make().to_bytes()).expect("writable");
+        let run = |line: &[&str]| {
+            let mut program = program();
+            program.arg(line[0]).arg(&path).args(&line[1..]).arg("--drop-background");
+            let ran = program.args(["--format", "json"]).output().expect("starts");
+            let message = String::from_utf8_lossy(&ran.stderr).into_owned();
+            assert_eq!(ran.status.code(), Some(0), "{number}: {line:?}: {message}");
+            serde_json::from_slice::<serde_json::Value>(&ran.stdout).expect("JSON")
+        };
+        let out = baked.to_str().expect("text");
+        assert_schema("bake", &run(&["bake", "-o", out, "--bits", "f32", "--levels", "1"]));
+        assert_schema("validate", &run(&["validate"]));
+        // Options of the model are no mistake beside its bake.
+        let compared = run(&["compare", out, "--turntable", "3", "--size", "32x32"]);
+        let psnr = compared["scales"][0]["psnr"].as_f64().expect("a number");
+        println!("{number}: {psnr:.1} dB");
+        // Matter is random and reaches the faces, where one sample more or less shows.
+        assert!(psnr > 10.0, "{number}: {psnr} dB");
     }
 }

@@ -96,6 +96,18 @@ impl SceneArguments {
         }
     }
 
+    /// The same without the options that say how a trained model is read.
+    pub fn of_container(&self) -> Self {
+        Self {
+            mlp: MlpChoice::Auto,
+            coarse: None,
+            scene_scale: None,
+            view: ViewChoice::Keep,
+            drop_background: false,
+            ..self.clone()
+        }
+    }
+
     /// True if an option says how a trained model is read, which no container needs.
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
