@@ -3,14 +3,15 @@
 
 mod common;
 
-use common::fixture;
-use common::models::{Reference, farthest, open, renderer};
-use mipvog_bake::unstable::base::error::ErrorKind;
+use common::models::{Reference, farthest, is_typed, open, points_agree, renderer};
+use common::{fixture, folder};
+use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::checkpoint::{Family, SourceOptions, ViewChoice};
-use mipvog_bake::unstable::input::open_tensors;
+use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::input::tensor::{self, Value};
+use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
+use mipvog_bake::unstable::input::{inspect, open_tensors};
 use mipvog_bake::unstable::view::render::Renderer;
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
@@ -31,19 +32,7 @@ fn nearly_agrees(file: &str, options: &SourceOptions, most: f32) {
     let within = off[off.len() - 1 - off.len() / 1000];
     println!("{name}: median {:e}, all but two {within:e}, farthest {:e}", off[1000], off[1999]);
     assert!(within <= most, "{name}: {within}");
-    let (positions, densities) = (reference.points("positions"), reference.values("density"));
-    for (position, expected) in positions.iter().zip(densities) {
-        let found = model.sample(*position, 0).expect("a point").density;
-        let off = (found - expected).abs();
-        assert!(off <= 1e-5 * expected.abs() + 1e-6, "{name}: {found} for {expected}");
-    }
-    let directions = reference.points("color_directions");
-    let colors = reference.values("color");
-    for (position, expected) in positions.iter().zip(colors.chunks_exact(3 * directions.len())) {
-        let found = model.point_colors(*position, &directions, 0).expect("a point");
-        let off = farthest(found.into_iter().flatten(), expected);
-        assert!(off < 1e-5, "{name}: colours {off} off at {position:?}");
-    }
+    points_agree(name, &model, &reference);
 }
 
 #[test]
@@ -59,6 +48,7 @@ fn tensorf_by_its_own_rules_agrees_with_another_program() {
 fn a_network_for_each_sample_agrees_with_another_program() {
     let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
     nearly_agrees("dvgo_default.tar", &near, 1e-4);
+    nearly_agrees("dvgo_tensorf_grid.tar", &near, 1e-4);
     let source = open("dvgo_default.tar", &near).expect("a model");
     assert_eq!(source.family, Family::Dvgo);
     assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
@@ -68,9 +58,14 @@ fn a_network_for_each_sample_agrees_with_another_program() {
 }
 
 /// Rays of a field's nodes against its reference, in decibels.
-fn field_decibels(name: &str, options: &SourceOptions) -> f64 {
-    let source = open(&format!("{name}.th"), options).expect(name);
-    let nodes = Renderer::of_field(&source.field).expect("nodes");
+fn field_decibels(file: &str, options: &SourceOptions) -> f64 {
+    let source = open(file, options).expect(file);
+    decibels(file, &Renderer::of_field(&source.field).expect("nodes"))
+}
+
+/// Rays against a reference, in decibels.
+fn decibels(file: &str, nodes: &Renderer) -> f64 {
+    let name = file.split('.').next().expect("a name");
     let reference = Reference::of(name);
     let light = nodes.ray_colors(&reference.rays(), 0, &Silent).expect("rays");
     let rgb = reference.values("rgb");
@@ -85,12 +80,20 @@ fn field_decibels(name: &str, options: &SourceOptions) -> f64 {
 #[test]
 fn a_field_of_factors_shows_what_its_model_shows() {
     let plain = SourceOptions::default();
-    assert!(field_decibels("tensorf_vm_sh", &plain) > 60.0);
-    assert!(field_decibels("tensorf_vm_relu_rgb", &plain) > 60.0);
+    assert!(field_decibels("tensorf_vm_sh.th", &plain) > 60.0);
+    assert!(field_decibels("tensorf_vm_relu_rgb.th", &plain) > 60.0);
     // A network is fitted at nodes.
-    for name in ["tensorf_vm", "tensorf_cp"] {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    for (name, plain) in [
+        ("tensorf_vm.th", plain.clone()),
+        ("tensorf_cp.th", plain),
+        ("dvgo_tensorf_grid.tar", near),
+    ] {
         let decibels = [
-            field_decibels(name, &SourceOptions { view: ViewChoice::None, ..plain.clone() }),
+            field_decibels(
+                name,
+                &SourceOptions { view: ViewChoice::Harmonics(0), ..plain.clone() },
+            ),
             field_decibels(
                 name,
                 &SourceOptions { view: ViewChoice::Harmonics(1), ..plain.clone() },
@@ -98,7 +101,7 @@ fn a_field_of_factors_shows_what_its_model_shows() {
             field_decibels(name, &plain),
         ];
         assert!(decibels.is_sorted() && decibels[2] > 40.0, "{name}: {decibels:?}");
-        let source = open(&format!("{name}.th"), &plain).expect(name);
+        let source = open(name, &plain).expect(name);
         assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
         assert!(source.assumptions.iter().any(|assumption| assumption.key == "view"));
     }
@@ -127,14 +130,7 @@ fn lies_about_factors_are_refused() {
         let loaded =
             opened.and_then(|source| Renderer::of_source(&source, None, &Limits::default()));
         let error = loaded.err().unwrap_or_else(|| panic!("{name} passes"));
-        let kind = error.kind();
-        let typed = matches!(
-            kind,
-            ErrorKind::Malformed { .. }
-                | ErrorKind::Unsupported { .. }
-                | ErrorKind::OverLimit { .. }
-        );
-        assert!(typed, "{name}: {error}");
+        assert!(is_typed(&error), "{name}: {error}");
     };
     let list = |numbers: &[f64]| Value::List(numbers.iter().map(|&n| Value::Float(n)).collect());
     let settings: [(&str, &str, Value); 15] = [
@@ -172,4 +168,36 @@ fn lies_about_factors_are_refused() {
     lie("a mask without shape", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 29.0, 31.0]));
     lie("a larger mask", &["alphaMask.shape"], &|_| list(&[1.0, 1.0, 28.0, 29.0, 31.0]));
     lie("a mask without a box", &["alphaMask.aabb"], &|_| Value::None);
+}
+
+#[test]
+fn a_bake_of_factors_shows_what_their_model_shows() {
+    let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
+    let here = folder();
+    for (name, options, least) in [
+        ("dvgo_tensorf_grid.tar", near, 43.0),
+        ("tensorf_cp.th", SourceOptions::default(), 41.5),
+        ("tensorf_vm_sh.th", SourceOptions::default(), 57.0),
+    ] {
+        let source = open(name, &options).expect(name);
+        let path = here.path().join("baked.mipvog");
+        Baker::new(BakeOptions::default()).to_file(&source, &path, true).expect("a bake");
+        let baked = Container::open_path(&path, &Limits::default()).expect("a container");
+        let found = decibels(name, &Renderer::of_container(&baked).expect("a field"));
+        assert!(found > least, "{name}: {found} dB");
+    }
+}
+
+#[test]
+fn masks_of_models_are_listed() {
+    for (name, expected) in
+        [("tensorf_vm.th", Some([33, 31, 29])), ("tensorf_vm_relu_rgb.th", None)]
+    {
+        let path = fixture("grids").join(name);
+        let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect(name);
+        assert_eq!(found.scene.expect("a scene").free_space, expected, "{name}");
+    }
+    let path = fixture("grids/dvgo_default.tar");
+    let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect("a model");
+    assert!(found.scene.expect("a scene").free_space.is_some());
 }

@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use common::archive;
+use common::factored::SMALL_MODELS;
 use common::grids::SMALL_GRIDS;
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
@@ -69,7 +71,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
-        "grids" => &[],
+        "grids" | "models" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "cameras" => &["json"],
@@ -93,6 +95,9 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         .collect();
     if target == "grids" {
         seeds.extend(SMALL_GRIDS.map(|grid| grid().to_bytes()));
+    }
+    if target == "models" {
+        seeds.extend(SMALL_MODELS.map(|model| model().to_seed()));
     }
     if target == "settings" {
         seeds.extend(SETTINGS.map(|text| text.as_bytes().to_vec()));
@@ -260,7 +265,7 @@ fn targets_stand_mutants_of_the_fixtures() {
             }
         }
         let tokens = match name {
-            "zip" | "pickle" | "npy" => tokens("pickle"),
+            "zip" | "pickle" | "npy" | "models" => tokens("pickle"),
             "safetensors" | "grids" | "gltf" | "cameras" | "settings" => tokens("json"),
             _ => tokens("container"),
         };

@@ -14,7 +14,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::checkpoint::{Family, SourceOptions, ViewChoice};
+use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
 use mipvog_bake::unstable::input::{inspect, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
 use mipvog_bake::unstable::model::trained_model::RayColor;

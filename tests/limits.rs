@@ -12,7 +12,7 @@ use mipvog_bake::unstable::base::error::{ErrorKind, Result};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::model::baked::Group;
 
 fn read_scene(path: &Path, limits: &Limits) -> Result<()> {

@@ -12,7 +12,7 @@ use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::{Progress, Silent};
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::model::field::{March, RadianceField};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};

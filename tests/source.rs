@@ -9,7 +9,7 @@ use common::checkpoint::Checkpoint;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::{Family, MlpChoice, Source, SourceOptions};
+use mipvog_bake::unstable::input::{Family, MlpChoice, Source, SourceOptions};
 use mipvog_bake::unstable::model::field::Volume;
 use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
 use mipvog_bake::unstable::model::grid::{Element, Nodes};
@@ -195,9 +195,8 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
 #[test]
 fn other_models_are_refused_with_the_reason() {
     for (name, reason) in [
-        ("contracted.tar", "contracted"),
+        ("contracted.tar", "--drop-background"),
         ("multiplane.tar", "multiplane"),
-        ("factorized.tar", "factors"),
         ("nearest.tar", "nearest node"),
     ] {
         let error = refuse(&format!("refused/{name}"));

@@ -16,7 +16,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::{Progress, Silent, Step};
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::{Source, SourceOptions};
+use mipvog_bake::unstable::input::{Source, SourceOptions};
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
 use mipvog_bake::unstable::view::compare::{Reference, References};
 use mipvog_bake::unstable::view::render::Renderer;

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::model::field::RadianceField;
 
 /// A scene and further options.

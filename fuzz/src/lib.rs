@@ -1,3 +1,4 @@
 //! Fuzz targets of `mipvog-bake`; how to run them: `README.md`.
 
+pub mod archive;
 pub mod targets;

@@ -9,6 +9,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::archive::archive;
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::bake::{Changes, repack as pack_again};
 use mipvog_bake::unstable::base::bytes::{SourceFile, WriterSink};
@@ -18,7 +19,7 @@ use mipvog_bake::unstable::base::picture;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::input::tensor;
 use mipvog_bake::unstable::input::{SceneSettings, inspect_tensors, open_tensors};
 use mipvog_bake::unstable::model::camera;
@@ -28,12 +29,13 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 12] = [
+pub const TARGETS: [Target; 13] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
     ("safetensors", safetensors),
     ("grids", grids),
+    ("models", models),
     ("container", container),
     ("render", render),
     ("repack", repack),
@@ -82,7 +84,29 @@ pub fn safetensors(bytes: &[u8]) {
 /// A safetensors file of Plenoxels, of a PlenOctree or of sampled arrays: shown by its own rules,
 /// and read as a bake reads it.
 pub fn grids(bytes: &[u8]) {
-    let (file, limits) = (file(bytes.to_vec()), limits());
+    shown(bytes.to_vec());
+}
+
+/// The pickle and the storages of a checkpoint of TensoRF or DirectVoxGO, each after its length in
+/// four bytes, in a sound zip file: shown by its own rules, and read as a bake reads it.
+pub fn models(bytes: &[u8]) {
+    let mut rest = bytes;
+    let mut parts = [&bytes[..0]; 3];
+    for part in &mut parts {
+        let Some((length, after)) = rest.split_first_chunk() else { break };
+        let length = (u32::from_le_bytes(*length) as usize).min(after.len());
+        (*part, rest) = after.split_at(length);
+    }
+    let [pickle, numbers, flags] = parts;
+    shown(archive(&[
+        ("archive/data.pkl", pickle),
+        ("archive/data/0", numbers),
+        ("archive/data/1", flags),
+    ]));
+}
+
+fn shown(bytes: Vec<u8>) {
+    let (file, limits) = (file(bytes), limits());
     let Ok(tensors) = tensor::open_file(&file, &limits) else { return };
     let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
     let Ok(source) = open_tensors(&tensors, &options, &limits) else { return };
@@ -93,8 +117,8 @@ pub fn grids(bytes: &[u8]) {
     }
     let mut plane = vec![0.0; nodes.0[1] * nodes.0[2]];
     for grid in source.field.grids() {
-        for channel in 0..grid.channels() {
-            for x in 0..nodes.0[0] {
+        for x in 0..nodes.0[0] {
+            for channel in 0..grid.channels() {
                 grid.read_plane(channel, x, &mut plane, |_| {}).ok();
             }
         }
@@ -215,42 +239,4 @@ fn mend_checksums(bytes: &mut [u8]) {
         let sum = crc32fast::hash(head).to_le_bytes();
         bytes[48..52].copy_from_slice(&sum);
     }
-}
-
-/// A zip file of stored entries.
-fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
-    let (mut bytes, mut directory) = (Vec::<u8>::new(), Vec::<u8>::new());
-    for (name, content) in entries {
-        let start = bytes.len() as u32;
-        let (sum, length) = (crc32fast::hash(content), content.len() as u32);
-        let mut fields = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        for number in [sum, length, length] {
-            fields.extend(number.to_le_bytes());
-        }
-        fields.extend((name.len() as u16).to_le_bytes());
-        fields.extend([0; 2]);
-        for part in [b"PK\x03\x04", &fields[..], name.as_bytes(), content] {
-            bytes.extend(part);
-        }
-        for part in
-            [b"PK\x01\x02\x14\x00", &fields[..], &[0; 10], &start.to_le_bytes(), name.as_bytes()]
-        {
-            directory.extend(part);
-        }
-    }
-    let count = (entries.len() as u16).to_le_bytes();
-    let start = bytes.len() as u32;
-    let length = directory.len() as u32;
-    bytes.extend(directory);
-    for part in [
-        b"PK\x05\x06\0\0\0\0",
-        &count[..],
-        &count,
-        &length.to_le_bytes(),
-        &start.to_le_bytes(),
-        &[0; 2],
-    ] {
-        bytes.extend(part);
-    }
-    bytes
 }

@@ -7,7 +7,7 @@ use super::{BakeOptions, BakeReport, Origin, bake};
 use crate::base::bytes::{ByteSink, Output, WriterSink};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent};
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::model::field::RadianceField;
 
 /// A field to bake, and its origin for the container's provenance.

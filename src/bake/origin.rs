@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 
 use crate::base::bytes::hex;
 use crate::base::error::Result;
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::model::field::{Grid, RadianceField};
 
 /// Samples of each colour tensor in a digest, evenly spaced from its first byte to its last.

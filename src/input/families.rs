@@ -1,7 +1,9 @@
 //! The families of models, told by the keys of their files.
 
-use super::checkpoint::{self, Family, Source, SourceOptions};
+use super::checkpoint;
+use super::options::SourceOptions;
 use super::scale::rescale;
+use super::source::{Family, Source};
 use super::tensor::TensorFile;
 use super::{dvgo, plenoctree, plenoxels, sampled, tensorf};
 use crate::base::error::Result;
@@ -45,8 +47,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     Ok(rescale(source, options))
 }
 
-/// A model of any family as a bake takes it, without the values of a free-space mask, and the nodes
-/// of that.
+/// A model of any family as a bake takes it, and the nodes of its free-space mask; the mask's values
+/// are not read where that can be spared.
 ///
 /// # Errors
 /// Those of [`open_tensors`].
@@ -61,5 +63,6 @@ pub(super) fn describe(
     };
     options.check()?;
     let source = (reader.open)(file, options, limits)?;
-    Ok((rescale(source, options), None))
+    let mask = source.field.free_space.as_ref().map(|mask| mask.nodes.0);
+    Ok((rescale(source, options), mask))
 }

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::checkpoint::{Assumption, Family, STATE, SourceOptions};
+use super::checkpoint::STATE;
 use super::families;
+use super::options::SourceOptions;
+use super::source::{Assumption, Family};
 use super::tensor::{self, FileKind, TensorFile, Value};
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};

@@ -6,21 +6,26 @@
 
 pub mod checkpoint;
 pub mod dvgo;
+pub mod factors;
 mod families;
 mod inspect;
+mod lazy;
 pub mod network;
 mod open;
+mod options;
 pub mod plenoctree;
 pub mod plenoxels;
 pub mod sampled;
 mod scale;
 mod settings;
+mod source;
 pub mod sparse;
 pub mod tensor;
 pub mod tensorf;
 
-pub use checkpoint::Source;
 pub use families::open_tensors;
 pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};
 pub use open::{open, open_with};
+pub use options::{MlpChoice, SourceOptions, ViewChoice};
 pub use settings::SceneSettings;
+pub use source::{Assumption, Companion, Family, Source};

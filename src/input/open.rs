@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use super::checkpoint::{Source, SourceOptions};
 use super::families::open_tensors;
+use super::options::SourceOptions;
+use super::source::Source;
 use super::tensor;
 use crate::base::error::Result;
 use crate::base::limits::Limits;

@@ -5,7 +5,8 @@
 
 use std::sync::Arc;
 
-use super::checkpoint::{Source, SourceOptions};
+use super::options::SourceOptions;
+use super::source::Source;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::model::camera::Ray;

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::checkpoint::SourceOptions;
+use super::options::SourceOptions;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;

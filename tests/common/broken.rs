@@ -9,7 +9,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::container::json::to_canonical;
 use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::model::baked::Metadata;
 use mipvog_bake::unstable::model::field::{FreeSpace, Lookup};
 use mipvog_bake::unstable::model::grid::Nodes;

@@ -1,10 +1,14 @@
 //! Parts that several tests share: fixtures, random fields, plain reference code in float64.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+#[path = "../../fuzz/src/archive.rs"]
+pub mod archive;
 pub mod asset;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;
+pub mod factored;
+pub mod factored_values;
 pub mod grids;
 pub mod harmonic_field;
 pub mod models;
@@ -18,6 +22,7 @@ pub mod stress;
 pub mod stress_field;
 pub mod stress_ray;
 pub mod stress_scalar;
+pub mod torch;
 pub mod transcoded;
 
 use std::path::{Path, PathBuf};
@@ -30,7 +35,7 @@ use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::unpack::{TensorFormat, write_tensors};
-use mipvog_bake::unstable::input::checkpoint::SourceOptions;
+use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::input::open_with;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
 use mipvog_bake::unstable::model::baked::Group;

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::Error;
+use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::checkpoint::{Source, SourceOptions};
 use mipvog_bake::unstable::input::tensor::{self, Value};
+use mipvog_bake::unstable::input::{Source, SourceOptions};
 use mipvog_bake::unstable::input::{open_tensors, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
 use mipvog_bake::unstable::view::render::Renderer;
@@ -68,6 +68,11 @@ pub fn agrees(name: &str, reference: &str, options: &SourceOptions) {
     let rgb = farthest(light.iter().flat_map(|ray| ray.color), &reference.values("rgb"));
     let left = farthest(light.iter().map(|r| r.transmittance), &reference.values("transmittance"));
     assert!(rgb < 2e-5 && left < 2e-5, "{name}: colours {rgb}, transmittance {left}");
+    points_agree(name, &model, &reference);
+}
+
+/// Densities within 1e-5 of the reference's, colours within 1e-5.
+pub fn points_agree(name: &str, model: &Renderer, reference: &Reference) {
     let (positions, densities) = (reference.points("positions"), reference.values("density"));
     for (position, expected) in positions.iter().zip(densities) {
         let found = model.sample(*position, 0).expect("a point").density;
@@ -85,21 +90,45 @@ pub fn agrees(name: &str, reference: &str, options: &SourceOptions) {
 
 /// Opens a small grid.
 pub fn small(grid: &SmallGrid) -> Result<Source, Error> {
-    let file = Arc::new(SourceFile::decoded(grid.to_bytes(), Path::new("/nowhere/grid")));
-    let limits = Limits::default();
-    open_tensors(&tensor::open_file(&file, &limits)?, &SourceOptions::default(), &limits)
+    of_bytes(grid.to_bytes(), &SourceOptions::default())
 }
 
-/// Opens a model, loads it, and reads its field.
-/// Reads everything of it.
+/// Opens a model out of memory.
+pub fn of_bytes(bytes: Vec<u8>, options: &SourceOptions) -> Result<Source, Error> {
+    let file = Arc::new(SourceFile::decoded(bytes, Path::new("/nowhere/model")));
+    let limits = Limits::default();
+    open_tensors(&tensor::open_file(&file, &limits)?, options, &limits)
+}
+
+/// True for errors about what is in a file.
+pub fn is_typed(error: &Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::Malformed { .. }
+            | ErrorKind::Unsupported { .. }
+            | ErrorKind::OverLimit { .. }
+            | ErrorKind::Overflow { .. }
+            | ErrorKind::NonFinite { .. }
+            | ErrorKind::Checksum { .. }
+            | ErrorKind::Truncated { .. }
+            | ErrorKind::WrongKind { .. }
+    )
+}
+
+/// Opens a small grid, loads it, and reads its field.
 pub fn used(grid: &SmallGrid) -> Result<(), Error> {
-    let source = small(grid)?;
-    Renderer::of_source(&source, None, &Limits::default())?;
+    read(&small(grid)?)
+}
+
+/// Loads a model, and reads all nodes of its field.
+pub fn read(source: &Source) -> Result<(), Error> {
+    Renderer::of_source(source, None, &Limits::default())?;
     let [nx, ny, nz] = source.field.scene.nodes.0;
     for grid in source.field.grids() {
         let mut plane = vec![0.0; ny * nz];
-        for channel in 0..grid.channels() {
-            (0..nx).try_for_each(|x| grid.read_plane(channel, x, &mut plane, |_| {}))?;
+        for x in 0..nx {
+            (0..grid.channels())
+                .try_for_each(|channel| grid.read_plane(channel, x, &mut plane, |_| {}))?;
         }
     }
     Ok(())

@@ -10,7 +10,7 @@ use crate::base::error::{Error, Result};
 use crate::base::finding::{Code, Finding, checked};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, starts_container};
-use crate::input::checkpoint::SourceOptions;
+use crate::input::SourceOptions;
 use crate::input::tensor;
 use crate::output::gltf::asset::is_asset;
 

@@ -9,7 +9,7 @@ use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::limits::Limits;
 use crate::codec::unpack::{Unpacked, metadata_text};
 use crate::input;
-use crate::input::checkpoint::SourceOptions;
+use crate::input::SourceOptions;
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::RadianceField;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -107,13 +107,23 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let (which, cameras) = (arguments.which, arguments.cameras.file());
     which.check(&[&arguments.reference, &arguments.field])?;
     let cameras = cameras.as_deref();
-    let field = scene.open(&arguments.field, which, arguments.filter, cameras, common)?;
+    // Beside a model, its options are no mistake about a container.
+    let is_baked = |path: &Path| Ok(which.container(path, &common.limits())?.is_some());
+    let baked = match arguments.reference.is_dir() {
+        true => [false; 2],
+        false => [is_baked(&arguments.reference)?, is_baked(&arguments.field)?],
+    };
+    let [of_reference, of_field] = baked.map(|is_baked| match is_baked && baked != [true; 2] {
+        true => scene.of_container(),
+        false => scene.clone(),
+    });
+    let field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
     let reference = if arguments.reference.is_dir() {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background, limits: common.limits() }
     } else {
-        let opened = scene.open(&arguments.reference, which, None, cameras, common)?;
+        let opened = of_reference.open(&arguments.reference, which, None, cameras, common)?;
         arguments.warn_of_settings(&opened, common)?;
         Reference::Field(Box::new(opened))
     };

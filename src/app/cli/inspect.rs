@@ -19,7 +19,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, is_container};
 use crate::input;
 use crate::input::Inspection;
-use crate::input::checkpoint::SourceOptions;
+use crate::input::SourceOptions;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
 
 /// Show the contents of containers, glTF assets and checkpoints, without decoding them

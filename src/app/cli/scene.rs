@@ -14,7 +14,7 @@ use super::output::STANDARD_STREAM;
 use super::values::{Background, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{MlpChoice, SourceOptions, ViewChoice};
+use crate::input::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::{SceneSettings, Source};
 use crate::model::camera::{self, Camera};
 
@@ -52,7 +52,8 @@ pub struct SceneArguments {
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Leave out a background that no container can hold, such as Plenoxels' spheres
+    /// Leave out surroundings that no container can hold: Plenoxels' spheres behind the box, the
+    /// contracted space around DirectVoxGO's inner box
     #[arg(long)]
     pub drop_background: bool,
 }
@@ -94,6 +95,18 @@ impl SceneArguments {
             view: self.view,
             cameras: Vec::new(),
             drop_background: self.drop_background,
+        }
+    }
+
+    /// The same without the options that say how a trained model is read.
+    pub fn of_container(&self) -> Self {
+        Self {
+            mlp: MlpChoice::Auto,
+            coarse: None,
+            scene_scale: None,
+            view: ViewChoice::Keep,
+            drop_background: false,
+            ..self.clone()
         }
     }
 

@@ -8,7 +8,7 @@ use clap::builder::PossibleValue;
 use crate::bake::{Filter, LevelRule, Preset};
 use crate::base::limits::Limits;
 use crate::codec::quantize::Bits;
-use crate::input::checkpoint::{MlpChoice, ViewChoice};
+use crate::input::{MlpChoice, ViewChoice};
 use crate::model::harmonics::Harmonics;
 
 /// Every number of bits, by name.

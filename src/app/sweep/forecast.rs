@@ -12,7 +12,7 @@ use crate::bake::{Preset, forecast};
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::model::camera::Camera;
 
 /// One setting of a forecast.

@@ -14,7 +14,7 @@ use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::view::compare::References;
 use crate::view::render::Renderer;
 

@@ -17,7 +17,7 @@ use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::parallel;
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::model::camera::Camera;
 use crate::model::field::Lookup;
 

@@ -13,7 +13,7 @@ use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::model::camera::Camera;
 use crate::view::compare::{Reference, References};
 use crate::view::render::Renderer;

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 use super::march;
 use super::names::NamedValues;
-use super::options::SourceOptions;
-use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
+use crate::input::options::SourceOptions;
+use crate::input::source::Assumption;
 use crate::input::tensor;
 
 /// Opacity that training of the coarse stage starts from.

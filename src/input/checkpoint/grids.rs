@@ -1,26 +1,18 @@
 //! The two grids, the box they span, and the models that this is not.
 
 use super::names::NamedValues;
-use super::source::{Assumption, Family};
+use super::stored::StoredGrid;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::model::field::Volume;
+use crate::input::source::{Assumption, Family};
 use crate::model::grid::Bounds;
 
 /// Other models' checkpoints, and the reason why they cannot be baked: names of weights (a dot at
 /// the end stands for all that start so), names of settings, the reason.
 const OTHERS: [(&[&str], &[&str], &str); 3] = [
-    (
-        &["scene_center", "scene_radius"],
-        &["bg_len", "contracted_norm", "fourier_freq_num"],
-        "an unbounded scene in contracted space, whose rays are not straight in the grid",
-    ),
+    (&[], &["fourier_freq_num"], "an unbounded scene whose grid holds Fourier coefficients"),
     (&["act_shift.grid"], &["mpi_depth"], "a multiplane scene, whose opacity depends on the plane"),
-    (
-        &["density.xy_plane", "k0.xy_plane", "density_plane.", "app_plane."],
-        &[],
-        "a grid of factors (TensoRFGrid), which this version does not multiply",
-    ),
+    (&["density_plane.", "app_plane."], &[], "TensoRF's factors without its settings, kwargs"),
 ];
 
 /// Refuses models that are not dense grids in a box, interpolated linearly.
@@ -51,35 +43,24 @@ pub(super) fn refuse_others(names: &NamedValues<'_>) -> Result<()> {
 }
 
 /// Finds density and colour, of one size, the colour of at least three channels.
-pub(super) fn find(names: &NamedValues<'_>, limits: &Limits) -> Result<(Volume, Volume)> {
-    let (density_name, density) = grid(names, "density", limits)?;
-    let (color_name, color) = grid(names, "k0", limits)?;
+pub(super) fn find(names: &NamedValues<'_>, limits: &Limits) -> Result<(StoredGrid, StoredGrid)> {
+    let density = StoredGrid::find(names, "density", limits)?;
+    let color = StoredGrid::find(names, "k0", limits)?;
     if density.channels != 1 {
         let found = format!("{} channels of density", density.channels);
-        return Err(Error::malformed(Place::Tensor(density_name), found, "one"));
+        return Err(Error::malformed(Place::Tensor(density.name), found, "one"));
     }
     if color.channels < 3 {
         let found = format!("{} channels of colour", color.channels);
         let expected = "three of diffuse colour, then the features";
-        return Err(Error::malformed(Place::Tensor(color_name), found, expected));
+        return Err(Error::malformed(Place::Tensor(color.name), found, expected));
     }
-    if color.nodes != density.nodes {
-        let found = format!("{:?} nodes", color.nodes.0);
-        let expected = format!("{:?}, as density has", density.nodes.0);
-        return Err(Error::malformed(Place::Tensor(color_name), found, expected));
+    if color.nodes() != density.nodes() {
+        let found = format!("{:?} nodes", color.nodes().0);
+        let expected = format!("{:?}, as density has", density.nodes().0);
+        return Err(Error::malformed(Place::Tensor(color.name), found, expected));
     }
     Ok((density, color))
-}
-
-/// A grid under its name of either generation.
-fn grid(names: &NamedValues<'_>, name: &str, limits: &Limits) -> Result<(String, Volume)> {
-    let newer = format!("{name}.grid");
-    let Some(tensor) = names.tensor(&newer).or_else(|| names.tensor(name)) else {
-        let found = format!("tensors without a grid {name} or {newer}");
-        let expected = "a Mip-VoG or DirectVoxGO model, with density and k0";
-        return Err(Error::wrong_kind(found, expected));
-    };
-    Ok((tensor.name().to_owned(), tensor.volume(limits)?))
 }
 
 /// The family that wrote a checkpoint. Mip-VoG keeps its low-pass filter and its surface cache
@@ -87,7 +68,8 @@ fn grid(names: &NamedValues<'_>, name: &str, limits: &Limits) -> Result<(String,
 /// seven channels under the old names.
 pub(super) fn family(names: &NamedValues<'_>, channels: usize) -> Family {
     let own = names.has_prefix("lowpass_filter.") || names.has_prefix("surf_cache.");
-    let newer = names.weight("density.grid").is_some() || names.weight("mask_cache.mask").is_some();
+    let newer = ["density.grid", "density.xy_plane", "mask_cache.mask"];
+    let newer = newer.iter().any(|name| names.weight(name).is_some());
     if own || (!newer && channels == 7) { Family::MipVog } else { Family::Dvgo }
 }
 
@@ -111,7 +93,11 @@ pub(super) fn bounds(names: &NamedValues<'_>) -> Result<Bounds> {
 }
 
 /// Keeps the diffuse channels only, if that was asked for or nothing could use the others.
-pub(super) fn drop_features(color: &mut Volume, asked: bool, assumptions: &mut Vec<Assumption>) {
+pub(super) fn drop_features(
+    color: &mut StoredGrid,
+    asked: bool,
+    assumptions: &mut Vec<Assumption>,
+) {
     let features = color.channels - 3;
     if features == 0 {
         return;

@@ -7,9 +7,9 @@
 //! ```
 
 use super::names::NamedValues;
-use super::options::SourceOptions;
-use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
+use crate::input::options::SourceOptions;
+use crate::input::source::{Assumption, Family};
 use crate::model::field::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 

@@ -13,12 +13,13 @@
 //! ```
 
 use super::coarse::{self, Coarse};
+use super::contracted::Inner;
 use super::march;
 use super::names::NamedValues;
-use super::options::SourceOptions;
-use super::source::Assumption;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::input::options::SourceOptions;
+use crate::input::source::Assumption;
 use crate::input::tensor::Tensor;
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};
@@ -38,6 +39,8 @@ pub(super) struct Mask<'a> {
     pub(super) threshold: Option<f32>,
     /// The coarse checkpoint that the threshold comes from.
     pub(super) coarse: Option<Coarse>,
+    /// The inner box of a contracted scene, in whose half sizes the mask is stored.
+    pub(super) inner: Option<Inner>,
 }
 
 impl<'a> Mask<'a> {
@@ -65,7 +68,15 @@ impl<'a> Mask<'a> {
                 let place = Place::Key("mask_cache.xyz2ijk_scale".into());
                 return Err(Error::malformed(place, found, "finite numbers"));
             }
-            return Ok(Some(Self { tensor, nodes, scale, shift, threshold: None, coarse: None }));
+            return Ok(Some(Self {
+                tensor,
+                nodes,
+                scale,
+                shift,
+                threshold: None,
+                coarse: None,
+                inner: None,
+            }));
         }
         if let Some(tensor) = names.tensor("mask_cache.density") {
             let nodes = sizes(tensor, limits)?;
@@ -84,7 +95,7 @@ impl<'a> Mask<'a> {
             });
             let threshold = raw_threshold(opacity, coarse.shift, coarse.ratio)?;
             let (threshold, coarse) = (Some(threshold), Some(coarse));
-            return Ok(Some(Self { tensor, nodes, scale, shift, threshold, coarse }));
+            return Ok(Some(Self { tensor, nodes, scale, shift, threshold, coarse, inner: None }));
         }
         let Some(tensor) = names.tensor("nonempty_mask") else { return Ok(None) };
         let found = sizes(tensor, limits)?;
@@ -93,7 +104,7 @@ impl<'a> Mask<'a> {
             return Err(Error::malformed(tensor.place(), format!("{:?} nodes", found.0), expected));
         }
         let (scale, shift) = index_map(bounds, nodes);
-        Ok(Some(Self { tensor, nodes, scale, shift, threshold: None, coarse: None }))
+        Ok(Some(Self { tensor, nodes, scale, shift, threshold: None, coarse: None, inner: None }))
     }
 
     /// Reads its values.
@@ -110,7 +121,12 @@ impl<'a> Mask<'a> {
                 Lookup::Trilinear { values, threshold }
             }
         };
-        Ok(FreeSpace { nodes: self.nodes, scale: self.scale, shift: self.shift, lookup })
+        let (nodes, scale, shift) = (self.nodes, self.scale, self.shift);
+        let mask = FreeSpace { nodes, scale, shift, lookup };
+        Ok(match &self.inner {
+            Some(inner) => inner.crop(mask),
+            None => mask,
+        })
     }
 }
 

@@ -5,9 +5,9 @@
 //! indices, number by number.
 
 use super::names::NamedValues;
-use super::source::{Assumption, Family};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::input::source::{Assumption, Family};
 use crate::input::tensor::{Tensor, Value};
 use crate::model::view_mlp::{Layer, ViewInput, ViewMlp};
 

@@ -21,7 +21,7 @@ pub(super) const AS_MASK: &str = "MaskCache_kwargs";
 const CONFIGURATIONS: [&str; 4] = ["render_kwargs", "cfg", "config", "args"];
 
 /// Weights and settings of a checkpoint by name.
-pub(super) struct NamedValues<'a> {
+pub struct NamedValues<'a> {
     root: &'a Value,
     state: BTreeMap<&'a str, &'a Value>,
     settings: BTreeMap<&'a str, Cow<'a, Value>>,
@@ -30,7 +30,7 @@ pub(super) struct NamedValues<'a> {
 
 impl<'a> NamedValues<'a> {
     /// Sorts the contents of `file`.
-    pub(super) fn new(file: &'a TensorFile) -> Self {
+    pub fn new(file: &'a TensorFile) -> Self {
         let mut names = Self {
             root: &file.root,
             state: BTreeMap::new(),
@@ -71,12 +71,12 @@ impl<'a> NamedValues<'a> {
     }
 
     /// A weight.
-    pub(super) fn weight(&self, name: &str) -> Option<&'a Value> {
+    pub fn weight(&self, name: &str) -> Option<&'a Value> {
         self.state.get(name).copied().filter(|value| !value.is_none())
     }
 
     /// A weight that is a tensor.
-    pub(super) fn tensor(&self, name: &str) -> Option<&'a Tensor> {
+    pub fn tensor(&self, name: &str) -> Option<&'a Tensor> {
         self.weight(name).and_then(Value::tensor)
     }
 
@@ -86,14 +86,14 @@ impl<'a> NamedValues<'a> {
     }
 
     /// NamedValues of weights that start with `prefix`, without it.
-    pub(super) fn after(&self, prefix: &str) -> impl Iterator<Item = &'a str> {
+    pub fn after(&self, prefix: &str) -> impl Iterator<Item = &'a str> {
         let names: Vec<&'a str> =
             self.state.keys().filter_map(|name| name.strip_prefix(prefix)).collect();
         names.into_iter()
     }
 
     /// A setting.
-    pub(super) fn setting(&self, name: &str) -> Option<&Value> {
+    pub fn setting(&self, name: &str) -> Option<&Value> {
         self.settings.get(name).map(AsRef::as_ref).filter(|value| !value.is_none())
     }
 
@@ -137,7 +137,7 @@ impl<'a> NamedValues<'a> {
     }
 
     /// A setting that is true or false; false where it is missing.
-    pub(super) fn flag(&self, name: &str) -> Result<bool> {
+    pub fn flag(&self, name: &str) -> Result<bool> {
         self.setting(name).map_or(Ok(false), |value| value.boolean(&format!("{SETTINGS}.{name}")))
     }
 

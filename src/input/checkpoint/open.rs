@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
+use super::contracted::Inner;
 use super::march::Recorded;
 use super::mask::Mask;
 use super::names::NamedValues;
-use super::options::{MlpChoice, SourceOptions, ViewChoice};
-use super::source::{Assumption, Companion, Family, Source};
 use super::{grids, march, mlp};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
+use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Companion, Family, Source};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::{ColorDomain, RadianceField, Scene};
 use crate::model::view_dependence::ViewDependence;
@@ -21,7 +22,7 @@ const COARSE_ALPHA: f64 = 1e-5;
 /// Opens a checkpoint of any kind.
 ///
 /// # Errors
-/// `Unsupported` for models that are not dense grids in a box or whose network runs for each
+/// `Unsupported` for models that are not grids in a box or whose network runs for each
 /// sample, `Malformed` where parts are missing or do not fit, `InvalidOption` for options out of
 /// range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
@@ -67,13 +68,19 @@ fn assemble<'a>(
     let names = NamedValues::new(file);
     let (mut assumptions, mut companions) = (Vec::new(), Vec::new());
     grids::refuse_others(&names)?;
+    let inner = Inner::find(&names, options)?;
     let (density, mut color) = grids::find(&names, limits)?;
-    let nodes = density.nodes;
-    let bounds = grids::bounds(&names)?;
+    let nodes = density.nodes();
+    let stored_bounds = grids::bounds(&names)?;
+    let bounds = inner.as_ref().map_or(Ok(stored_bounds), |inner| inner.to_world(stored_bounds))?;
     let family = grids::family(&names, color.channels);
     let recorded = Recorded::find(&names)?;
-    let (activation, march) =
+    let (activation, mut march) =
         march::find(&names, family, &bounds, nodes, options, &recorded, &mut assumptions)?;
+    if let Some(inner) = &inner {
+        march.sampled = Some(inner.bounds());
+        assumptions.push(inner.assumption());
+    }
     let features = color.channels - 3;
     let view_mlp = match mlp_choice {
         MlpChoice::None => None,
@@ -110,7 +117,11 @@ fn assemble<'a>(
                     .to_owned(),
         });
     }
-    let mask = Mask::find(&names, &bounds, nodes, path, options, limits, &mut assumptions)?;
+    let mut mask =
+        Mask::find(&names, &stored_bounds, nodes, path, options, limits, &mut assumptions)?;
+    if let Some(mask) = &mut mask {
+        mask.inner = inner;
+    }
     let coarse = mask.as_ref().and_then(|mask| mask.coarse.as_ref()?.file.clone());
     companions.extend(coarse.map(|(path, digest)| Companion { role: "coarse", path, digest }));
     if let Some(path) = options
@@ -133,8 +144,8 @@ fn assemble<'a>(
     let scene = Scene { bounds, nodes, activation, march, background };
     let field = RadianceField {
         scene,
-        density: density.into(),
-        color: vec![color.into()],
+        density: density.into_grid(),
+        color: vec![color.into_grid()],
         color_domain: ColorDomain::Logit,
         view: view_mlp.map(ViewDependence::Network),
         free_space: None,

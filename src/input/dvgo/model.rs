@@ -6,13 +6,17 @@
 //! weight = alpha T,  T *= 1 - alpha, and the ray ends below 1e-3
 //! colour = sum of weight network(features, direction), where a weight is over the threshold
 //! ```
+//!
+//! In contracted scenes samples are counted from the camera: `t = (k + 1/2) step`.
 
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::input::checkpoint::{Inner, StoredGrid};
+use crate::input::factors::{Between, Mixed, Scratch};
 use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
-use crate::model::field::{Grid, RadianceField, Volume};
-use crate::model::grid::Nodes;
+use crate::model::field::RadianceField;
+use crate::model::grid::{Bounds, Nodes};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Transmittance below which a ray ends.
@@ -25,47 +29,101 @@ const ON_FACE: f64 = 1e-6;
 pub(super) struct DvgoFile {
     /// Density, settings and the mask.
     pub(super) field: RadianceField,
+    pub(super) density: StoredGrid,
     /// All features.
-    pub(super) color: Volume,
+    pub(super) color: StoredGrid,
     pub(super) network: NetworkFile,
+    /// The inner box of a contracted scene.
+    pub(super) inner: Option<Inner>,
 }
 
 /// A model in memory.
 #[derive(Debug)]
 struct Dvgo {
     field: RadianceField,
-    density: Vec<f32>,
-    /// Node by node.
-    features: Vec<f32>,
-    width: usize,
+    density: Values,
+    features: Values,
     network: Network,
+    /// Distance of samples of a contracted scene, which start at the camera.
+    from_camera: Option<f64>,
+}
+
+/// A grid in memory.
+#[derive(Debug)]
+enum Values {
+    /// All values, the channels of a node side by side.
+    Dense {
+        values: Vec<f32>,
+        channels: usize,
+    },
+    Factors(Mixed),
 }
 
 impl LoadModel for DvgoFile {
     fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>> {
         let mut budget = Budget::new(limits);
         let network = self.network.load(&mut budget)?;
-        let (density, width) = (load(&self.field.density, &mut budget)?, self.color.channels);
-        let features = load(&Grid::Array(self.color.clone()), &mut budget)?;
-        Ok(Box::new(Dvgo { field: self.field.clone(), density, features, width, network }))
+        let density = Values::load(&self.density, &mut budget)?;
+        let features = Values::load(&self.color, &mut budget)?;
+        let from_camera = self.inner.as_ref().map(|inner| self.step_from_camera(inner));
+        Ok(Box::new(Dvgo { field: self.field.clone(), density, features, network, from_camera }))
     }
 }
 
-/// All values, the channels of a node side by side.
-fn load(grid: &Grid, budget: &mut Budget) -> Result<Vec<f32>> {
-    let (Nodes([nx, ny, nz]), width) = (grid.nodes(), grid.channels());
-    let place = Place::Key("grid".to_owned());
-    let count = nx * ny * nz * width;
-    let mut values: Vec<f32> = budget.zeroed(count, "bytes of a grid", &place)?;
-    let mut plane: Vec<f32> = budget.zeroed(ny * nz, "bytes of a grid", &place)?;
-    for channel in 0..width {
-        for (x, out) in values.chunks_exact_mut(ny * nz * width).enumerate() {
-            grid.read_plane(channel, x, &mut plane, |_| {})?;
-            let out = out.iter_mut().skip(channel).step_by(width);
-            out.zip(&plane).for_each(|(out, value)| *out = *value);
-        }
+impl DvgoFile {
+    /// Twice the radius, in as many whole steps as the inner box has.
+    fn step_from_camera(&self, inner: &Inner) -> f64 {
+        let (scene, Nodes([side, _, _])) = (&self.field.scene, self.field.scene.nodes);
+        let [edge, _, _] = scene.bounds.extent();
+        let share = 2.0 * inner.radius / edge;
+        let steps = (share * side as f64 / f64::from(scene.march.stepsize)).floor() + 1.0;
+        2.0 * inner.radius / steps
     }
-    Ok(values)
+}
+
+impl Values {
+    fn load(stored: &StoredGrid, budget: &mut Budget) -> Result<Self> {
+        if let Some(factors) = stored.factors() {
+            return factors.load(budget).map(Self::Factors);
+        }
+        let grid = stored.clone().into_grid();
+        let (Nodes([nx, ny, nz]), channels) = (grid.nodes(), grid.channels());
+        let place = Place::Tensor(stored.name.clone());
+        let count = nx * ny * nz * channels;
+        let mut values: Vec<f32> = budget.zeroed(count, "bytes of a grid", &place)?;
+        let mut plane: Vec<f32> = budget.zeroed(ny * nz, "bytes of a grid", &place)?;
+        for channel in 0..channels {
+            for (x, out) in values.chunks_exact_mut(ny * nz * channels).enumerate() {
+                grid.read_plane(channel, x, &mut plane, |_| {})?;
+                let out = out.iter_mut().skip(channel).step_by(channels);
+                out.zip(&plane).for_each(|(out, value)| *out = *value);
+            }
+        }
+        Ok(Self::Dense { values, channels })
+    }
+
+    /// Interpolated values at a position in nodes.
+    fn at(&self, [nx, ny, nz]: [usize; 3], [x, y, z]: [f64; 3]) -> Vec<f64> {
+        let at = [Between::at(x, nx), Between::at(y, ny), Between::at(z, nz)];
+        let (values, channels) = match self {
+            Self::Factors(factors) => return factors.values(&at, &mut Scratch::default()),
+            Self::Dense { values, channels } => (values, *channels),
+        };
+        let [xs, ys, zs] = at.map(Between::corners);
+        let mut sums = vec![0.0; channels];
+        for (x, of_x) in xs {
+            for (y, of_y) in ys {
+                for (z, of_z) in zs {
+                    let weight = of_x * of_y * of_z;
+                    let first = ((x * ny + y) * nz + z) * channels;
+                    let stored = values.get(first..first + channels).unwrap_or_default();
+                    let sums = sums.iter_mut().zip(stored);
+                    sums.for_each(|(sum, value)| *sum += weight * f64::from(*value));
+                }
+            }
+        }
+        sums
+    }
 }
 
 impl Dvgo {
@@ -78,52 +136,29 @@ impl Dvgo {
         at
     }
 
-    /// Interpolated values of nodes of `width` channels.
-    fn interpolate(&self, values: &[f32], width: usize, at: [f64; 3]) -> Vec<f64> {
-        let Nodes(counts) = self.field.scene.nodes;
-        let mut corners = [[(0, 0.0); 2]; 3];
-        for ((corners, at), count) in corners.iter_mut().zip(at).zip(counts) {
-            let at = at.clamp(0.0, (count - 1) as f64);
-            let low = at.floor();
-            #[expect(clippy::cast_possible_truncation, reason = "a node's number")]
-            let node = low as usize;
-            *corners = [(node, 1.0 - (at - low)), ((node + 1).min(count - 1), at - low)];
-        }
-        let [xs, ys, zs] = corners;
-        let [_, ny, nz] = counts;
-        let mut sums = vec![0.0; width];
-        for (x, of_x) in xs {
-            for (y, of_y) in ys {
-                for (z, of_z) in zs {
-                    let weight = of_x * of_y * of_z;
-                    let first = ((x * ny + y) * nz + z) * width;
-                    let stored = values.get(first..first + width).unwrap_or_default();
-                    let sums = sums.iter_mut().zip(stored);
-                    sums.for_each(|(sum, value)| *sum += weight * f64::from(*value));
-                }
-            }
-        }
-        sums
-    }
-
     /// Optical depth of a step at a position, 0 where the mask is not set.
     fn depth(&self, world: [f64; 3]) -> f64 {
         let (at, Nodes(counts)) = (self.to_nodes(world), self.field.scene.nodes);
         let on =
             |(at, count): (f64, usize)| (-ON_FACE..=(count - 1) as f64 + ON_FACE).contains(&at);
-        let inside = at.into_iter().zip(counts).all(on);
+        let sampled = |bounds: &Bounds| {
+            let mut axes = world.into_iter().zip(bounds.min).zip(bounds.max);
+            axes.all(|((at, min), max)| (f64::from(min)..=f64::from(max)).contains(&at))
+        };
+        let inside = at.into_iter().zip(counts).all(on)
+            && self.field.scene.march.sampled.as_ref().is_none_or(sampled);
         let masked =
             |field: &RadianceField| field.free_space.as_ref().is_none_or(|m| m.contains(world));
         if !inside || !masked(&self.field) {
             return 0.0;
         }
-        let raw: f64 = self.interpolate(&self.density, 1, at).into_iter().sum();
+        let raw: f64 = self.density.at(counts, at).into_iter().sum();
         let activation = &self.field.scene.activation;
         activation.density(raw) * f64::from(activation.interval)
     }
 
     fn color(&self, world: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let features = self.interpolate(&self.features, self.width, self.to_nodes(world));
+        let features = self.features.at(self.field.scene.nodes.0, self.to_nodes(world));
         let seen = |&along: &[f64; 3]| self.network.color(&features, [0.0; 3], along);
         directions.iter().map(seen).collect()
     }
@@ -138,9 +173,10 @@ impl TrainedModel for Dvgo {
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
         let direction = (ray.direction / ray.direction.length()).to_array();
-        let (origin, step) = (ray.origin.to_array(), self.step());
+        let origin = ray.origin.to_array();
         let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
-        let bounds = &self.field.scene.bounds;
+        let march = &self.field.scene.march;
+        let bounds = march.sampled.as_ref().unwrap_or(&self.field.scene.bounds);
         let corners = bounds.min.into_iter().zip(bounds.max);
         for ((from, by), (low, high)) in origin.into_iter().zip(direction).zip(corners) {
             let by = if by == 0.0 { 1e-6 } else { by };
@@ -148,8 +184,11 @@ impl TrainedModel for Dvgo {
             (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
         }
         let far = rules.far.map_or(f64::INFINITY, f64::from);
-        let start = enters.min(far).max(f64::from(rules.near));
-        let march = &self.field.scene.march;
+        let enters = enters.min(far).max(f64::from(rules.near));
+        let (start, step) = match self.from_camera {
+            Some(step) => ((enters / step - 0.5).ceil() * step + 0.5 * step, step),
+            None => (enters, self.step()),
+        };
         let (mut passes, mut sum, mut distance, mut number) = (1.0, [0.0; 3], 0.0, 0.0);
         while passes >= ENDS {
             let t = start + number * step;

@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use super::colors::StoredFeatures;
 use super::model::DvgoFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{
-    self, Assumption, Family, MlpChoice, Source, SourceOptions, ViewChoice,
-};
+use crate::input::checkpoint::{self, Inner, NamedValues, StoredGrid};
 use crate::input::network::{FittedColors, Inputs, NetworkFile};
-use crate::input::tensor::{Tensor, TensorFile, Value};
+use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Family, Source};
+use crate::input::tensor::{Tensor, TensorFile};
 use crate::model::field::{ColorDomain, Grid, RadianceField};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
@@ -26,18 +25,19 @@ const DEGREE: usize = 2;
 
 /// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
 pub fn knows(file: &TensorFile) -> bool {
-    let direct = file.root.at(&["model_kwargs", "rgbnet_direct"]);
-    let direct = direct.and_then(|flag| flag.boolean("rgbnet_direct").ok()).unwrap_or(false);
-    let channels = weight(file, "k0.grid").and_then(|grid| grid.shape().get(1).copied());
+    let names = NamedValues::new(file);
+    // Contracted scenes have no other network, and no flag.
+    let direct =
+        names.weight("scene_center").is_some() || names.flag("rgbnet_direct").unwrap_or(false);
+    let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
+        (Some(grid), _) => grid.shape().get(1).copied(),
+        (None, factors) => factors.and_then(|factors| factors.shape().get(1).copied()),
+    };
     direct
         && channels.is_some_and(|channels| (3..=256).contains(&channels))
         && channels != Some(DEFERRED_CHANNELS)
-        && weight(file, "rgbnet.0.weight").is_some()
-        && weight(file, "viewfreq").is_some_and(|tensor| tensor.count() <= OCTAVES)
-}
-
-fn weight<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Tensor> {
-    file.root.at(&["model_state_dict", name]).and_then(Value::tensor)
+        && names.tensor("rgbnet.0.weight").is_some()
+        && names.tensor("viewfreq").is_some_and(|tensor| tensor.count() <= OCTAVES)
 }
 
 /// Opens a checkpoint. Without the network it is opened as any other.
@@ -50,17 +50,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     }
     let plain = SourceOptions { mlp: MlpChoice::None, view: ViewChoice::Keep, ..options.clone() };
     let mut source = checkpoint::open_tensors(file, &plain, limits)?;
-    let (Some(grid), Some(frequencies)) = (weight(file, "k0.grid"), weight(file, "viewfreq"))
-    else {
-        return Ok(source);
-    };
-    let color = grid.volume(limits)?;
-    let inputs = Inputs {
-        features: 0,
-        position: 0,
-        direction: u32::try_from(frequencies.count()).unwrap_or(0),
-    };
-    let network = NetworkFile::new(layers(file), inputs, color.channels)?;
+    let names = NamedValues::new(file);
+    let (density, color) =
+        (StoredGrid::find(&names, "density", limits)?, StoredGrid::find(&names, "k0", limits)?);
+    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
+    let direction = u32::try_from(octaves).unwrap_or(0);
+    let inputs = Inputs { features: 0, position: 0, direction };
+    let network = NetworkFile::new(layers(&names), inputs, color.channels)?;
+    let inner = Inner::find(&names, options)?;
     let degree = match options.view {
         ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
         _ => DEGREE,
@@ -80,10 +77,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     source.family = Family::Dvgo;
     let field = source.field.clone();
     let matter = RadianceField { color: Vec::new(), ..field.clone() };
-    let model = Arc::new(DvgoFile { field, color: color.clone(), network: network.clone() });
-    let features = Arc::new(StoredFeatures::new(color, limits));
-    let cameras = &options.cameras;
-    let colors = FittedColors::new(features, network, harmonics, matter, cameras, limits);
+    let (features, cameras) = (color.clone().into_grid(), &options.cameras);
+    let colors = FittedColors::new(features, network.clone(), harmonics, matter, cameras, limits);
+    let model = Arc::new(DvgoFile { field, density, color, network, inner });
     source.field.color = vec![Grid::Values(Arc::new(colors))];
     source.field.color_domain = ColorDomain::Linear;
     source.field.view = Some(ViewDependence::Harmonics(harmonics));
@@ -94,16 +90,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
 
 /// Weights and biases of the layers `rgbnet.0`, `rgbnet.2.0`, `rgbnet.3`, in the order of their
 /// numbers.
-fn layers(file: &TensorFile) -> Vec<[Tensor; 2]> {
-    let entries = file.root.get("model_state_dict").map_or(&[][..], Value::entries);
+fn layers(names: &NamedValues<'_>) -> Vec<[Tensor; 2]> {
     let mut found: Vec<(Vec<u64>, [Tensor; 2])> = Vec::new();
-    for (name, value) in entries {
-        let index = name.strip_prefix("rgbnet.").and_then(|name| name.strip_suffix(".weight"));
-        let Some(index) = index else { continue };
-        let bias = weight(file, &format!("rgbnet.{index}.bias"));
+    for name in names.after("rgbnet.") {
+        let Some(index) = name.strip_suffix(".weight") else { continue };
+        let part = |kind: &str| names.tensor(&format!("rgbnet.{index}.{kind}")).cloned();
         let numbers: std::result::Result<Vec<u64>, _> = index.split('.').map(str::parse).collect();
-        if let (Some(weight), Some(bias), Ok(numbers)) = (value.tensor(), bias, numbers) {
-            found.push((numbers, [weight.clone(), bias.clone()]));
+        if let (Some(weight), Some(bias), Ok(numbers)) = (part("weight"), part("bias"), numbers) {
+            found.push((numbers, [weight, bias]));
         }
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));

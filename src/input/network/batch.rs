@@ -7,7 +7,7 @@
 
 use multiversion::multiversion;
 
-use super::run::{Network, encode};
+use super::run::Network;
 use crate::model::activate::lanes;
 
 /// Directions of a vector; batches are filled up to a multiple.
@@ -75,11 +75,8 @@ impl BatchNetwork {
         let padded = directions.len().next_multiple_of(LANES);
         let width = network.hidden_width();
         let mut first = vec![0.0; width.next_multiple_of(TILE) * padded];
-        let features = vec![0.0; network.features()];
         for (number, direction) in directions.iter().enumerate() {
-            let mut inputs: Vec<f64> = features.iter().copied().chain(*direction).collect();
-            inputs.resize(network.direction_inputs().start, 0.0);
-            encode(direction, network.inputs().direction, &mut inputs);
+            let inputs = network.inputs_of(*direction);
             let sums = network.first_layer(&inputs, true);
             let out = first.iter_mut().skip(number).step_by(padded);
             out.zip(sums).for_each(|(out, sum)| *out = sum as f32);
@@ -101,10 +98,7 @@ impl BatchNetwork {
     ) {
         let padded = batch.directions.next_multiple_of(LANES);
         let Scratch { inputs, values, next } = scratch;
-        inputs.clear();
-        inputs.extend(features.iter().copied().chain([0.0; 3]));
-        encode(features, network.inputs().features, inputs);
-        encode(&at, network.inputs().position, inputs);
+        network.node_inputs(features, at, inputs);
         values.clone_from(&batch.first);
         let is_deep = self.layers.len() > 1;
         for (values, node) in

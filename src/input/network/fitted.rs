@@ -4,60 +4,35 @@
 //! its nodes, so that the fit and the first layer of the network are prepared once for all of
 //! them. The network is asked along these very directions, so no error comes of that.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use super::batch::{Batch, BatchNetwork, Scratch};
 use super::fit::Fit;
-use super::planes::{PlaneCache, lock};
+use super::planes::{PlaneCache, visit};
 use super::run::{Network, NetworkFile};
 use super::seen::Seen;
 use super::views::Views;
-use crate::base::error::Result;
+use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::model::field::{NodeValues, RadianceField};
+use crate::input::lazy::Lazy;
+use crate::model::field::{Grid, NodeValues, RadianceField};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 
 /// Directions of a fit, at most: of functions up to degree 2, and of more.
 const MOST: [usize; 2] = [32, 48];
-/// Cells of a row, for each of some threads.
-const CELLS_AT_ONCE: u64 = 64 * 8;
+/// Planes that threads fill at once, at most.
+const AT_ONCE: u64 = 8;
 /// A cell that fewer views see is hidden, and its colour hardly matters.
 const LEAST: usize = 6;
 /// Directions, all around, of a hidden cell.
 const HIDDEN: usize = 16;
 
-/// The inputs of a network at the nodes of a grid.
-pub trait NodeFeatures: std::fmt::Debug + Send + Sync {
-    /// Nodes along each axis.
-    fn nodes(&self) -> Nodes;
-
-    /// Bytes that are in memory while planes are read, at most.
-    fn memory_bytes(&self) -> u64;
-
-    /// Feeds a digest with samples of the bytes that stand for all values.
-    ///
-    /// # Errors
-    /// Those of reading.
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
-
-    /// Shows the features of each node `(y, z)` of plane `x` in a region (rows of bits along z),
-    /// row by row.
-    ///
-    /// # Errors
-    /// Those of reading.
-    fn visit(
-        &self,
-        x: usize,
-        region: &[u64],
-        see: &mut dyn FnMut([usize; 2], &[f64]),
-    ) -> Result<()>;
-}
-
 /// The colours to fit.
 #[derive(Debug)]
 pub struct FittedColors {
-    features: Arc<dyn NodeFeatures>,
+    /// The inputs of the network.
+    features: Grid,
     network: NetworkFile,
     /// The rules of the harmonics.
     harmonics: Harmonics,
@@ -67,7 +42,7 @@ pub struct FittedColors {
     matter: RadianceField,
     views: Views,
     limits: Limits,
-    prepared: Mutex<Option<Arc<Prepared>>>,
+    prepared: Lazy<Prepared>,
     planes: PlaneCache,
 }
 
@@ -90,7 +65,7 @@ impl FittedColors {
     /// Harmonics for a network that is seen from `cameras`, or from all around if they are few.
     /// `matter` is the field without its colours.
     pub fn new(
-        features: Arc<dyn NodeFeatures>,
+        features: Grid,
         network: NetworkFile,
         harmonics: Harmonics,
         matter: RadianceField,
@@ -98,7 +73,7 @@ impl FittedColors {
         limits: &Limits,
     ) -> Self {
         let (views, limits) = (Views::new(cameras), limits.clone());
-        let (prepared, planes) = (Mutex::default(), PlaneCache::default());
+        let (prepared, planes) = (Lazy::default(), PlaneCache::with_archive());
         let is_plain = false;
         Self { features, network, harmonics, is_plain, matter, views, limits, prepared, planes }
     }
@@ -115,16 +90,12 @@ impl FittedColors {
     }
 
     fn prepared(&self) -> Result<Arc<Prepared>> {
-        let mut kept = lock(&self.prepared);
-        if let Some(prepared) = &*kept {
-            return Ok(Arc::clone(prepared));
-        }
-        let network = self.network.load(&mut Budget::new(&self.limits))?;
-        let batches = BatchNetwork::new(&network);
-        let seen = Seen::find(&self.matter, &self.views, &self.limits)?;
-        let prepared = Arc::new(Prepared { network, batches, seen });
-        *kept = Some(Arc::clone(&prepared));
-        Ok(prepared)
+        self.prepared.get(|| {
+            let network = self.network.load(&mut Budget::new(&self.limits))?;
+            let batches = BatchNetwork::new(&network);
+            let seen = Seen::find(&self.matter, &self.views, &self.limits)?;
+            Ok(Prepared { network, batches, seen })
+        })
     }
 
     /// The fit of a cell's nodes.
@@ -153,7 +124,12 @@ impl FittedColors {
         let mut cells: Vec<Cell> = Vec::new();
         let (mut scratch, mut colors) = (Scratch::default(), [(); 3].map(|()| Vec::new()));
         let place = |at: usize, count: usize| 2.0 * at as f64 / (count - 1) as f64 - 1.0;
-        self.features.visit(x, region, &mut |[y, z], features| {
+        let stored = self.stored(x, region)?;
+        let mut features = Vec::new();
+        visit(self.nodes(), region, |[y, z]| {
+            let own = stored.iter().skip(y * nz + z).step_by(ny * nz);
+            features.clear();
+            features.extend(own.map(|value| f64::from(*value)));
             let at = prepared.seen.cell([x, y, z]);
             if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
                 cells.clear();
@@ -166,7 +142,7 @@ impl FittedColors {
             let Some(cell) = cells.get(known) else { return };
             let position = [place(x, nx), place(y, ny), place(z, nz)];
             let Prepared { network, batches, .. } = &*prepared;
-            batches.colors(network, &cell.batch, features, position, &mut scratch, &mut colors);
+            batches.colors(network, &cell.batch, &features, position, &mut scratch, &mut colors);
             colors.iter_mut().flatten().for_each(|value| *value -= offset);
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
             let found = cell.fit.coefficients(&colors).map(|value| value as f32);
@@ -178,7 +154,26 @@ impl FittedColors {
             } else {
                 out.zip(found).for_each(|(out, value)| *out = value);
             }
-        })
+        });
+        Ok(())
+    }
+
+    /// The features of a plane, channel by channel.
+    fn stored(&self, x: usize, region: &[u64]) -> Result<Vec<f32>> {
+        let Nodes([_, ny, nz]) = self.nodes();
+        let mut budget = Budget::new(&self.limits);
+        let place = Place::Key("features".to_owned());
+        let count = ny * nz * self.features.channels();
+        let mut stored: Vec<f32> = budget.zeroed(count, "bytes of a plane", &place)?;
+        for (channel, out) in stored.chunks_exact_mut(ny * nz).enumerate() {
+            match &self.features {
+                Grid::Array(_) => self.features.read_plane(channel, x, out, |_| {})?,
+                Grid::Values(values) => {
+                    values.read(channel, x, region, out)?;
+                }
+            }
+        }
+        Ok(stored)
     }
 }
 
@@ -192,16 +187,30 @@ impl NodeValues for FittedColors {
     }
 
     fn memory_bytes(&self) -> u64 {
-        let planes = PlaneCache::bytes(self.nodes(), self.channels());
-        let cells = Batch::bytes(self.most(), self.network.hidden_width()) * CELLS_AT_ONCE;
-        planes + self.features.memory_bytes() + Seen::memory_bytes(&self.views) + cells
+        let Nodes([_, ny, nz]) = self.nodes();
+        let cells = Batch::bytes(self.most(), self.network.hidden_width()) * 64;
+        let stored = (4 * ny * nz * self.features.channels()) as u64;
+        let planes = self.planes.bytes(self.nodes(), self.channels());
+        let features = match &self.features {
+            Grid::Array(_) => 0,
+            Grid::Values(values) => values.memory_bytes(),
+        };
+        planes + features + Seen::memory_bytes(&self.views) + AT_ONCE * (stored + cells)
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         if let Views::Cameras(places) = &self.views {
             places.iter().flatten().for_each(|value| see(&value.to_le_bytes()));
         }
-        self.features.digest(see)
+        match &self.features {
+            Grid::Values(values) => values.digest(see),
+            Grid::Array(_) => {
+                // The checksums of an archive, if there are any, stand for all values.
+                let Nodes([nx, ny, nz]) = self.nodes();
+                let mut plane = vec![0.0; ny * nz];
+                self.features.read_plane(0, nx / 2, &mut plane, see)
+            }
+        }
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

@@ -11,7 +11,7 @@ mod run;
 mod seen;
 mod views;
 
-pub use fitted::{FittedColors, NodeFeatures};
-pub use planes::{PlaneCache, lock, visit};
+pub use fitted::FittedColors;
+pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
 pub use views::judging_eyes;

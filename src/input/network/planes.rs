@@ -1,9 +1,10 @@
 //! Colours that are found node by node, kept plane by plane for their other channels.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use crate::base::error::Result;
+use crate::input::lazy::lock;
 use crate::model::grid::{Nodes, row};
 
 /// Planes that are kept: those of a slab, which threads read at once, and one more.
@@ -12,11 +13,12 @@ const KEPT_PLANES: usize = 9;
 /// Bytes of the planes that are kept for later passes, at most.
 const ARCHIVE_BYTES: u64 = 256 << 20;
 
-/// The planes that were found last, with all their channels, and the nodes of earlier ones.
+/// The planes that were found last, with all their channels; and the nodes of earlier ones, where
+/// they are worth it.
 #[derive(Debug, Default)]
 pub struct PlaneCache {
     kept: Mutex<Vec<Arc<Slot>>>,
-    archive: Mutex<Archive>,
+    archive: Option<Mutex<Archive>>,
 }
 
 /// A plane.
@@ -48,11 +50,6 @@ struct Packed {
     values: Vec<f32>,
 }
 
-/// A lock that a panic elsewhere does not poison.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Visits the nodes `(y, z)` of a plane that belong to a region.
 pub fn visit(nodes: Nodes, region: &[u64], mut visit: impl FnMut([usize; 2])) {
     let Nodes([_, _, nz]) = nodes;
@@ -64,11 +61,17 @@ pub fn visit(nodes: Nodes, region: &[u64], mut visit: impl FnMut([usize; 2])) {
 }
 
 impl PlaneCache {
-    /// Bytes of the planes of so many nodes and channels.
-    pub fn bytes(nodes: Nodes, channels: usize) -> u64 {
+    /// One that keeps nodes for the next pass over all planes: these are slow to find.
+    pub fn with_archive() -> Self {
+        Self { archive: Some(Mutex::default()), ..Self::default() }
+    }
+
+    /// Bytes of planes of so many nodes and channels.
+    pub fn bytes(&self, nodes: Nodes, channels: usize) -> u64 {
         let Nodes([nx, ny, nz]) = nodes;
         let plane = (4 * channels * ny * nz) as u64;
-        plane * KEPT_PLANES as u64 + ARCHIVE_BYTES.min(plane * nx as u64)
+        let archive = self.archive.as_ref().map_or(0, |_| ARCHIVE_BYTES.min(plane * nx as u64));
+        plane * KEPT_PLANES as u64 + archive
     }
 
     /// Copies one of `channels` of plane `x`. Where nodes of the region are not there, `fill` finds
@@ -92,12 +95,16 @@ impl PlaneCache {
         };
         if !filled.as_ref().is_some_and(covers) {
             let mut values = vec![0.0; out.len() * channels];
-            let mut known = lock(&self.archive).restore(nodes, x, &mut values);
-            known.resize(region.len(), 0);
+            let mut known = vec![0; region.len()];
+            if let Some(archive) = &self.archive {
+                lock(archive).restore(nodes, x, &mut known, &mut values);
+            }
             let missing = region.iter().zip(&known).map(|(asked, has)| asked & !has);
             fill(&missing.collect::<Vec<_>>(), &mut values)?;
             row::or_into(&mut known, region);
-            lock(&self.archive).keep(nodes, x, &known, &values);
+            if let Some(archive) = &self.archive {
+                lock(archive).keep(nodes, x, &known, &values);
+            }
             *filled = Some(Filled { region: known, values });
         }
         let values = filled.as_ref().map_or(&[][..], |filled| &filled.values);
@@ -122,9 +129,9 @@ impl PlaneCache {
 }
 
 impl Archive {
-    /// Fills in the nodes of plane `x` that are known, channel by channel, and returns them.
-    fn restore(&self, nodes: Nodes, x: usize, values: &mut [f32]) -> Vec<u64> {
-        let Some(packed) = self.planes.get(&x) else { return Vec::new() };
+    /// Fills in the nodes of plane `x` that are known, channel by channel.
+    fn restore(&self, nodes: Nodes, x: usize, known: &mut [u64], values: &mut [f32]) {
+        let Some(packed) = self.planes.get(&x) else { return };
         let Nodes([_, ny, nz]) = nodes;
         let channels = values.len() / (ny * nz);
         let mut rows = packed.values.chunks_exact(channels.max(1));
@@ -133,7 +140,7 @@ impl Archive {
             let row = rows.next().unwrap_or_default();
             out.zip(row).for_each(|(out, value)| *out = *value);
         });
-        packed.region.clone()
+        row::or_into(known, &packed.region);
     }
 
     /// Keeps the nodes of a region, as long as there is room.
@@ -162,7 +169,7 @@ mod tests {
     #[test]
     fn no_node_is_found_twice() {
         let (nodes, channels) = (Nodes([40, 3, 70]), 2);
-        let (cache, found) = (PlaneCache::default(), Mutex::new(0));
+        let (cache, found) = (PlaneCache::with_archive(), Mutex::new(0));
         let value =
             |x: usize, channel: usize, node: usize| (1000 * x + 500 * channel + node) as f32;
         let regions = [[0b1011, 0, 1, 1, 0, 0], [0b111, 1, 0, 0, u64::MAX, 0]];

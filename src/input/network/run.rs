@@ -23,14 +23,27 @@ pub struct Inputs {
 pub struct NetworkFile {
     layers: Vec<[Tensor; 2]>,
     inputs: Inputs,
+    waves: Waves,
     features: usize,
 }
+
+/// The frequencies of the sines and cosines.
+#[derive(Debug, Clone, Copy)]
+struct Waves {
+    first: f64,
+    /// Each is so many times the one before.
+    ratio: f64,
+}
+
+/// 1, 2, 4, and so on.
+const OCTAVES: Waves = Waves { first: 1.0, ratio: 2.0 };
 
 /// A network in memory.
 #[derive(Debug)]
 pub struct Network {
     layers: Vec<Layer>,
     inputs: Inputs,
+    waves: Waves,
     features: usize,
 }
 
@@ -68,7 +81,14 @@ impl NetworkFile {
             }
             width = usize::try_from(bias.count()).unwrap_or(0);
         }
-        Ok(Self { layers, inputs, features })
+        Ok(Self { layers, inputs, waves: OCTAVES, features })
+    }
+
+    /// The same with other frequencies than 1, 2, 4, ...: the first one, and the ratio of each to
+    /// the one before.
+    #[must_use]
+    pub fn with_waves(self, first: f64, ratio: f64) -> Self {
+        Self { waves: Waves { first, ratio }, ..self }
     }
 
     /// Reads the weights.
@@ -91,7 +111,8 @@ impl NetworkFile {
             }
             layers.push(Layer { weights, biases: biases.into_iter().map(f64::from).collect() });
         }
-        Ok(Network { layers, inputs: self.inputs, features: self.features })
+        let Self { inputs, waves, features, .. } = *self;
+        Ok(Network { layers, inputs, waves, features })
     }
 
     /// Neurons of the first layer.
@@ -105,9 +126,9 @@ impl Network {
     /// The colour of features at a position (-1 to 1 in the box) seen along a unit direction.
     pub fn color(&self, features: &[f64], at: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
         let mut values: Vec<f64> = features.iter().copied().chain(direction).collect();
-        encode(features, self.inputs.features, &mut values);
-        encode(&at, self.inputs.position, &mut values);
-        encode(&direction, self.inputs.direction, &mut values);
+        self.waves.encode(features, self.inputs.features, &mut values);
+        self.waves.encode(&at, self.inputs.position, &mut values);
+        self.waves.encode(&direction, self.inputs.direction, &mut values);
         for (number, layer) in self.layers.iter().enumerate() {
             let mut sums = layer.biases.clone();
             for (value, weights) in values.iter().zip(layer.weights.chunks_exact(sums.len())) {
@@ -134,7 +155,7 @@ impl Network {
         widths: &[usize],
         mut number: impl FnMut() -> f64,
     ) -> Self {
-        let mut network = Self { layers: Vec::new(), inputs, features };
+        let mut network = Self { layers: Vec::new(), inputs, waves: OCTAVES, features };
         let mut width = network.direction_inputs().end;
         for &outputs in widths {
             let mut numbers = |count: usize| -> Vec<f64> {
@@ -147,18 +168,25 @@ impl Network {
         network
     }
 
-    /// Its inputs beside features and direction.
-    pub(super) fn inputs(&self) -> Inputs {
-        self.inputs
+    /// The inputs of a node alone; those of its direction are 0.
+    pub(super) fn node_inputs(&self, features: &[f64], at: [f64; 3], inputs: &mut Vec<f64>) {
+        inputs.clear();
+        inputs.extend(features.iter().copied().chain([0.0; 3]));
+        self.waves.encode(features, self.inputs.features, inputs);
+        self.waves.encode(&at, self.inputs.position, inputs);
     }
 
-    /// Features of a node.
-    pub(super) fn features(&self) -> usize {
-        self.features
+    /// The inputs of a direction alone; those of the node are 0.
+    pub(super) fn inputs_of(&self, direction: [f64; 3]) -> Vec<f64> {
+        let mut inputs = vec![0.0; self.features];
+        inputs.extend(direction);
+        inputs.resize(self.direction_inputs().start, 0.0);
+        self.waves.encode(&direction, self.inputs.direction, &mut inputs);
+        inputs
     }
 
     /// The inputs, of all, that encode a direction.
-    pub(super) fn direction_inputs(&self) -> Range<usize> {
+    fn direction_inputs(&self) -> Range<usize> {
         let width = |octaves: u32, values: usize| 2 * octaves as usize * values;
         let of_node = width(self.inputs.features, self.features) + width(self.inputs.position, 3);
         let start = self.features + 3 + of_node;
@@ -188,11 +216,16 @@ impl Network {
     }
 }
 
-/// Adds the sines of all values by octave, then the cosines.
-pub(super) fn encode(values: &[f64], octaves: u32, out: &mut Vec<f64>) {
-    for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
-        for value in values {
-            out.extend((0..octaves).map(|octave| wave(value * f64::from(1u32 << octave))));
+impl Waves {
+    /// Adds the sines of all values by octave, then the cosines.
+    fn encode(self, values: &[f64], octaves: u32, out: &mut Vec<f64>) {
+        for wave in [libm::sin as fn(f64) -> f64, libm::cos] {
+            for value in values {
+                let next = |frequency: &f64| Some(frequency * self.ratio);
+                let frequencies = std::iter::successors(Some(self.first), next);
+                let octaves = frequencies.take(octaves as usize);
+                out.extend(octaves.map(|frequency| wave(value * frequency)));
+            }
         }
     }
 }

@@ -9,7 +9,8 @@ use super::model::TreeFile;
 use super::tree::Tree;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{Assumption, Family, Source, SourceOptions, ViewChoice};
+use crate::input::options::{SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Family, Source};
 use crate::input::sparse::{CellBox, Channel, Index, PlaneRows, RowArray, RowGrid};
 use crate::input::tensor::{FileKind, TensorFile};
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
@@ -58,13 +59,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let grid = |channels| RowGrid::new(&index, &arrays.rows, channels, 1, unchecked.clone());
     let (stepsize, voxel_size) = (options.stepsize.unwrap_or(STEPSIZE), cells.voxel_size());
     let march = March {
-        stepsize,
-        voxel_size,
-        near: 0.0,
-        far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
         sampled: Some(cells.faces()),
+        ..March::new(stepsize, voxel_size)
     };
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let interval = (f64::from(stepsize * voxel_size) / arrays.unit) as f32;

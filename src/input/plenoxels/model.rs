@@ -13,9 +13,9 @@ use super::arguments::RunArguments;
 use super::arrays::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
-use crate::input::sparse::{Cell, Lattice, Light, LoadedRows};
+use crate::input::sparse::{ColoredRows, Light, LoadedRows};
 use crate::model::camera::Ray;
-use crate::model::harmonics::{Harmonics, basis_f64};
+use crate::model::harmonics::Harmonics;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// The length of a last sample that hides all behind it.
@@ -41,49 +41,34 @@ impl LoadModel for PlenoxelsFile {
         let rows = LoadedRows::load(&arrays.index, &files, density, color, &mut budget)?;
         let (lattice, stored) = (arrays.cells.lattice(), arrays.functions);
         let (run, harmonics) = (self.run.clone(), self.harmonics);
-        Ok(Box::new(Plenoxels { rows, lattice, stored, run, harmonics }))
+        let harmonics = Some(harmonics);
+        Ok(Box::new(Plenoxels { colored: ColoredRows { rows, lattice, stored, harmonics }, run }))
     }
 }
 
 /// A model in memory.
 #[derive(Debug)]
 struct Plenoxels {
-    rows: LoadedRows,
-    /// Positions in cells.
-    lattice: Lattice,
-    /// Coefficients of a colour in a row.
-    stored: usize,
+    /// Rows at the centres of cells.
+    colored: ColoredRows,
     run: RunArguments,
-    harmonics: Harmonics,
-}
-
-impl Plenoxels {
-    /// The colour in a cell along a direction of which the functions' values are known.
-    fn color(&self, cell: &Cell, functions: &[f64]) -> [f64; 3] {
-        let sums = self.rows.color(cell, functions, self.stored);
-        sums.map(|sum| (sum + f64::from(self.harmonics.offset)).max(0.0))
-    }
-
-    /// The functions that are used, in a unit direction.
-    fn functions(&self, direction: [f64; 3]) -> Vec<f64> {
-        basis_f64(direction).into_iter().take(self.harmonics.functions()).collect()
-    }
 }
 
 impl TrainedModel for Plenoxels {
     fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
-        let functions = self.functions((ray.direction / ray.direction.length()).to_array());
+        let colored = &self.colored;
+        let functions = colored.functions((ray.direction / ray.direction.length()).to_array());
         let mut light = Light::default();
-        if let Some(path) = self.lattice.path(ray, rules) {
+        if let Some(path) = colored.lattice.path(ray, rules) {
             // World units for a cell along the ray.
             let cell_length = 1.0 / path.direction.iter().map(|by| by * by).sum::<f64>().sqrt();
             let step = self.run.step_size * cell_length;
-            path.walk(&self.rows, step, |t, cell| {
-                let sigma = self.rows.density(cell);
+            path.walk(&colored.rows, step, |t, cell| {
+                let sigma = colored.rows.density(cell);
                 if sigma > self.run.sigma_thresh {
                     let is_opaque = self.run.last_sample_opaque && path.is_last(t, step);
                     let length = if is_opaque { OPAQUE_LENGTH } else { step };
-                    light.add(length * sigma, t, self.color(cell, &functions));
+                    light.add(length * sigma, t, colored.color(cell, &functions));
                     if light.transmittance() < self.run.stop_thresh {
                         light.depth = f64::INFINITY;
                         return false;
@@ -97,20 +82,11 @@ impl TrainedModel for Plenoxels {
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn density(&self, position: [f64; 3]) -> f32 {
-        let at = self.lattice.to_nodes(position);
-        if !self.lattice.contains(at) {
-            return 0.0;
-        }
-        let sigma = self.rows.density(&self.rows.cell(self.rows.clamped(at)));
+        let sigma = self.colored.density(position);
         if sigma > self.run.sigma_thresh { sigma as f32 } else { 0.0 }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
-        let cell = self.rows.cell(self.rows.clamped(self.lattice.to_nodes(position)));
-        let colors = directions.iter().map(|&direction| {
-            self.color(&cell, &self.functions(direction)).map(|value| value as f32)
-        });
-        colors.collect()
+        self.colored.colors(position, directions)
     }
 }

@@ -8,7 +8,8 @@ use super::lightning;
 use super::model::PlenoxelsFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{Assumption, Companion, Family, Source, SourceOptions, ViewChoice};
+use crate::input::options::{SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Companion, Family, Source};
 use crate::input::sparse::{CellBox, Channel, RowGrid};
 use crate::input::tensor::{FileKind, TensorFile};
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
@@ -126,13 +127,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
 fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result<Scene> {
     let (stepsize, voxel_size) = (run.step_size as f32, cells.voxel_size());
     let march = March {
-        stepsize,
-        voxel_size,
         near: run.near_clip as f32,
-        far: None,
         color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
         sampled: Some(cells.faces()),
+        ..March::new(stepsize, voxel_size)
     };
     Ok(Scene {
         bounds: cells.bounds(&Place::Tensor("radius".to_owned()))?,

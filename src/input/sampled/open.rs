@@ -6,7 +6,8 @@ use super::keys::{Arrays, number, numbers};
 use super::model::SampledFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{Family, Source, SourceOptions, ViewChoice};
+use crate::input::options::{SourceOptions, ViewChoice};
+use crate::input::source::{Family, Source};
 use crate::input::sparse::{Channel, RowGrid};
 use crate::input::tensor::{FileKind, TensorFile};
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
@@ -106,15 +107,8 @@ fn scene(
         Error::malformed(Place::File, error.kind().to_string(), expected)
     })?;
     let stepsize = options.stepsize.or(own_step).unwrap_or(STEPSIZE);
-    let march = March {
-        stepsize,
-        voxel_size,
-        near: 0.0,
-        far: None,
-        color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: 0.0,
-        sampled: None,
-    };
+    let color_threshold = options.color_threshold.unwrap_or(0.0);
+    let march = March { color_threshold, ..March::new(stepsize, voxel_size) };
     let scene = Scene {
         bounds,
         nodes,

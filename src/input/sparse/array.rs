@@ -151,22 +151,29 @@ impl RowArray {
     /// # Errors
     /// Those of reading.
     pub fn for_each_piece(&self, mut see: impl FnMut(&[f32])) -> Result<()> {
-        let storage = self.storage()?;
-        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
-        let (mut bytes, mut values) = (Vec::new(), Vec::new());
-        let mut first = 0;
-        while first < self.rows {
-            let count = at_once.min(self.rows - first);
-            let rows = limits::product(&[count], "rows", &self.place)?;
-            bytes.resize(rows * self.row_bytes(), 0);
-            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
-            values.resize(rows * self.width, 0.0);
+        let mut values = Vec::new();
+        self.for_each_stored(|bytes| {
+            values.resize(bytes.len() / self.row_bytes() * self.width, 0.0);
             for (bytes, row) in
                 bytes.chunks_exact(self.row_bytes()).zip(values.chunks_exact_mut(self.width))
             {
                 self.decode(0, bytes, row);
             }
             see(&values);
+        })
+    }
+
+    /// Calls `see` with the bytes of all rows in order, some rows at a time.
+    fn for_each_stored(&self, mut see: impl FnMut(&[u8])) -> Result<()> {
+        let storage = self.storage()?;
+        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
+        let (mut bytes, mut first) = (Vec::new(), 0);
+        while first < self.rows {
+            let count = at_once.min(self.rows - first);
+            let rows = limits::product(&[count], "rows", &self.place)?;
+            bytes.resize(rows * self.row_bytes(), 0);
+            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
+            see(&bytes);
             first += count;
         }
         Ok(())
@@ -206,20 +213,11 @@ impl RowArray {
     /// # Errors
     /// Those of reading.
     pub fn column(&self, column: usize, mut see: impl FnMut(&[f32])) -> Result<()> {
-        let storage = self.storage()?;
-        let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
-        let (mut bytes, mut values) = (Vec::new(), Vec::new());
-        let mut first = 0;
-        while first < self.rows {
-            let count = at_once.min(self.rows - first);
-            let count = limits::product(&[count], "rows", &self.place)?;
-            bytes.resize(count * self.row_bytes(), 0);
-            storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
-            self.decode_column(column, &bytes, &mut values);
+        let mut values = Vec::new();
+        self.for_each_stored(|bytes| {
+            self.decode_column(column, bytes, &mut values);
             see(&values);
-            first += count as u64;
-        }
-        Ok(())
+        })
     }
 
     /// Shows samples of the bytes, for a digest.

@@ -10,6 +10,7 @@
 
 mod array;
 mod cells;
+mod colored;
 mod grid;
 mod index;
 mod loaded;
@@ -18,6 +19,7 @@ mod slab;
 
 pub use array::{MakeBytes, RowArray};
 pub use cells::CellBox;
+pub use colored::ColoredRows;
 pub use grid::{Channel, RowGrid};
 pub use index::{Index, LoadedIndex, PlaneRows};
 pub use loaded::{Cell, LoadedRows};

@@ -218,6 +218,33 @@ impl Tensor {
         Ok(Volume { nodes, channels, element, storage, first: 0, strides })
     }
 
+    /// Some numbers of the second axis at one of the first, as an array `[1, ...]` over the same
+    /// bytes.
+    ///
+    /// # Errors
+    /// `Malformed` where it has no two axes, or fewer numbers on them.
+    pub fn part(&self, number: u64, range: Range<u64>) -> Result<Self> {
+        let mut part = self.clone();
+        let (Some(parts), Some(count), Some(&[by, step])) = (
+            self.shape.first(),
+            self.shape.get(1),
+            self.strides.get(..2).and_then(|s| s.first_chunk()),
+        ) else {
+            let found = format!("shape {:?}", self.shape);
+            return Err(Error::malformed(self.place(), found, "at least two axes"));
+        };
+        if number >= *parts || range.start >= range.end || range.end > *count {
+            let found = format!("shape {:?}", self.shape);
+            let expected = format!("parts up to {number}, and components up to {}", range.end);
+            return Err(Error::malformed(self.place(), found, expected));
+        }
+        // Both are inside of the array, whose every element was checked.
+        part.first += number * by + range.start * step;
+        part.count = self.count / parts / count * (range.end - range.start);
+        part.shape.splice(..2, [1, range.end - range.start]);
+        Ok(part)
+    }
+
     /// The place of errors about it.
     pub fn place(&self) -> Place {
         Place::Tensor(self.name.clone())

@@ -1,11 +1,13 @@
 //! The settings and arrays of a file.
 
-use super::factors::{Part, Terms, components};
 use super::mask::MaskFile;
 use super::read::{corners, key, malformed, tensor};
 use super::shading::ShadingFile;
-use crate::base::error::{Error, Place, Result};
+use std::ops::Range;
+
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
+use crate::input::factors::{FactorArrays, Mix, Part, Terms};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 use crate::model::grid::{Bounds, Nodes};
 
@@ -23,26 +25,27 @@ pub(super) struct Settings {
     pub(super) distance_scale: f64,
     /// Samples of at most this weight have no colour.
     pub(super) threshold: f64,
-    pub(super) near_far: [f64; 2],
+    pub(super) near: f64,
+    pub(super) far: Option<f64>,
     /// Step length in voxels.
     pub(super) step_ratio: f64,
+    /// Rays are those of nerfstudio, not of TensoRF.
+    pub(super) two_passes: bool,
 }
 
 /// The arrays of a model; nothing of them is read.
 #[derive(Debug, Clone)]
 pub(super) struct Arrays {
     pub(super) settings: Settings,
-    pub(super) density: Terms,
-    pub(super) color: Terms,
-    /// `[features, components]`.
-    pub(super) basis: Tensor,
-    pub(super) features: usize,
+    pub(super) density: FactorArrays,
+    /// Features that colours are made of.
+    pub(super) features: FactorArrays,
     pub(super) shading: ShadingFile,
     pub(super) mask: Option<MaskFile>,
 }
 
 /// True for a file with the keys of TensoRF.
-pub fn knows(file: &TensorFile) -> bool {
+pub(super) fn knows(file: &TensorFile) -> bool {
     let has = |key: &str| file.root.at(&["state_dict", key]).is_some();
     let old = has("line_coef") && has("plane_coef");
     file.root.at(&["kwargs", "aabb"]).is_some() && (has("density_line.0") || old)
@@ -108,7 +111,19 @@ impl Settings {
             return Err(malformed("rayMarch_weight_thres", found, "a weight from 0 to below 1"));
         }
         let (distance_scale, step_ratio) = (positive("distance_scale")?, positive("step_ratio")?);
-        Ok(Self { bounds, nodes, shift, distance_scale, threshold, near_far, step_ratio })
+        let ([near, far], two_passes) = (near_far, false);
+        let far = Some(far);
+        Ok(Self {
+            bounds,
+            nodes,
+            shift,
+            distance_scale,
+            threshold,
+            near,
+            far,
+            step_ratio,
+            two_passes,
+        })
     }
 }
 
@@ -118,31 +133,19 @@ impl Arrays {
         let none = Value::None;
         let (kwargs, state) = (file.root.get("kwargs"), file.root.get("state_dict"));
         let (kwargs, state) = (kwargs.unwrap_or(&none), state.unwrap_or(&none));
-        if state.get("plane_coef").is_some() {
-            let found = "the layout of the first TensorVM, density and colour in one array";
-            let place = Place::Tensor("state_dict.plane_coef".to_owned());
-            return Err(Error::unsupported(place, found, "TensorVMSplit or TensorCP"));
-        }
         let settings = Settings::find(kwargs, limits)?;
-        let nodes = settings.nodes.0;
-        let (density, color) = (terms(state, "density")?, terms(state, "app")?);
-        components(&density, nodes)?;
-        let components = components(&color, nodes)? as u64;
-        let basis = tensor(state, "basis_mat.weight")?;
-        let features = match basis.shape() {
-            &[features @ 3..=256, width] if width == components => {
-                usize::try_from(features).unwrap_or(0)
-            }
-            shape => {
-                let found = format!("shape {shape:?}");
-                let expected = format!("[3 to 256 features, {components}]");
-                return Err(Error::malformed(basis.place(), found, expected));
-            }
+        let nodes = settings.nodes;
+        let (density, color) = match state.get("plane_coef") {
+            Some(_) => joint_terms(kwargs, state)?,
+            None => (terms(state, "density")?, terms(state, "app")?),
         };
-        let shading = ShadingFile::find(kwargs, state, features)?;
+        let density = FactorArrays::new(density, nodes, None)?;
+        let basis = tensor(state, "basis_mat.weight")?.clone();
+        let basis = Mix { tensor: basis, by_component: false };
+        let features = FactorArrays::new(color, nodes, Some(basis))?;
+        let shading = ShadingFile::find(kwargs, state, features.channels)?;
         let mask = MaskFile::find(&file.root, limits)?;
-        let basis = basis.clone();
-        Ok(Self { settings, density, color, basis, features, shading, mask })
+        Ok(Self { settings, density, features, shading, mask })
     }
 }
 
@@ -161,6 +164,58 @@ fn terms(state: &Value, of: &str) -> Result<Terms> {
         let plane = tensor(state, &format!("{of}_plane.{number}"))?.clone();
         let plane = Part { tensor: plane, axes: (*rows, Some(*columns)) };
         Ok(vec![plane, line(number, *axis)?])
+    });
+    terms.collect()
+}
+
+/// The factors of density and of colours of the first TensorVM, whose arrays hold the components of
+/// colours before those of density.
+fn joint_terms(kwargs: &Value, state: &Value) -> Result<(Terms, Terms)> {
+    let count = |name: &str| -> Result<u64> {
+        let counts = kwargs.get(name).map(|value| value.numbers(name)).transpose()?;
+        match counts.unwrap_or_default().as_slice() {
+            #[expect(clippy::cast_possible_truncation, reason = "a whole number up to 4096")]
+            &[count, ..] if (1.0..=4096.0).contains(&count) && count.fract() == 0.0 => {
+                Ok(count as u64)
+            }
+            other => Err(malformed(name, format!("{other:?}"), "a number of components")),
+        }
+    };
+    let (planes, lines) = (tensor(state, "plane_coef")?, tensor(state, "line_coef")?);
+    let (color, density) = (count("appearance_n_comp")?, count("density_n_comp")?);
+    let held = planes.shape().get(1).copied().unwrap_or(0);
+    if held != color + density {
+        let found = format!("{held} components");
+        let expected = format!("{color} of colours and {density} of density");
+        return Err(Error::malformed(planes.place(), found, expected));
+    }
+    let terms = |components| stacked_terms(Some(planes), lines, components);
+    Ok((terms(color..held)?, terms(0..color)?))
+}
+
+/// Some components of the three planes and lines that lie in one array each; a CP model has lines
+/// alone.
+pub(super) fn stacked_terms(
+    planes: Option<&Tensor>,
+    lines: &Tensor,
+    components: Range<u64>,
+) -> Result<Terms> {
+    for array in planes.iter().copied().chain([lines]) {
+        if array.shape().first() != Some(&3) {
+            let found = format!("shape {:?}", array.shape());
+            return Err(Error::malformed(array.place(), found, "[3, components, rows, columns]"));
+        }
+    }
+    let line = |number, axis| Part::of(lines, number, components.clone(), (axis, None));
+    let axes = (0..).zip(AXES);
+    let Some(planes) = planes else {
+        return Ok(vec![
+            axes.map(|(number, (_, axis))| line(number, axis)).collect::<Result<_>>()?,
+        ]);
+    };
+    let terms = axes.map(|(number, ([columns, rows], axis))| {
+        let plane = Part::of(planes, number, components.clone(), (rows, Some(columns)))?;
+        Ok(vec![plane, line(number, axis)?])
     });
     terms.collect()
 }

@@ -8,18 +8,20 @@
 //! colour = sum of weight shading, where a weight is over the threshold
 //! ```
 
-use super::factors::{Between, Factors};
 use super::keys::{Arrays, Settings};
 use super::mask::Mask;
 use super::shading::Shading;
-use crate::base::error::{Error, Result};
+use super::two_passes;
+use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::input::factors::{Between, Mixed, Scratch};
 use crate::model::activate;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Added to the light that passes a sample.
 const PASSES: f64 = 1e-10;
+
 /// A file, ready to be loaded.
 #[derive(Debug)]
 pub(super) struct TensorfFile {
@@ -28,23 +30,13 @@ pub(super) struct TensorfFile {
 
 /// A model in memory.
 #[derive(Debug)]
-pub(super) struct Tensorf {
+struct Tensorf {
     settings: Settings,
-    density: Factors,
-    color: Factors,
-    /// For each feature the weights of all components.
-    basis: Vec<f32>,
-    components: usize,
-    features: usize,
-    pub(super) shading: Shading,
+    density: Mixed,
+    /// Features that colours are made of.
+    features: Mixed,
+    shading: Shading,
     mask: Option<Mask>,
-}
-
-/// Memory for sums of products.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    sums: Vec<f64>,
-    products: Vec<f64>,
 }
 
 impl LoadModel for TensorfFile {
@@ -55,39 +47,14 @@ impl LoadModel for TensorfFile {
 
 impl Tensorf {
     /// Reads a model's arrays.
-    pub(super) fn load(arrays: &Arrays, budget: &mut Budget) -> Result<Self> {
-        let nodes = arrays.settings.nodes.0;
-        let basis = arrays.basis.read_f32(budget)?;
-        if basis.iter().any(|value| !value.is_finite()) {
-            return Err(Error::malformed(arrays.basis.place(), "no number", "finite numbers"));
-        }
+    fn load(arrays: &Arrays, budget: &mut Budget) -> Result<Self> {
         Ok(Self {
             settings: arrays.settings.clone(),
-            density: Factors::load(&arrays.density, nodes, budget)?,
-            color: Factors::load(&arrays.color, nodes, budget)?,
-            components: basis.len() / arrays.features,
-            basis,
-            features: arrays.features,
+            density: arrays.density.load(budget)?,
+            features: arrays.features.load(budget)?,
             shading: arrays.shading.load(budget)?,
             mask: arrays.mask.as_ref().map(|mask| mask.load(budget)).transpose()?,
         })
-    }
-
-    /// Density before its activation.
-    pub(super) fn raw_density(&self, at: &[Between; 3], scratch: &mut Scratch) -> f64 {
-        self.density.products(at, &mut scratch.sums, &mut scratch.products);
-        scratch.products.iter().sum()
-    }
-
-    /// The features that colours are made of.
-    pub(super) fn features(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
-        self.color.products(at, &mut scratch.sums, &mut scratch.products);
-        let mut features = Vec::with_capacity(self.features);
-        features.extend(self.basis.chunks_exact(self.components).map(|row| {
-            let terms = row.iter().zip(&scratch.products);
-            terms.map(|(weight, product)| f64::from(*weight) * product).sum::<f64>()
-        }));
-        features
     }
 
     /// A position of the world, 0 to 1 in the box.
@@ -113,7 +80,7 @@ impl Tensorf {
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
             return 0.0;
         }
-        let raw = self.raw_density(&self.between(share), scratch);
+        let raw = self.density.sum(&self.between(share), scratch);
         let density = match self.settings.shift {
             Some(shift) => activate::softplus(raw + shift),
             None => raw.max(0.0),
@@ -127,7 +94,7 @@ impl Tensorf {
         directions: &[[f64; 3]],
         scratch: &mut Scratch,
     ) -> Vec<[f64; 3]> {
-        let features = self.features(&self.between(share), scratch);
+        let features = self.features.values(&self.between(share), scratch);
         let at = share.map(|at| 2.0 * at - 1.0);
         directions.iter().map(|&along| self.shading.color(&features, at, along)).collect()
     }
@@ -174,10 +141,77 @@ impl Samples {
     }
 }
 
-impl TrainedModel for Tensorf {
+impl Tensorf {
+    /// The light along a ray by nerfstudio's rules.
+    fn in_two_passes(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+        let direction = (ray.direction / ray.direction.length()).to_array();
+        let (origin, bounds) = (ray.origin.to_array(), &self.settings.bounds);
+        let [enters, leaves] = two_passes::crossing(origin, direction, [bounds.min, bounds.max]);
+        let enters = enters.max(f64::from(rules.near)).min(leaves);
+        let mut scratch = Scratch::default();
+        let place = |t: f64| {
+            let mut world = origin;
+            world.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            (world, self.share(world))
+        };
+        let ends = two_passes::intervals([enters, leaves], |t| {
+            let (world, share) = place(t);
+            self.sigma(world, share, &mut scratch)
+        });
+        let mut light = Light::default();
+        let mut depth = 0.0;
+        for interval in ends.windows(2) {
+            let &[from, to] = interval else { continue };
+            let t = 0.5 * (from + to);
+            let (world, share) = place(t);
+            let own = (to - from) * self.sigma(world, share, &mut scratch);
+            let weight = -libm::expm1(-own) * libm::exp(-depth);
+            depth += own;
+            if weight > 0.0 {
+                let seen = self.color(share, &[direction], &mut scratch);
+                light.add(weight, t, seen.first().copied());
+            }
+        }
+        light.over(rules)
+    }
+}
+
+/// The light that samples add up to.
+#[derive(Debug, Default)]
+struct Light {
+    color: [f64; 3],
+    opacity: f64,
+    distance: f64,
+}
+
+impl Light {
+    /// Adds a sample; one of a low weight has no colour.
+    fn add(&mut self, weight: f64, distance: f64, color: Option<[f64; 3]>) {
+        (self.opacity, self.distance) = (self.opacity + weight, self.distance + weight * distance);
+        let seen = color.unwrap_or_default();
+        self.color.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
+    }
+
+    /// The light over the background, limited to 0 to 1.
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn over(&self, rules: &RayRules) -> RayColor {
+        let left = (1.0 - self.opacity).max(0.0);
+        let mut color = rules.background;
+        for (value, sum) in color.iter_mut().zip(self.color) {
+            *value = (sum + left * f64::from(*value)).clamp(0.0, 1.0) as f32;
+        }
+        let distance = (self.distance + left * rules.far.map_or(0.0, f64::from)) as f32;
+        RayColor { color, transmittance: left as f32, distance }
+    }
+}
+
+impl TrainedModel for Tensorf {
+    #[expect(clippy::cast_possible_truncation, reason = "samples are few")]
     fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
         let settings = &self.settings;
+        if settings.two_passes {
+            return self.in_two_passes(ray, rules);
+        }
         let direction = (ray.direction / ray.direction.length()).to_array();
         let step = settings.voxel_size() * settings.step_ratio;
         let along = Samples::new(ray, rules, settings);
@@ -185,8 +219,7 @@ impl TrainedModel for Tensorf {
         // The last of the samples has no length.
         let samples = (diagonal / step).floor() as f32;
         let mut scratch = Scratch::default();
-        let (mut passes, mut sum, mut opacity, mut distance) = (1.0, [0.0; 3], 0.0, 0.0);
-        let mut number = 0.0;
+        let (mut passes, mut light, mut number) = (1.0, Light::default(), 0.0);
         while number < samples {
             let Some((t, at)) = along.at(number) else { break };
             number += 1.0;
@@ -201,20 +234,11 @@ impl TrainedModel for Tensorf {
             let alpha = -libm::expm1(-sigma * step);
             let weight = alpha * passes;
             passes *= 1.0 - alpha + PASSES;
-            (opacity, distance) = (opacity + weight, distance + weight * t);
-            if weight > settings.threshold {
-                let seen = self.color(share, &[direction], &mut scratch);
-                let seen = seen.first().copied().unwrap_or_default();
-                sum.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
-            }
+            let shows = weight > settings.threshold;
+            let seen = shows.then(|| self.color(share, &[direction], &mut scratch));
+            light.add(weight, t, seen.and_then(|seen| seen.first().copied()));
         }
-        let left = (1.0 - opacity).max(0.0);
-        let mut color = rules.background;
-        for (value, sum) in color.iter_mut().zip(sum) {
-            *value = (sum + left * f64::from(*value)).clamp(0.0, 1.0) as f32;
-        }
-        let distance = (distance + left * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: left as f32, distance }
+        light.over(rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use super::keys::{Arrays, Settings};
+use super::keys::{self, Arrays, Settings};
 use super::model::TensorfFile;
+use super::nerfstudio;
 use super::shading::ShadingFile;
-use super::values::{ColorValues, DensityValues, Features, LazyModel};
+use super::values::ColorValues;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::input::checkpoint::{Assumption, Family, Source, SourceOptions, ViewChoice};
+use crate::input::factors::FactorGrid;
 use crate::input::network::FittedColors;
+use crate::input::options::{SourceOptions, ViewChoice};
+use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, NodeValues, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
@@ -20,13 +23,22 @@ const OFFSET: f32 = 0.5;
 /// The degree of the shading `SH`, and of a fit that nobody asked for another of.
 const DEGREE: usize = 2;
 
+/// True for a file with the keys of TensoRF, or with those of nerfstudio's `tensorf`.
+pub fn knows(file: &TensorFile) -> bool {
+    keys::knows(file) || nerfstudio::knows(file)
+}
+
 /// Opens a file of TensoRF. Factors stay in the file until a node is asked for.
 ///
 /// # Errors
-/// `Unsupported` for the first layout, other activations and shadings, and scenes in normalised
+/// `Unsupported` for other activations and shadings, and scenes in normalised
 /// device coordinates; `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    let mut arrays = Arrays::find(file, limits)?;
+    let other = nerfstudio::knows(file);
+    let mut arrays = match other {
+        true => nerfstudio::find(file, limits)?,
+        false => Arrays::find(file, limits)?,
+    };
     let settings = &mut arrays.settings;
     settings.step_ratio = options.stepsize.map_or(settings.step_ratio, f64::from);
     settings.threshold = options.color_threshold.map_or(settings.threshold, f64::from);
@@ -37,7 +49,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ShadingFile::Harmonics => (Some(DEGREE), Evaluation::Sample),
         ShadingFile::Network(_) => (Some(Harmonics::MAX_DEGREE), Evaluation::Ray),
     };
-    let mut assumptions = Vec::new();
+    let mut assumptions: Vec<_> = other.then(nerfstudio::assumption).into_iter().collect();
     let harmonics = stored.map(|most| {
         let degree = match options.view {
             ViewChoice::Keep => DEGREE,
@@ -60,10 +72,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         });
     }
     let free_space = arrays.mask.as_ref().map(|mask| mask.free_space(limits)).transpose()?;
-    let lazy = Arc::new(LazyModel::new(arrays.clone(), limits));
+    let density = FactorGrid::new(arrays.density.clone(), 1, limits);
     let mut field = RadianceField {
         scene,
-        density: Grid::Values(Arc::new(DensityValues(Arc::clone(&lazy)))),
+        density: Grid::Values(Arc::new(density)),
         color: Vec::new(),
         color_domain: ColorDomain::Linear,
         view: harmonics.filter(|_| !plain).map(ViewDependence::Harmonics),
@@ -71,13 +83,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     let colors: Arc<dyn NodeValues> = match (&arrays.shading, harmonics) {
         (ShadingFile::Network(network), Some(rules)) => {
-            let (matter, cameras) = (field.clone(), &options.cameras);
-            let features = Arc::new(Features(lazy));
-            let fitted =
-                FittedColors::new(features, network.clone(), rules, matter, cameras, limits);
+            let (features, matter) = (arrays.features.clone(), field.clone());
+            let channels = features.channels;
+            let features = Grid::Values(Arc::new(FactorGrid::new(features, channels, limits)));
+            let (network, cameras) = (network.clone(), &options.cameras);
+            let fitted = FittedColors::new(features, network, rules, matter, cameras, limits);
             Arc::new(if plain { fitted.plain() } else { fitted })
         }
-        _ => Arc::new(ColorValues::new(&lazy, harmonics, plain)),
+        _ => Arc::new(ColorValues::new(&arrays, harmonics, plain, limits)),
     };
     field.color.push(Grid::Values(colors));
     field.check()?;
@@ -88,7 +101,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         kind: file.kind,
         scene_scale: 1.0,
         assumptions,
-        recorded: vec!["stepsize", "near", "far", "color_threshold"],
+        recorded: match other {
+            true => Vec::new(),
+            false => vec!["stepsize", "near", "far", "color_threshold"],
+        },
         digest: file.digest,
         file: Arc::clone(&file.file),
         companions: Vec::new(),
@@ -100,7 +116,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
 fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
     let voxel_size = settings.voxel_size();
     let interval = (settings.step_ratio * voxel_size * settings.distance_scale) as f32;
-    let [near, far] = settings.near_far.map(|distance| distance as f32);
+    let (near, far) = (settings.near as f32, settings.far.map(|far| far as f32));
     Scene {
         bounds: settings.bounds,
         nodes: settings.nodes,
@@ -112,7 +128,7 @@ fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
             stepsize: settings.step_ratio as f32,
             voxel_size: voxel_size as f32,
             near: options.near.unwrap_or(near),
-            far: options.far.or(Some(far)),
+            far: options.far.or(far),
             color_threshold: settings.threshold as f32,
             alpha_threshold: 0.0,
             sampled: None,

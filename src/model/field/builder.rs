@@ -196,13 +196,10 @@ impl FieldBuilder {
                 function: self.function,
             },
             march: March {
-                stepsize: self.stepsize,
-                voxel_size: libm::cbrt(volume_of_voxel) as f32,
                 near: self.near,
                 far: self.far,
                 color_threshold: 1e-4,
-                alpha_threshold: 0.0,
-                sampled: None,
+                ..March::new(self.stepsize, libm::cbrt(volume_of_voxel) as f32)
             },
             background: self.background,
         };

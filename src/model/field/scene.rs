@@ -154,6 +154,20 @@ pub struct March {
 }
 
 impl March {
+    /// Steps of this length in voxels, through all of the box and from the camera on, of which all
+    /// count.
+    pub const fn new(stepsize: f32, voxel_size: f32) -> Self {
+        Self {
+            stepsize,
+            voxel_size,
+            near: 0.0,
+            far: None,
+            color_threshold: 0.0,
+            alpha_threshold: 0.0,
+            sampled: None,
+        }
+    }
+
     /// Samples that a ray may have, at most: `floor(|(Nx+1, Ny+1, Nz+1)| / stepsize)` for level 0's
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.

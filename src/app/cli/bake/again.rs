@@ -9,7 +9,7 @@ use crate::bake::{BakeOptions, Changes, Origin, bake, repack};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::Unpacked;
-use crate::input::checkpoint::MlpChoice;
+use crate::input::MlpChoice;
 
 /// Packs a container's levels again; bakes level 0 anew where an option asks for that.
 pub fn bake_again(

@@ -20,7 +20,7 @@ use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
 use crate::codec::container::Container;
 use crate::input;
-use crate::input::checkpoint::Source;
+use crate::input::Source;
 use crate::input::network::judging_eyes;
 use crate::input::tensor::TensorFile;
 use crate::model::camera::turntable;

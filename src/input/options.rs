@@ -1,10 +1,10 @@
-//! The choices that a user has about a checkpoint.
+//! The choices that a user has about an input.
 
 use std::path::PathBuf;
 
 use crate::base::error::{Error, Result};
 
-/// The user's settings for a checkpoint.
+/// The user's settings for an input.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SourceOptions {
     /// Step length in voxels. Default: 0.5, with an assumption
@@ -31,7 +31,8 @@ pub struct SourceOptions {
     /// Places of the cameras that colours are fitted for, where a model's colours have to be; one
     /// in eight is left out. Default, and if there are fewer than 16: all around
     pub cameras: Vec<[f64; 3]>,
-    /// Leaves out a background that no container can hold. Default: such inputs are refused
+    /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
+    /// space. Default: such inputs are refused
     pub drop_background: bool,
 }
 

@@ -1,12 +1,12 @@
 //! Sums of products of planes and lines.
 
-use crate::base::error::{Error, Result};
+use super::parts::{Part, Terms};
+use crate::base::error::Result;
 use crate::base::limits::Budget;
-use crate::input::tensor::Tensor;
 
 /// A position along an axis, between two nodes or on one.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Between {
+pub struct Between {
     low: usize,
     high: usize,
     /// The share of `high`, 0 to 1.
@@ -15,13 +15,13 @@ pub(super) struct Between {
 
 impl Between {
     /// On a node.
-    pub(super) const fn on(node: usize) -> Self {
+    pub const fn on(node: usize) -> Self {
         Self { low: node, high: node, share: 0.0 }
     }
 
     /// At a position in nodes, brought between the first and the last of `count`.
     #[expect(clippy::cast_possible_truncation, reason = "the position is within the nodes")]
-    pub(super) fn at(position: f64, count: usize) -> Self {
+    pub fn at(position: f64, count: usize) -> Self {
         let position = position.clamp(0.0, (count - 1) as f64);
         let low = position.floor();
         let share = position - low;
@@ -29,64 +29,20 @@ impl Between {
         Self { low, high: (low + 1).min(count - 1), share }
     }
 
-    fn corners(self) -> [(usize, f64); 2] {
+    /// The node at or before it.
+    pub const fn node(self) -> usize {
+        self.low
+    }
+
+    /// The two nodes around it, with their shares.
+    pub fn corners(self) -> [(usize, f64); 2] {
         [(self.low, 1.0 - self.share), (self.high, self.share)]
     }
 }
 
-/// The shape of a plane or a line in its file, and the axes it runs along.
-#[derive(Debug, Clone)]
-pub(super) struct Part {
-    pub(super) tensor: Tensor,
-    /// The axis of rows, and that of columns; a line has one column.
-    pub(super) axes: (usize, Option<usize>),
-}
-
-impl Part {
-    /// Refuses another shape than `[1, components, rows, columns]`; gives the components.
-    fn components(&self, nodes: [usize; 3]) -> Result<usize> {
-        let count = |axis: usize| nodes.into_iter().nth(axis).unwrap_or(1) as u64;
-        let (rows, columns) = (count(self.axes.0), self.axes.1.map_or(1, count));
-        match self.tensor.shape() {
-            &[1, components @ 1..=4096, r, c] if (r, c) == (rows, columns) => {
-                Ok(usize::try_from(components).unwrap_or(0))
-            }
-            shape => {
-                let expected = format!("[1, components, {rows}, {columns}]");
-                let found = format!("shape {shape:?}");
-                Err(Error::malformed(self.tensor.place(), found, expected))
-            }
-        }
-    }
-}
-
-/// The parts whose product is a term; a model has one or three terms.
-pub(super) type Terms = Vec<Vec<Part>>;
-
-/// The components of all terms.
-///
-/// # Errors
-/// `Malformed` where shapes are not those of the nodes, or parts of a term differ.
-pub(super) fn components(terms: &Terms, nodes: [usize; 3]) -> Result<usize> {
-    let mut sum = 0;
-    for term in terms {
-        let mut width = None;
-        for part in term {
-            let found = part.components(nodes)?;
-            if *width.get_or_insert(found) != found {
-                let found = format!("{found} components");
-                let expected = "as many in each factor of a product";
-                return Err(Error::malformed(part.tensor.place(), found, expected));
-            }
-        }
-        sum += width.unwrap_or(0);
-    }
-    Ok(sum)
-}
-
 /// Factors in memory.
 #[derive(Debug)]
-pub(super) struct Factors {
+pub struct Factors {
     terms: Vec<Term>,
 }
 
@@ -108,11 +64,7 @@ struct Table {
 impl Table {
     fn load(part: &Part, nodes: [usize; 3], budget: &mut Budget) -> Result<Self> {
         let width = part.components(nodes)?;
-        let stored = part.tensor.read_f32(budget)?;
-        if let Some(value) = stored.iter().find(|value| !value.is_finite()) {
-            let found = format!("the value {value}");
-            return Err(Error::malformed(part.tensor.place(), found, "finite numbers"));
-        }
+        let stored = part.read(budget)?;
         let mut values = budget.zeroed(stored.len(), "bytes of factors", &part.tensor.place())?;
         let places = stored.len() / width;
         for (component, of_component) in stored.chunks_exact(places).enumerate() {
@@ -150,7 +102,7 @@ impl Factors {
     ///
     /// # Errors
     /// Those of reading, and values that are no numbers.
-    pub(super) fn load(terms: &Terms, nodes: [usize; 3], budget: &mut Budget) -> Result<Self> {
+    pub fn load(terms: &Terms, nodes: [usize; 3], budget: &mut Budget) -> Result<Self> {
         let load = |parts: &Vec<Part>, budget: &mut Budget| -> Result<Term> {
             let tables = parts.iter().map(|part| Table::load(part, nodes, budget));
             let tables: Vec<Table> = tables.collect::<Result<_>>()?;
@@ -162,7 +114,7 @@ impl Factors {
     }
 
     /// The products of all components at a position, term by term.
-    pub(super) fn products(&self, at: &[Between; 3], scratch: &mut Vec<f64>, out: &mut Vec<f64>) {
+    pub fn products(&self, at: &[Between; 3], scratch: &mut Vec<f64>, out: &mut Vec<f64>) {
         out.clear();
         for term in &self.terms {
             let first = out.len();

@@ -1,4 +1,4 @@
-//! A checkpoint whose names are understood.
+//! A trained model whose file is understood.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use crate::input::tensor::FileKind;
 use crate::model::field::RadianceField;
 use crate::model::trained_model::LoadModel;
 
-/// A checkpoint, understood.
+/// A trained model, understood.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// The trained scene; its grids are still in the file.

@@ -1,0 +1,134 @@
+//! From products of factors to the channels of a grid.
+
+use super::parts::{Terms, components};
+use super::product::{Between, Factors};
+use crate::base::error::{Error, Result};
+use crate::base::limits::Budget;
+use crate::input::tensor::Tensor;
+use crate::model::grid::Nodes;
+
+/// Channels of a grid of factors, at most.
+const CHANNELS: u64 = 256;
+
+/// The arrays of a grid of factors; nothing of them is read.
+#[derive(Debug, Clone)]
+pub struct FactorArrays {
+    /// Factors, as [`components`] takes them.
+    terms: Terms,
+    /// Nodes of the grid.
+    pub nodes: Nodes,
+    mix: Option<Mix>,
+    /// Channels of the grid.
+    pub channels: usize,
+}
+
+/// A matrix that makes channels of products.
+#[derive(Debug, Clone)]
+pub struct Mix {
+    /// Its weights.
+    pub tensor: Tensor,
+    /// True for `[components, channels]`, false for `[channels, components]`.
+    pub by_component: bool,
+}
+
+/// A grid of factors in memory.
+#[derive(Debug)]
+pub struct Mixed {
+    factors: Factors,
+    /// For each channel the weights of all components; none for their plain sum.
+    weights: Option<(Vec<f32>, usize)>,
+    channels: usize,
+}
+
+/// Memory for sums of products.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    sums: Vec<f64>,
+    products: Vec<f64>,
+}
+
+impl FactorArrays {
+    /// A grid whose one channel is the sum of all products, or whose channels a matrix makes.
+    ///
+    /// # Errors
+    /// `Malformed` where shapes do not fit.
+    pub fn new(terms: Terms, nodes: Nodes, mix: Option<Mix>) -> Result<Self> {
+        let components = components(&terms, nodes.0)? as u64;
+        let Some(Mix { tensor, by_component }) = &mix else {
+            return Ok(Self { terms, nodes, mix, channels: 1 });
+        };
+        let (channels, width) = match (tensor.shape(), by_component) {
+            (&[channels, width], false) | (&[width, channels], true) => (channels, width),
+            _ => (0, 0),
+        };
+        if width != components || !(1..=CHANNELS).contains(&channels) {
+            let found = format!("shape {:?}", tensor.shape());
+            let expected = match by_component {
+                true => format!("[{components}, 1 to {CHANNELS} channels]"),
+                false => format!("[1 to {CHANNELS} channels, {components}]"),
+            };
+            return Err(Error::malformed(tensor.place(), found, expected));
+        }
+        let channels = usize::try_from(channels).unwrap_or(0);
+        Ok(Self { terms, nodes, mix, channels })
+    }
+
+    /// Bytes of the factors in the file.
+    pub fn bytes(&self) -> u64 {
+        self.tensors().map(Tensor::bytes).sum()
+    }
+
+    /// All arrays that values follow from.
+    pub(super) fn tensors(&self) -> impl Iterator<Item = &Tensor> {
+        let factors = self.terms.iter().flatten().map(|part| &part.tensor);
+        factors.chain(self.mix.as_ref().map(|mix| &mix.tensor))
+    }
+
+    /// Reads all of it.
+    ///
+    /// # Errors
+    /// Those of reading, and values that are no numbers.
+    pub fn load(&self, budget: &mut Budget) -> Result<Mixed> {
+        let weights = self.mix.as_ref().map(|mix| self.weights(mix, budget)).transpose()?;
+        let factors = Factors::load(&self.terms, self.nodes.0, budget)?;
+        Ok(Mixed { factors, weights, channels: self.channels })
+    }
+
+    /// The matrix with the weights of a channel side by side, and the number of these.
+    fn weights(&self, mix: &Mix, budget: &mut Budget) -> Result<(Vec<f32>, usize)> {
+        let (tensor, channels) = (&mix.tensor, self.channels);
+        let stored = tensor.read_f32(budget)?;
+        if stored.iter().any(|value| !value.is_finite()) {
+            return Err(Error::malformed(tensor.place(), "no number", "finite numbers"));
+        }
+        let components = stored.len() / channels;
+        if !mix.by_component {
+            return Ok((stored, components));
+        }
+        let columns =
+            (0..channels).flat_map(|channel| stored.iter().skip(channel).step_by(channels));
+        Ok((columns.copied().collect(), components))
+    }
+}
+
+impl Mixed {
+    /// All channels at a position.
+    pub fn values(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
+        self.factors.products(at, &mut scratch.sums, &mut scratch.products);
+        let Some((weights, components)) = &self.weights else {
+            return vec![scratch.products.iter().sum()];
+        };
+        let mut values = Vec::with_capacity(self.channels);
+        values.extend(weights.chunks_exact(*components).map(|row| {
+            let terms = row.iter().zip(&scratch.products);
+            terms.map(|(weight, product)| f64::from(*weight) * product).sum::<f64>()
+        }));
+        values
+    }
+
+    /// The sum of all products at a position.
+    pub fn sum(&self, at: &[Between; 3], scratch: &mut Scratch) -> f64 {
+        self.factors.products(at, &mut scratch.sums, &mut scratch.products);
+        scratch.products.iter().sum()
+    }
+}

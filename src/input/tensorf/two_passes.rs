@@ -1,0 +1,64 @@
+//! The samples of nerfstudio: evenly spaced ones, then as many as the second pass has, where the
+//! first one found matter.
+//!
+//! A sample is the middle of an interval, and stands for all of it.
+
+/// Intervals of the first pass.
+const EVEN: usize = 200;
+/// Intervals of the second pass.
+const FOUND: usize = 50;
+/// Added to the weight of each interval of the first pass.
+const PADDING: f64 = 0.01;
+/// Opacity of the first pass below which a ray meets nothing.
+const OPACITY: f64 = 1e-4;
+
+/// The distances between which a ray is in a box; the last one is farther than the first.
+pub(super) fn crossing(
+    origin: [f64; 3],
+    direction: [f64; 3],
+    [low, high]: [[f32; 3]; 2],
+) -> [f64; 2] {
+    let (mut near, mut far) = (0.0f64, f64::INFINITY);
+    let axes = origin.into_iter().zip(direction).zip(low.into_iter().zip(high));
+    for ((from, by), (low, high)) in axes {
+        // nerfstudio's guard of divisions by 0.
+        let per_unit = 1.0 / (by + 1e-6);
+        let (a, b) = ((f64::from(low) - from) * per_unit, (f64::from(high) - from) * per_unit);
+        (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+    }
+    [near, far.max(near + 1e-6)]
+}
+
+/// The ends of the intervals of the second pass; none for a ray that meets nothing. `density` is the
+/// optical depth of a unit at a distance.
+pub(super) fn intervals([near, far]: [f64; 2], mut density: impl FnMut(f64) -> f64) -> Vec<f64> {
+    let edge = |number: usize| number as f64 / EVEN as f64;
+    let at = |share: f64| share * far + (1.0 - share) * near;
+    let width = (far - near) / EVEN as f64;
+    let (mut depth, mut opacity) = (0.0, 0.0);
+    let mut shares = vec![0.0];
+    let mut sum = 0.0;
+    for number in 0..EVEN {
+        let own = width * density(at(0.5 * (edge(number) + edge(number + 1))));
+        let weight = -libm::expm1(-own) * libm::exp(-depth);
+        depth += own;
+        opacity += weight;
+        sum += weight + PADDING;
+        shares.push(sum);
+    }
+    if opacity < OPACITY {
+        return Vec::new();
+    }
+    shares.iter_mut().for_each(|share| *share = (*share / sum).min(1.0));
+    let bins = FOUND + 1;
+    let ends = (0..bins).map(|number| {
+        let wanted = (number as f64 + 0.5) / bins as f64;
+        let above = shares.partition_point(|share| *share <= wanted).min(EVEN);
+        let below = above.saturating_sub(1);
+        let share = |number: usize| shares.get(number).copied().unwrap_or(1.0);
+        let part = (wanted - share(below)) / (share(above) - share(below));
+        let part = if part.is_finite() { part.clamp(0.0, 1.0) } else { 0.0 };
+        at(edge(below) + part * (edge(above) - edge(below)))
+    });
+    ends.collect()
+}
