@@ -3,7 +3,7 @@
 use super::checkpoint::{self, Family, Source, SourceOptions};
 use super::scale::rescale;
 use super::tensor::TensorFile;
-use super::{dvgo, plenoctree, plenoxels, sampled, tensorf};
+use super::{dvgo, plenoctree, plenoxels, sampled, snerg, tensorf};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 
@@ -17,11 +17,12 @@ struct Reader {
 }
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held.
-const READERS: [Reader; 5] = [
+const READERS: [Reader; 6] = [
     Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
     Reader { family: Family::Dvgo, knows: dvgo::knows, open: dvgo::open_tensors },
+    Reader { family: Family::Snerg, knows: snerg::knows, open: snerg::open_tensors },
     Reader { family: Family::Tensorf, knows: tensorf::knows, open: tensorf::open_tensors },
 ];
 

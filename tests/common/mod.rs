@@ -14,6 +14,7 @@ pub mod plain_alpha;
 pub mod plain_render;
 pub mod planes;
 pub mod rendered;
+pub mod snerg;
 pub mod stress;
 pub mod stress_field;
 pub mod stress_ray;

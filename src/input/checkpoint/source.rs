@@ -63,6 +63,8 @@ pub enum Family {
     Sampled,
     /// TensoRF, vector-matrix or CP.
     Tensorf,
+    /// SNeRG's folders of assets.
+    Snerg,
 }
 
 impl Family {
@@ -80,6 +82,7 @@ impl Family {
             Self::PlenOctree => "PlenOctree",
             Self::Sampled => "sampled",
             Self::Tensorf => "TensoRF",
+            Self::Snerg => "SNeRG",
         }
     }
 }
