@@ -9,6 +9,7 @@ pub mod dvgo;
 mod families;
 mod inspect;
 pub mod network;
+pub mod ngp;
 mod open;
 pub mod plenoctree;
 pub mod plenoxels;

@@ -132,8 +132,9 @@ impl SceneArguments {
     ) -> Result<Renderer> {
         self.source_options().check()?;
         if filter.is_some() || self.reads_a_model() {
-            let message = "--filter, --coarse, --mlp, --scene-scale, --view and --drop-background \
-                           belong to trained inputs; a container states these itself";
+            let message = "--filter, --coarse, --mlp, --scene-scale, --view, --resolution, \
+                           --drop-background and --crop-contracted belong to trained inputs; a \
+                           container states these itself";
             return Err(Error::usage(message));
         }
         let mut renderer = Renderer::baked(field, limits)?;

@@ -54,6 +54,13 @@ pub struct SceneArguments {
     /// Leave out a background that no container can hold, such as Plenoxels' spheres
     #[arg(long)]
     pub drop_background: bool,
+    /// Keep the box in which space is not contracted, and leave out the rest
+    #[arg(long)]
+    pub crop_contracted: bool,
+    /// Nodes along the longest axis at which a model without nodes is sampled (Instant-NGP,
+    /// torch-ngp) [default: 256]
+    #[arg(long, value_name = "N")]
+    pub resolution: Option<usize>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -92,13 +99,16 @@ impl SceneArguments {
             scene_scale: self.scene_scale,
             view: self.view,
             drop_background: self.drop_background,
+            crop_contracted: self.crop_contracted,
+            resolution: self.resolution,
         }
     }
 
     /// True if an option says how a trained model is read, which no container needs.
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
-        other_view || self.coarse.is_some() || self.scene_scale.is_some() || self.drop_background
+        let reads = self.drop_background || self.crop_contracted || self.resolution.is_some();
+        other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 
     /// The settings for a trained input, which `cameras` are looked through for too.

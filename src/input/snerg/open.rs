@@ -49,9 +49,12 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         assumptions.push(Assumption {
             key: "background",
             value: "before the network".to_owned(),
-            message: "SNeRG's viewer adds the background before the network runs, a container \
-                      adds it after: half-transparent pixels of a bake differ; compare measures it"
-                .to_owned(),
+            message:
+                "SNeRG's viewer adds the background before the network runs, and does not run \
+                      it where a ray meets nothing; a container adds it after, to every ray: \
+                      half-transparent pixels of a bake differ, and a background that is not white \
+                      may be brightened; compare measures it"
+                    .to_owned(),
         });
     }
     let (cells, grid_place) = (parameters.cells(), Place::Key("grid_width".to_owned()));
