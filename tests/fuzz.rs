@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::grids::SMALL_GRIDS;
+use common::ngp::{small_ngp, zlib};
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::base::bytes::SourceFile;
@@ -69,7 +70,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
-        "grids" => &[],
+        "grids" | "snapshot" | "snerg" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "cameras" => &["json"],
@@ -93,6 +94,15 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         .collect();
     if target == "grids" {
         seeds.extend(SMALL_GRIDS.map(|grid| grid().to_bytes()));
+    }
+    if target == "snapshot" {
+        let model = small_ngp(1.4, false, 8, 1);
+        seeds.push(model.snapshot(Some(1.4), true).bytes());
+        seeds.push(zlib(&small_ngp(8.0, false, 8, 1).snapshot(None, false).bytes()));
+    }
+    if target == "snerg" {
+        let files = targets::snerg_files().into_iter().zip(0u8..);
+        seeds.extend(files.map(|((_, bytes), number)| [vec![number], bytes].concat()));
     }
     if target == "settings" {
         seeds.extend(SETTINGS.map(|text| text.as_bytes().to_vec()));
@@ -261,7 +271,7 @@ fn targets_stand_mutants_of_the_fixtures() {
         }
         let tokens = match name {
             "zip" | "pickle" | "npy" => tokens("pickle"),
-            "safetensors" | "grids" | "gltf" | "cameras" | "settings" => tokens("json"),
+            "safetensors" | "grids" | "gltf" | "cameras" | "settings" | "snerg" => tokens("json"),
             _ => tokens("container"),
         };
         seeds.iter().for_each(|seed| run(target, seed));

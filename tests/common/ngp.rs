@@ -135,10 +135,12 @@ fn morton(cell: [usize; 3]) -> usize {
 /// A model whose levels grow by a ratio, with a ball of occupied cells, `cells` along an edge.
 pub fn small_ngp(ratio: f64, is_torch: bool, cells: usize, seed: u64) -> SmallNgp {
     let more = u64::from(is_torch);
-    let base = if is_torch { 16.0 } else { 4.0 };
+    let base: f32 = if is_torch { 16.0 } else { 4.0 };
     let levels: Vec<Level> = (0..LEVELS)
         .map(|level| {
-            let scale = base * ratio.powi(level as i32) - 1.0;
+            // Both programs compute scales in float32.
+            let log2 = if is_torch { ratio.log2() as f32 } else { libm::log2f(ratio as f32) };
+            let scale = f64::from(libm::exp2f(level as f32 * log2) * base - 1.0);
             let size = scale.ceil() as u64 + 1 + more;
             let most = if is_torch { 8192 } else { 256 };
             Level { scale, size, entries: size.pow(3).next_multiple_of(8).min(most) }

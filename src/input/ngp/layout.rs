@@ -73,28 +73,19 @@ impl Sizes {
         Ok(())
     }
 
-    /// The ratio of levels that ends at `finest` nodes along an axis.
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "float32")]
-    pub(super) fn ratio(&self, finest: f64) -> f32 {
-        if self.levels < 2 {
-            return 1.0;
-        }
-        let steps = (self.levels - 1) as f32;
-        libm::expf(libm::logf(finest as f32 / self.base as f32) / steps)
-    }
-
-    /// The levels whose sizes grow by a ratio.
+    /// The levels whose sizes grow by a ratio, of which the binary logarithm is given. Both programs
+    /// compute scales in float32.
     ///
     /// # Errors
     /// `Malformed` for levels beyond 2^31 nodes.
-    pub(super) fn layout(&self, ratio: f32, place: &Place) -> Result<Layout> {
+    pub(super) fn layout(&self, log2_ratio: f32, place: &Place) -> Result<Layout> {
         self.check(place)?;
         let mut levels = Vec::new();
         let mut first = 0;
         for number in 0..self.levels {
             #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let (number, base) = (number as f32, self.base as f32);
-            let scale = libm::exp2f(number * libm::log2f(ratio)) * base - 1.0;
+            let scale = libm::exp2f(number * log2_ratio) * base - 1.0;
             // Sizes are compared as floats: a cast would saturate.
             let size = libm::ceilf(scale) + 1.0;
             if !(size >= 1.0 && size < (1u32 << 20) as f32) {
@@ -188,7 +179,8 @@ mod tests {
 
     fn entries(levels: u64, features: u64, finest: f64) -> u64 {
         let sizes = Sizes { levels, features, log2_entries: 19, base: 16, more: 0 };
-        let layout = sizes.layout(sizes.ratio(finest), &Place::File).expect("levels");
+        let ratio = libm::expf(libm::logf(finest as f32 / 16.0) / (levels - 1) as f32);
+        let layout = sizes.layout(libm::log2f(ratio), &Place::File).expect("levels");
         layout.entries()
     }
 
@@ -205,9 +197,9 @@ mod tests {
     fn sizes_beyond_reason_are_refused() {
         let sizes =
             Sizes { levels: 1_000_000_000, features: 2, log2_entries: 19, base: 16, more: 0 };
-        assert!(sizes.layout(2.0, &Place::File).is_err());
+        assert!(sizes.layout(1.0, &Place::File).is_err());
         let sizes = Sizes { levels: 16, ..sizes };
-        assert!(sizes.layout(1e30, &Place::File).is_err());
+        assert!(sizes.layout(99.0, &Place::File).is_err());
         assert!(sizes.layout(f32::NAN, &Place::File).is_err());
     }
 }

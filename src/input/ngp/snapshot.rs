@@ -249,10 +249,11 @@ fn layout(
     count: u64,
 ) -> Result<Layout> {
     let place = Place::Key("snapshot.n_params".to_owned());
-    let ratio = stated.unwrap_or_else(|| sizes.ratio(finest));
+    let ratio = stated.unwrap_or_else(|| ratio(sizes, finest));
     let mut expected = Vec::new();
     for ratio in [ratio, ratio.next_up(), ratio.next_down()] {
-        let layout = sizes.layout(ratio, &Place::Key("encoding".to_owned()))?;
+        let place = Place::Key("encoding".to_owned());
+        let layout = sizes.layout(libm::log2f(ratio), &place)?;
         let parameters = networks + layout.entries() * sizes.features;
         if parameters == count {
             return Ok(layout);
@@ -262,6 +263,16 @@ fn layout(
     let expected =
         format!("{} for this configuration", expected.first().map_or("", String::as_str));
     Err(Error::malformed(place, count.to_string(), expected))
+}
+
+/// The ratio of levels that ends at `finest` nodes along an axis, in float32 as it was computed.
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "float32")]
+fn ratio(sizes: &Sizes, finest: f64) -> f32 {
+    if sizes.levels < 2 {
+        return 1.0;
+    }
+    let steps = (sizes.levels - 1) as f32;
+    libm::expf(libm::logf(finest as f32 / sizes.base as f32) / steps)
 }
 
 /// The place of the unit cube in the world.

@@ -74,7 +74,10 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     let levels = offsets.count() - 1;
     let sizes = Sizes { levels, features, log2_entries, base: BASE, more: 1 };
     sizes.check(&embeddings.place())?;
-    let layout = sizes.layout(sizes.ratio(FINEST * bound), &embeddings.place())?;
+    let steps = levels.saturating_sub(1).max(1) as f64;
+    #[expect(clippy::cast_possible_truncation, reason = "evaluated in float32")]
+    let log2_ratio = (libm::log2(FINEST * bound / BASE as f64) / steps) as f32;
+    let layout = sizes.layout(log2_ratio, &embeddings.place())?;
     let same = layout.offsets().zip(&stated).all(|(own, stated)| own as f64 == *stated);
     if !same || layout.entries() != entries {
         let found = format!("levels from {stated:?}");
