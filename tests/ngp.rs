@@ -212,6 +212,26 @@ fn a_bake_is_near_its_snapshot() {
 }
 
 #[test]
+fn a_larger_scene_is_cropped_to_the_unit_cube() {
+    let model = small_ngp(1.4, false, CELLS, 2);
+    let mut pack = model.snapshot(Some(1.4), false);
+    pack.set(&["snapshot", "nerf", "aabb_scale"], Pack::Int(2));
+    let options = SourceOptions { crop_contracted: true, ..SourceOptions::default() };
+    let source = open_with(pack.bytes(), &options, &Limits::default()).expect("its middle");
+    let shown = renderer(&source);
+    let own = renderer(&open(model.snapshot(Some(1.4), false).bytes()).expect("a snapshot"));
+    // The table spans two cubes along an edge, around the same middle.
+    for at in places(50) {
+        let inner = at.map(|at| (at - 0.5) / 2.0 + 0.5);
+        let [a, b] = [(&shown, at), (&own, inner)].map(|(model_of, at)| {
+            model_of.point_colors(model.to_world(at), &[[0.0, 0.6, -0.8]], 0).expect("a point")
+        });
+        let pairs = a.iter().flatten().zip(b.iter().flatten());
+        pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-4, "{a} {b}"));
+    }
+}
+
+#[test]
 fn view_choices_are_followed() {
     let bytes = small_ngp(1.4, false, CELLS, 2).snapshot(Some(1.4), false).bytes();
     let channels = |view: ViewChoice| {

@@ -48,6 +48,9 @@ pub const TARGETS: [Target; 14] = [
 /// Nothing lies here, so that no name in a file leads anywhere.
 const NOWHERE: &str = "/nonexistent/folder/file";
 
+/// Nodes along an axis at which models without nodes are sampled.
+const SIDE: usize = 5;
+
 /// Limits under which any input must be handled.
 pub fn limits() -> Limits {
     let mut limits = Limits::default();
@@ -89,8 +92,14 @@ pub fn grids(bytes: &[u8]) {
 
 /// A snapshot of Instant-NGP, likewise.
 pub fn snapshot(bytes: &[u8]) {
-    tensors(bytes.to_vec());
-    model(&file(bytes.to_vec()));
+    let (file, limits) = (file(bytes.to_vec()), limits());
+    if let Ok(tensors) = tensor::open_file(&file, &limits) {
+        inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+    }
+    let mut options = CheckOptions::default();
+    options.source.resolution = Some(SIDE);
+    check_file(Arc::clone(&file), &options, &limits).ok();
+    model(&file);
 }
 
 /// A file of a small SNeRG folder whose others are sound: the first byte is its number in
@@ -148,7 +157,7 @@ fn model(file: &Arc<SourceFile>) {
     options.crop_contracted = true;
     let Ok(mut source) = open_tensors(&tensors, &options, &limits) else { return };
     if source.family.is_sampled() {
-        options.resolution = Some(5);
+        options.resolution = Some(SIDE);
         match open_tensors(&tensors, &options, &limits) {
             Ok(smaller) => source = smaller,
             Err(_) => return,

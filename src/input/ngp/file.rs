@@ -116,6 +116,10 @@ impl NgpFile {
         {
             turn(first);
         }
+        if let Some(last) = color.last_mut() {
+            // Others are padding.
+            last.weights.truncate(3 * last.inputs);
+        }
         let (layout, color) = (self.layout.clone(), Perceptron::new(color));
         let (reach, per_edge) = (self.reach, self.per_edge);
         let model = Arc::new(Ngp { layout, table, density, color, reach, per_edge });

@@ -12,17 +12,16 @@ use super::values::{ColorValues, DensityValues, Folder};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::checkpoint::{Assumption, Family, MlpChoice, Source, SourceOptions, ViewChoice};
-use crate::input::tensor::TensorFile;
+use crate::input::tensor::{FileKind, TensorFile};
 use crate::model::field::{
     Activation, ActivationOrder, ColorDomain, DensityFunction, Grid, March, RadianceField, Scene,
 };
 use crate::model::snerg::{FAINT, FEATURES};
 use crate::model::view_dependence::ViewDependence;
 
-/// True for the parameters of a folder.
+/// True for the parameters of a folder. Those of SNeRG's successors are refused by name.
 pub fn knows(file: &TensorFile) -> bool {
-    let has = |key: &str| file.root.get(key).is_some();
-    has("grid_width") && has("atlas_width") && has("block_size") && !has("triplane_resolution")
+    file.kind == FileKind::Folder
 }
 
 /// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.

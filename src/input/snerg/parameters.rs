@@ -11,6 +11,10 @@ use crate::model::snerg::{APRON, PLANES, SKIPPED_CUBE};
 /// Texels along an edge of a block, at most.
 const LARGEST_BLOCK: usize = 256;
 
+/// Keys of MERF and SMERF, of the release and of the first demonstration.
+const PLANES_OF_MERF: [&str; 4] =
+    ["triplane_resolution", "sparse_grid_resolution", "voxel_size_triplane", "plane_width_0"];
+
 /// Sizes of a folder, in its own axes.
 #[derive(Debug, Clone)]
 pub(super) struct Parameters {
@@ -36,6 +40,10 @@ impl Parameters {
         let flag =
             |key: &str| root.get(key).is_some_and(|value| value.boolean(key).is_ok_and(|b| b));
         let place = |key: &str| Place::Key(key.to_owned());
+        if let Some(key) = PLANES_OF_MERF.into_iter().find(|key| root.get(key).is_some()) {
+            let found = "a MERF scene: a grid and three planes in contracted space";
+            return Err(Error::unsupported(place(key), found, "a SNeRG folder, a grid in a box"));
+        }
         if flag("ndc") {
             let found = "a scene in normalised device coordinates";
             return Err(Error::unsupported(place("ndc"), found, "a scene in a box"));
