@@ -83,7 +83,6 @@ impl Sizes {
         let mut levels = Vec::new();
         let mut first = 0;
         for number in 0..self.levels {
-            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let (number, base) = (number as f32, self.base as f32);
             let scale = libm::exp2f(number * log2_ratio) * base - 1.0;
             // Sizes are compared as floats: a cast would saturate.

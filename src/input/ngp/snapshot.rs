@@ -122,7 +122,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         None => None,
     };
     let width = usize::try_from(sizes.levels * sizes.features).unwrap_or(0);
-    if width % MULTIPLE != 0 {
+    if !width.is_multiple_of(MULTIPLE) {
         let found = format!("{width} features of all levels");
         let expected = format!("a multiple of {MULTIPLE}: others are padded");
         return Err(Error::unsupported(place("encoding"), found, expected));
@@ -266,7 +266,7 @@ fn layout(
 }
 
 /// The ratio of levels that ends at `finest` nodes along an axis, in float32 as it was computed.
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "float32")]
+#[expect(clippy::cast_possible_truncation, reason = "float32")]
 fn ratio(sizes: &Sizes, finest: f64) -> f32 {
     if sizes.levels < 2 {
         return 1.0;

@@ -69,7 +69,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         _ => None,
     });
     let largest = largest.fold(1.0, f64::max);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+    #[expect(clippy::cast_possible_truncation, reason = "small")]
     let log2_entries = libm::ceil(libm::log2(largest)) as u64;
     let levels = offsets.count() - 1;
     let sizes = Sizes { levels, features, log2_entries, base: BASE, more: 1 };

@@ -51,12 +51,12 @@ impl Axes {
     }
 
     /// A direction or position of the folder in the world.
-    pub(super) fn to_world(&self, own: [f64; 3]) -> [f64; 3] {
+    pub(super) fn to_world(self, own: [f64; 3]) -> [f64; 3] {
         self.0.map(|(axis, sign)| sign * own.get(axis).copied().unwrap_or(0.0))
     }
 
     /// A direction or position of the world in the folder.
-    pub(super) fn from_world(&self, world: [f64; 3]) -> [f64; 3] {
+    pub(super) fn within(self, world: [f64; 3]) -> [f64; 3] {
         let mut own = [0.0; 3];
         for ((axis, sign), value) in self.0.into_iter().zip(world) {
             if let Some(own) = own.get_mut(axis) {
@@ -82,7 +82,7 @@ mod tests {
     fn axes_turn_there_and_back() {
         let axes = Axes::default();
         assert_eq!(axes.to_world([1.0, 2.0, 3.0]), [-1.0, 3.0, 2.0]);
-        assert_eq!(axes.from_world([-1.0, 3.0, 2.0]), [1.0, 2.0, 3.0]);
+        assert_eq!(axes.within([-1.0, 3.0, 2.0]), [1.0, 2.0, 3.0]);
         assert_eq!(axes.sizes([5, 6, 7]), [5, 7, 6]);
         assert_eq!((axes.of_world(0), axes.of_world(1)), ((0, true), (2, false)));
         let mut turned = crate::model::snerg::WORLD_OF_GL.concat();

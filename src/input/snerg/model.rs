@@ -120,7 +120,7 @@ impl TrainedModel for Snerg {
         let voxel = self.parameters.voxel_size;
         let world = (ray.direction / ray.direction.length()).to_array();
         let origin = self.parameters.to_voxels(ray.origin.to_array());
-        let direction = self.parameters.axes.from_world(world);
+        let direction = self.parameters.axes.within(world);
         let grid = self.parameters.grid.0.map(|count| count as f64);
         let [enters, leaves] = crossing(origin, direction, [[0.0; 3], grid]);
         let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / voxel);

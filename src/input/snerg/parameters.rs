@@ -76,7 +76,7 @@ impl Parameters {
             return Err(Error::malformed(place("voxel_size"), voxel_size.to_string(), "above 0"));
         }
         let block = count("block_size", LARGEST_BLOCK as u64)?;
-        if (block + 2 * APRON) % SKIPPED_CUBE != 0 {
+        if !(block + 2 * APRON).is_multiple_of(SKIPPED_CUBE) {
             let expected = format!("{} less than a multiple of {SKIPPED_CUBE}", 2 * APRON);
             return Err(Error::unsupported(place("block_size"), block.to_string(), expected));
         }
@@ -127,7 +127,7 @@ impl Parameters {
 
     /// A position of the world in voxels, 0 being the lowest corner.
     pub(super) fn to_voxels(&self, world: [f64; 3]) -> [f64; 3] {
-        let mut own = self.axes.from_world(world);
+        let mut own = self.axes.within(world);
         let axes = own.iter_mut().zip(self.min);
         axes.for_each(|(at, min)| *at = (*at - min) / self.voxel_size);
         own

@@ -50,7 +50,7 @@ pub(super) fn packing(start: &[u8]) -> Option<Packing> {
     };
     match start {
         [0x1f, 0x8b, 8, ..] => inflated(&mut GzDecoder::new(start)).then_some(Packing::Gzip),
-        [0x78, flags, ..] if (0x7800 + u32::from(*flags)) % 31 == 0 => {
+        [0x78, flags, ..] if (0x7800 + u32::from(*flags)).is_multiple_of(31) => {
             inflated(&mut ZlibDecoder::new(start)).then_some(Packing::Zlib)
         }
         _ => is_document(start).then_some(Packing::Plain),
