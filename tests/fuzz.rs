@@ -16,7 +16,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::grids::SMALL_GRIDS;
-use common::ngp::{small_ngp, zlib};
+use common::msgpack::zlib;
+use common::ngp::small_ngp;
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::base::bytes::SourceFile;

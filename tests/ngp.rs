@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use common::grids::{SmallGrid, Values};
 use common::models::{renderer, small};
-use common::ngp::{CELLS, FEATURES, Pack, SmallNgp, gzip, small_ngp, zlib};
+use common::msgpack::{Pack, gzip, zlib};
+use common::ngp::{CELLS, FEATURES, SmallNgp, small_ngp};
 use common::{Random, folder};
 use glam::DVec3;
 use mipvog_bake::unstable::bake::{BakeOptions, Baker};

@@ -8,6 +8,7 @@ pub mod chunks;
 pub mod grids;
 pub mod harmonic_field;
 pub mod models;
+pub mod msgpack;
 pub mod ngp;
 pub mod pages;
 pub mod plain;
