@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 use common::archive;
 use common::factored::SMALL_MODELS;
 use common::grids::SMALL_GRIDS;
+use common::msgpack::zlib;
+use common::ngp::small_ngp;
 use common::{Random, chunks, fixture};
 use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
 use mipvog_bake::unstable::base::bytes::SourceFile;
@@ -71,7 +73,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
-        "grids" | "models" => &[],
+        "grids" | "models" | "snapshot" | "snerg" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "cameras" => &["json"],
@@ -98,6 +100,15 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     }
     if target == "models" {
         seeds.extend(SMALL_MODELS.map(|model| model().to_seed()));
+    }
+    if target == "snapshot" {
+        let model = small_ngp(1.4, false, 8, 1);
+        seeds.push(model.snapshot(Some(1.4), true).bytes());
+        seeds.push(zlib(&small_ngp(8.0, false, 8, 1).snapshot(None, false).bytes()));
+    }
+    if target == "snerg" {
+        let files = targets::snerg_files().into_iter().zip(0u8..);
+        seeds.extend(files.map(|((_, bytes), number)| [vec![number], bytes].concat()));
     }
     if target == "settings" {
         seeds.extend(SETTINGS.map(|text| text.as_bytes().to_vec()));
@@ -266,7 +277,7 @@ fn targets_stand_mutants_of_the_fixtures() {
         }
         let tokens = match name {
             "zip" | "pickle" | "npy" | "models" => tokens("pickle"),
-            "safetensors" | "grids" | "gltf" | "cameras" | "settings" => tokens("json"),
+            "safetensors" | "grids" | "gltf" | "cameras" | "settings" | "snerg" => tokens("json"),
             _ => tokens("container"),
         };
         seeds.iter().for_each(|seed| run(target, seed));

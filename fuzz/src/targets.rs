@@ -29,13 +29,15 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 15] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
     ("safetensors", safetensors),
     ("grids", grids),
     ("models", models),
+    ("snapshot", snapshot),
+    ("snerg", snerg),
     ("container", container),
     ("render", render),
     ("repack", repack),
@@ -47,6 +49,9 @@ pub const TARGETS: [Target; 13] = [
 
 /// Nothing lies here, so that no name in a file leads anywhere.
 const NOWHERE: &str = "/nonexistent/folder/file";
+
+/// Nodes along an axis at which models without nodes are sampled.
+const SIDE: usize = 5;
 
 /// Limits under which any input must be handled.
 pub fn limits() -> Limits {
@@ -84,7 +89,7 @@ pub fn safetensors(bytes: &[u8]) {
 /// A safetensors file of Plenoxels, of a PlenOctree or of sampled arrays: shown by its own rules,
 /// and read as a bake reads it.
 pub fn grids(bytes: &[u8]) {
-    shown(bytes.to_vec());
+    model(&file(bytes.to_vec()));
 }
 
 /// The pickle and the storages of a checkpoint of TensoRF or DirectVoxGO, each after its length in
@@ -98,18 +103,85 @@ pub fn models(bytes: &[u8]) {
         (*part, rest) = after.split_at(length);
     }
     let [pickle, numbers, flags] = parts;
-    shown(archive(&[
+    model(&file(archive(&[
         ("archive/data.pkl", pickle),
         ("archive/data/0", numbers),
         ("archive/data/1", flags),
-    ]));
+    ])));
 }
 
-fn shown(bytes: Vec<u8>) {
-    let (file, limits) = (file(bytes), limits());
-    let Ok(tensors) = tensor::open_file(&file, &limits) else { return };
-    let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
-    let Ok(source) = open_tensors(&tensors, &options, &limits) else { return };
+/// A snapshot of Instant-NGP, likewise.
+pub fn snapshot(bytes: &[u8]) {
+    let (file, limits) = (file(bytes.to_vec()), limits());
+    if let Ok(tensors) = tensor::open_file(&file, &limits) {
+        inspect_tensors(&tensors, &SourceOptions::default(), &limits).ok();
+    }
+    let mut options = CheckOptions::default();
+    options.source.resolution = Some(SIDE);
+    check_file(Arc::clone(&file), &options, &limits).ok();
+    model(&file);
+}
+
+/// A file of a small SNeRG folder whose others are sound: the first byte is its number in
+/// [`snerg_files`]. Shown by the viewer's rules, and read as a bake reads it.
+pub fn snerg(bytes: &[u8]) {
+    let [number, bytes @ ..] = bytes else { return };
+    let folder = std::env::temp_dir().join(format!("mipvog-fuzz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).ok();
+    let files = snerg_files();
+    let changed = usize::from(*number) % files.len();
+    for (at, (name, sound)) in files.iter().enumerate() {
+        let content = if at == changed { bytes } else { &sound[..] };
+        std::fs::write(folder.join(name), content).ok();
+    }
+    if let Ok(file) = SourceFile::open(&folder.join(files[0].0)) {
+        let file = Arc::new(file);
+        model(&file);
+        check_file(file, &CheckOptions::default(), &limits()).ok();
+    }
+    std::fs::remove_dir_all(&folder).ok();
+}
+
+/// The files of a SNeRG folder of one block.
+pub fn snerg_files() -> Vec<(&'static str, Vec<u8>)> {
+    let layer = |number: usize, inputs: usize, outputs: usize| {
+        let row = format!("[{}]", vec!["0.25"; outputs].join(","));
+        let rows = vec![row.as_str(); inputs].join(",");
+        format!(r#","{number}_weights":[{rows}],"{number}_bias":{row}"#)
+    };
+    let layers = [layer(0, 34, 16), layer(1, 16, 16), layer(2, 16, 3)].concat();
+    let text = format!(
+        r#"{{"voxel_size":0.1,"block_size":6,"grid_width":6,"grid_height":5,"grid_depth":4,
+"atlas_width":8,"atlas_height":8,"atlas_depth":8,"num_slices":2,"min_x":-1,"min_y":0,"min_z":1,
+"worldspace_T_opengl":[[-1,0,0,0],[0,0,1,0],[0,1,0,0],[0,0,0,1]],"ndc":false,"format":"png"{layers}}}"#
+    );
+    let slice = |seed: usize| {
+        let bytes: Vec<u8> = (0..8 * 32 * 4).map(|at| ((at * seed) % 251) as u8).collect();
+        picture::png(8, 32, &bytes).unwrap_or_default()
+    };
+    vec![
+        ("scene_params.json", text.into_bytes()),
+        ("atlas_indices.png", picture::png(1, 1, &[0, 0, 0]).unwrap_or_default()),
+        ("rgba_000.png", slice(7)),
+        ("rgba_001.png", slice(11)),
+        ("feature_000.png", slice(13)),
+        ("feature_001.png", slice(17)),
+    ]
+}
+
+/// A model that is shown by its own rules and read as a bake reads it.
+fn model(file: &Arc<SourceFile>) {
+    let limits = limits();
+    let Ok(tensors) = tensor::open_file(file, &limits) else { return };
+    let mut options = SourceOptions { drop_background: true, ..SourceOptions::default() };
+    let Ok(mut source) = open_tensors(&tensors, &options, &limits) else { return };
+    if source.family.is_sampled() {
+        options.resolution = Some(SIDE);
+        match open_tensors(&tensors, &options, &limits) {
+            Ok(smaller) => source = smaller,
+            Err(_) => return,
+        }
+    }
     let nodes = source.field.scene.nodes;
     // Grids that a file states in a few bytes may be large; a bake of them takes its time.
     if nodes.count() > 1 << 15 {

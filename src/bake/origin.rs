@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 
 use crate::base::bytes::hex;
 use crate::base::error::Result;
-use crate::input::Source;
+use crate::input::{Companion, Source};
 use crate::model::field::{Grid, RadianceField};
 
 /// Samples of each colour tensor in a digest, evenly spaced from its first byte to its last.
@@ -30,6 +30,27 @@ pub struct Origin {
     pub assumptions: Vec<Value>,
 }
 
+/// Roles and digests; files of one role are one digest of theirs, in their order.
+fn companions(files: &[Companion]) -> Vec<(&'static str, [u8; 32])> {
+    let mut roles: Vec<&'static str> = Vec::new();
+    let mut new = |file: &Companion| {
+        let is_new = !roles.contains(&file.role);
+        roles.extend(is_new.then_some(file.role));
+        is_new
+    };
+    let firsts: Vec<&Companion> = files.iter().filter(|file| new(file)).collect();
+    let joined = firsts.into_iter().map(|first| {
+        let same = files.iter().filter(|file| file.role == first.role);
+        if same.clone().count() == 1 {
+            return (first.role, first.digest);
+        }
+        let mut sum = Sha256::new();
+        same.for_each(|file| sum.update(file.digest));
+        (first.role, sum.finalize().into())
+    });
+    joined.collect()
+}
+
 impl Origin {
     /// Of arrays in memory.
     pub fn of_arrays() -> Self {
@@ -49,7 +70,7 @@ impl Origin {
             kind: format!("{} {}", source.family.name(), source.kind.name()),
             digest: source.digest,
             covers_values: source.field.density.has_checksum(),
-            companions: source.companions.iter().map(|c| (c.role, c.digest)).collect(),
+            companions: companions(&source.companions),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         }
     }

@@ -5,8 +5,8 @@ use super::options::SourceOptions;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
-use super::{dvgo, plenoctree, plenoxels, sampled, tensorf};
-use crate::base::error::Result;
+use super::{dvgo, ngp, plenoctree, plenoxels, sampled, snerg, tensorf};
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 
 /// A family with keys that no other has.
@@ -19,11 +19,14 @@ struct Reader {
 }
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held.
-const READERS: [Reader; 5] = [
+const READERS: [Reader; 8] = [
     Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
     Reader { family: Family::Dvgo, knows: dvgo::knows, open: dvgo::open_tensors },
+    Reader { family: Family::Snerg, knows: snerg::knows, open: snerg::open_tensors },
+    Reader { family: Family::InstantNgp, knows: ngp::knows_snapshot, open: ngp::open_snapshot },
+    Reader { family: Family::TorchNgp, knows: ngp::knows_checkpoint, open: ngp::open_checkpoint },
     Reader { family: Family::Tensorf, knows: tensorf::knows, open: tensorf::open_tensors },
 ];
 
@@ -44,6 +47,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     options.check()?;
     let open = reader(file).map_or(checkpoint::open_tensors as _, |reader| reader.open);
     let source = open(file, options, limits).map_err(|error| error.in_file(file.file.path()))?;
+    if options.resolution.is_some() && !source.family.is_sampled() {
+        let message = format!(
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and a {} model has \
+             its own",
+            source.family.name()
+        );
+        return Err(Error::usage(message).in_file(file.file.path()));
+    }
     Ok(rescale(source, options))
 }
 

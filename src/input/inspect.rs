@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::checkpoint::STATE;
 use super::families;
+use super::open::file_of;
 use super::options::SourceOptions;
 use super::source::{Assumption, Family};
 use super::tensor::{self, FileKind, TensorFile, Value};
@@ -99,7 +100,7 @@ pub struct ListedValue {
 /// As [`tensor::open`]. A file that is read but could not be baked is no error: the result says
 /// why.
 pub fn inspect(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Inspection> {
-    inspect_tensors(&tensor::open(path, limits)?, options, limits)
+    inspect_tensors(&tensor::open(&file_of(path), limits)?, options, limits)
 }
 
 /// The same for a file that is open already.

@@ -1,6 +1,6 @@
 //! The front door: a trained model from its file.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::families::open_tensors;
 use super::options::SourceOptions;
@@ -8,6 +8,7 @@ use super::source::Source;
 use super::tensor;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::model::snerg;
 
 /// Opens a trained model, told by its content. Grids stay in the file until they are needed.
 ///
@@ -28,11 +29,17 @@ pub fn open(path: impl AsRef<Path>) -> Result<Source> {
     open_with(path.as_ref(), &SourceOptions::default(), &Limits::default())
 }
 
+/// The file that is read for an input: of a folder of assets the one that describes it.
+pub fn file_of(path: &Path) -> PathBuf {
+    let described = path.join(snerg::PARAMETERS);
+    if described.is_file() { described } else { path.to_owned() }
+}
+
 /// Opens a trained model with settings that its file lacks.
 ///
 /// # Errors
 ///
 /// As [`open()`], and settings out of their range.
 pub fn open_with(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    open_tensors(&tensor::open(path, limits)?, options, limits)
+    open_tensors(&tensor::open(&file_of(path), limits)?, options, limits)
 }

@@ -34,6 +34,8 @@ pub struct SourceOptions {
     /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
     /// space. Default: such inputs are refused
     pub drop_background: bool,
+    /// Nodes along the longest axis of a model that has none. Default: 256
+    pub resolution: Option<usize>,
 }
 
 /// The part of the view-dependent colour that is kept.
@@ -79,6 +81,9 @@ impl SourceOptions {
         if let Some(color) = self.background.filter(|c| !c.iter().all(|v| (0.0..=1.0).contains(v)))
         {
             return refuse("background", &color, "three numbers from 0 to 1");
+        }
+        if let Some(nodes) = self.resolution.filter(|nodes| !(2..=1 << 16).contains(nodes)) {
+            return refuse("resolution", &nodes, "2 to 65536 nodes");
         }
         let scale = self.scene_scale;
         if let Some(scale) = scale.filter(|scale| !(*scale > 0.0 && scale.is_finite())) {

@@ -33,13 +33,14 @@ pub struct SceneSettings {
 }
 
 impl SceneSettings {
-    /// Reads the settings beside an input. `None` if there is no such file.
+    /// Reads the settings beside an input, or inside of a folder. `None` if there is no such file.
     ///
     /// # Errors
     ///
     /// A file that cannot be read or is no TOML or JSON; a setting of another type or out of range.
     pub fn beside(input: &Path, limits: &Limits) -> Result<Option<Self>> {
-        let folder = input.parent().unwrap_or(Path::new(""));
+        let folder = if input.is_dir() { Some(input) } else { input.parent() };
+        let folder = folder.unwrap_or(Path::new(""));
         let mut paths = NAMES.iter().map(|name| folder.join(name));
         let found = paths.find(|path| path.is_file() && path != input);
         found.map(|path| Self::read(&path, limits)).transpose()

@@ -63,12 +63,23 @@ pub enum Family {
     Sampled,
     /// TensoRF, vector-matrix or CP.
     Tensorf,
+    /// SNeRG's folders of assets.
+    Snerg,
+    /// Instant-NGP's snapshots.
+    InstantNgp,
+    /// torch-ngp.
+    TorchNgp,
 }
 
 impl Family {
     /// True for models without values at the nodes of a grid: the field is made of samples.
     pub const fn is_resampled(self) -> bool {
-        matches!(self, Self::PlenOctree)
+        matches!(self, Self::PlenOctree) || self.is_sampled()
+    }
+
+    /// True for models without a grid of values: nodes are placed as the user says.
+    pub const fn is_sampled(self) -> bool {
+        matches!(self, Self::InstantNgp | Self::TorchNgp)
     }
 
     /// Its name, as people know it.
@@ -80,6 +91,9 @@ impl Family {
             Self::PlenOctree => "PlenOctree",
             Self::Sampled => "sampled",
             Self::Tensorf => "TensoRF",
+            Self::Snerg => "SNeRG",
+            Self::InstantNgp => "Instant-NGP",
+            Self::TorchNgp => "torch-ngp",
         }
     }
 }

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod field;
 pub mod grid;
 pub mod harmonics;
+pub mod snerg;
 pub mod trained_model;
 pub mod view_dependence;
 pub mod view_mlp;

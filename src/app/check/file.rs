@@ -11,7 +11,7 @@ use crate::base::finding::{Code, Finding, checked};
 use crate::base::limits::Limits;
 use crate::codec::container::{Container, starts_container};
 use crate::input::SourceOptions;
-use crate::input::tensor;
+use crate::input::{file_of, tensor};
 use crate::output::gltf::asset::is_asset;
 
 /// Options of validation.
@@ -44,7 +44,7 @@ pub fn check(path: &Path, limits: &Limits) -> Result<Report> {
 /// # Errors
 /// Those of [`check`], and `Usage` for options out of range.
 pub fn check_with(path: &Path, options: &CheckOptions, limits: &Limits) -> Result<Report> {
-    check_file(Arc::new(SourceFile::open(path)?), options, limits)
+    check_file(Arc::new(SourceFile::open(&file_of(path))?), options, limits)
 }
 
 /// The same for a file that is open already.

@@ -21,6 +21,7 @@ use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::picture;
 use crate::base::progress::Step;
+use crate::input;
 use crate::model::camera::Camera;
 use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors};
 use crate::view::render::Renderer;
@@ -100,7 +101,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;
-    if arguments.reference.is_dir() && arguments.difference {
+    let pictures = input::file_of(&arguments.reference).is_dir();
+    if pictures && arguments.difference {
         let message = "--difference renders both sides, and a folder of pictures is no field";
         return Err(Error::usage(message).in_file(&arguments.reference));
     }
@@ -109,7 +111,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let cameras = cameras.as_deref();
     // Beside a model, its options are no mistake about a container.
     let is_baked = |path: &Path| Ok(which.container(path, &common.limits())?.is_some());
-    let baked = match arguments.reference.is_dir() {
+    let baked = match pictures {
         true => [false; 2],
         false => [is_baked(&arguments.reference)?, is_baked(&arguments.field)?],
     };
@@ -118,7 +120,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         false => scene.clone(),
     });
     let field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
-    let reference = if arguments.reference.is_dir() {
+    let reference = if pictures {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background, limits: common.limits() }

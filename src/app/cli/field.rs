@@ -51,8 +51,9 @@ impl FieldArguments {
     /// Refuses a choice where none of the inputs is an asset to choose from.
     pub fn check(self, inputs: &[&Path]) -> Result<()> {
         let Some(number) = self.number else { return Ok(()) };
-        for path in inputs.iter().filter(|path| !path.is_dir()) {
-            if is_asset(&SourceFile::open(&stdin::resolve(path)?)?) {
+        for path in inputs {
+            let path = stdin::resolve(path)?;
+            if !path.is_dir() && is_asset(&SourceFile::open(&path)?) {
                 return Ok(());
             }
         }
@@ -131,8 +132,9 @@ impl SceneArguments {
     ) -> Result<Renderer> {
         self.source_options().check()?;
         if filter.is_some() || self.reads_a_model() {
-            let message = "--filter, --coarse, --mlp, --scene-scale, --view and --drop-background \
-                           belong to trained inputs; a container states these itself";
+            let message = "--filter, --coarse, --mlp, --scene-scale, --view, --resolution and \
+                           --drop-background belong to trained inputs; a container states these \
+                           itself";
             return Err(Error::usage(message));
         }
         let mut renderer = Renderer::baked(field, limits)?;

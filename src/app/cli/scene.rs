@@ -52,10 +52,14 @@ pub struct SceneArguments {
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Leave out surroundings that no container can hold: Plenoxels' spheres behind the box, the
-    /// contracted space around DirectVoxGO's inner box
+    /// Leave out surroundings that no container can hold: Plenoxels' spheres behind the box,
+    /// DirectVoxGO's contracted space, all beyond the unit cube of Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
+    /// Nodes along the longest axis at which a model without nodes is sampled (Instant-NGP,
+    /// torch-ngp) [default: 256]
+    #[arg(long, value_name = "N")]
+    pub resolution: Option<usize>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -95,6 +99,7 @@ impl SceneArguments {
             view: self.view,
             cameras: Vec::new(),
             drop_background: self.drop_background,
+            resolution: self.resolution,
         }
     }
 
@@ -113,7 +118,8 @@ impl SceneArguments {
     /// True if an option says how a trained model is read, which no container needs.
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
-        other_view || self.coarse.is_some() || self.scene_scale.is_some() || self.drop_background
+        let reads = self.drop_background || self.resolution.is_some();
+        other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 
     /// The settings for a trained input, which `cameras` are looked through for too.

@@ -13,7 +13,7 @@ use super::output::STANDARD_STREAM;
 use crate::base::bytes::{SourceFile, Unfinished};
 use crate::base::error::{Error, Result};
 use crate::codec::container::is_container;
-use crate::input::tensor;
+use crate::input::{self, tensor};
 use crate::output::gltf::asset::is_asset;
 
 /// The name of the standard input in messages.
@@ -30,14 +30,15 @@ struct Copy {
     _unfinished: Unfinished,
 }
 
-/// The file to read for an input of the command line: for `-` the copy of the standard input.
+/// The file to read for an input of the command line: for `-` the copy of the standard input, for a
+/// folder of assets the file that describes it.
 ///
 /// # Errors
 ///
 /// The standard input is a terminal, or the copy cannot be written.
 pub fn resolve(path: &Path) -> Result<PathBuf> {
     if path != Path::new(STANDARD_STREAM) {
-        return Ok(path.to_owned());
+        return Ok(input::file_of(path));
     }
     let mut spooled = SPOOLED.lock().unwrap_or_else(PoisonError::into_inner);
     let copy = match spooled.take() {

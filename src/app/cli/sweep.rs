@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let limits = common.limits();
     let cameras = arguments.cameras.file();
     let found = arguments.scene.settings(&arguments.input, cameras.as_deref(), &limits)?;
-    let file = tensor::open(&arguments.input, &limits)?;
+    let file = tensor::open(&input::file_of(&arguments.input), &limits)?;
     if metadata_text(&file).is_some() {
         let message = "an unpacked container holds what one setting kept; a sweep needs the \
                        trained input it came from";

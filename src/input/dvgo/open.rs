@@ -6,7 +6,7 @@ use super::model::DvgoFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{self, Inner, NamedValues, StoredGrid};
-use crate::input::network::{FittedColors, Inputs, NetworkFile};
+use crate::input::network::{FittedColors, Inputs, NetworkFile, StoredFeatures};
 use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::{Tensor, TensorFile};
@@ -78,7 +78,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let field = source.field.clone();
     let matter = RadianceField { color: Vec::new(), ..field.clone() };
     let (features, cameras) = (color.clone().into_grid(), &options.cameras);
-    let colors = FittedColors::new(features, network.clone(), harmonics, matter, cameras, limits);
+    let features = StoredFeatures::new(features, network.clone(), limits);
+    let colors = FittedColors::new(features, harmonics, matter, cameras, limits);
     let model = Arc::new(DvgoFile { field, density, color, network, inner });
     source.field.color = vec![Grid::Values(Arc::new(colors))];
     source.field.color_domain = ColorDomain::Linear;

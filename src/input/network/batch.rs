@@ -17,7 +17,7 @@ const TILE: usize = 4;
 
 /// The weights of a network for batches.
 #[derive(Debug)]
-pub(super) struct BatchNetwork {
+pub struct BatchNetwork {
     layers: Vec<Layer>,
 }
 
@@ -31,7 +31,7 @@ struct Layer {
 
 /// The directions of a batch.
 #[derive(Debug)]
-pub(super) struct Batch {
+pub struct Batch {
     /// Their number.
     directions: usize,
     /// The first layer's sums of what depends on the direction alone, with its biases.

@@ -1,21 +1,20 @@
 //! Harmonics at nodes, fitted to a network along the directions from which each is seen.
 //!
 //! Directions are those of the node's cell of [`Seen`]: the middle of the cell stands for all of
-//! its nodes, so that the fit and the first layer of the network are prepared once for all of
-//! them. The network is asked along these very directions, so no error comes of that.
+//! its nodes, so that the fit, and what the network needs of directions, are prepared once for all
+//! of them. The network is asked along these very directions, so no error comes of that.
 
+use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::batch::{Batch, BatchNetwork, Scratch};
 use super::fit::Fit;
-use super::planes::{PlaneCache, visit};
-use super::run::{Network, NetworkFile};
+use super::planes::PlaneCache;
 use super::seen::Seen;
 use super::views::Views;
-use crate::base::error::{Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
 use crate::input::lazy::Lazy;
-use crate::model::field::{Grid, NodeValues, RadianceField};
+use crate::model::field::{NodeValues, RadianceField};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 
@@ -28,12 +27,58 @@ const LEAST: usize = 6;
 /// Directions, all around, of a hidden cell.
 const HIDDEN: usize = 16;
 
-/// The colours to fit.
+/// Red, green and blue along directions.
+pub type Colors = [Vec<f64>; 3];
+
+/// Finds a node's colours along directions.
+pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
+
+/// Colours that a network gives the nodes of a grid.
+pub trait NodeColors: Debug + Send + Sync {
+    /// The network in memory.
+    type Network: Debug + Send + Sync;
+    /// Directions, prepared for the network.
+    type Along;
+
+    /// Nodes along each axis.
+    fn nodes(&self) -> Nodes;
+
+    /// Bytes of a plane that is filled along so many directions, and of all else, at most.
+    fn memory_bytes(&self, directions: usize) -> [u64; 2];
+
+    /// Feeds a digest with samples of the bytes that stand for all values.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+
+    /// Reads the network.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn load(&self) -> Result<Arc<Self::Network>>;
+
+    /// Prepares unit directions.
+    fn along(&self, network: &Self::Network, directions: &[[f64; 3]]) -> Self::Along;
+
+    /// Shows the nodes `(y, z)` of plane `x` in a region (rows of bits along z), row by row. Nodes
+    /// that are empty may be left out.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn visit(
+        &self,
+        network: &Self::Network,
+        x: usize,
+        region: &[u64],
+        see: &mut dyn FnMut([usize; 2], FindColors<'_, Self::Along>),
+    ) -> Result<()>;
+}
+
+/// The harmonics of colours.
 #[derive(Debug)]
-pub struct FittedColors {
-    /// The inputs of the network.
-    features: Grid,
-    network: NetworkFile,
+pub struct FittedColors<N: NodeColors> {
+    colors: N,
     /// The rules of the harmonics.
     harmonics: Harmonics,
     /// True for band 0 alone, as colours.
@@ -42,31 +87,29 @@ pub struct FittedColors {
     matter: RadianceField,
     views: Views,
     limits: Limits,
-    prepared: Lazy<Prepared>,
+    prepared: Lazy<Prepared<N::Network>>,
     planes: PlaneCache,
 }
 
 /// All that nodes have in common.
 #[derive(Debug)]
-struct Prepared {
-    network: Network,
-    batches: BatchNetwork,
+struct Prepared<Network> {
+    network: Arc<Network>,
     seen: Seen,
 }
 
 /// All that the nodes of a cell have in common.
-struct Cell {
+struct Cell<Along> {
     at: [usize; 3],
     fit: Fit,
-    batch: Batch,
+    along: Along,
 }
 
-impl FittedColors {
-    /// Harmonics for a network that is seen from `cameras`, or from all around if they are few.
+impl<N: NodeColors> FittedColors<N> {
+    /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
     /// `matter` is the field without its colours.
     pub fn new(
-        features: Grid,
-        network: NetworkFile,
+        colors: N,
         harmonics: Harmonics,
         matter: RadianceField,
         cameras: &[[f64; 3]],
@@ -74,8 +117,7 @@ impl FittedColors {
     ) -> Self {
         let (views, limits) = (Views::new(cameras), limits.clone());
         let (prepared, planes) = (Lazy::default(), PlaneCache::with_archive());
-        let is_plain = false;
-        Self { features, network, harmonics, is_plain, matter, views, limits, prepared, planes }
+        Self { colors, harmonics, is_plain: false, matter, views, limits, prepared, planes }
     }
 
     /// The same as colours that do not depend on the view.
@@ -89,17 +131,8 @@ impl FittedColors {
         if self.harmonics.degree > 2 { MOST[1] } else { MOST[0] }
     }
 
-    fn prepared(&self) -> Result<Arc<Prepared>> {
-        self.prepared.get(|| {
-            let network = self.network.load(&mut Budget::new(&self.limits))?;
-            let batches = BatchNetwork::new(&network);
-            let seen = Seen::find(&self.matter, &self.views, &self.limits)?;
-            Ok(Prepared { network, batches, seen })
-        })
-    }
-
     /// The fit of a cell's nodes.
-    fn cell(&self, prepared: &Prepared, at: [usize; 3]) -> Cell {
+    fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
         let mut views = prepared.seen.views(at);
         let mut most = self.most();
         if views.len() < LEAST {
@@ -110,26 +143,22 @@ impl FittedColors {
         let chosen = (0..count).filter_map(|number| views.get(number * views.len() / count));
         let directions: Vec<[f64; 3]> = chosen.map(|&view| self.views.at(view, middle).0).collect();
         let fit = Fit::new(&directions, self.harmonics.functions());
-        let batch = prepared.batches.batch(&prepared.network, &directions);
-        Cell { at, fit, batch }
+        Cell { at, fit, along: self.colors.along(&prepared.network, &directions) }
     }
 
     /// All channels of the nodes of plane `x` in a region, channel by channel.
     #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
     fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
-        let prepared = self.prepared()?;
-        let Nodes([nx, ny, nz]) = self.nodes();
+        let prepared = self.prepared.get(|| {
+            let seen = Seen::find(&self.matter, &self.views, &self.limits)?;
+            Ok(Prepared { network: self.colors.load()?, seen })
+        })?;
+        let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
         // Nodes come row by row: the cells of one row are in use at a time.
-        let mut cells: Vec<Cell> = Vec::new();
-        let (mut scratch, mut colors) = (Scratch::default(), [(); 3].map(|()| Vec::new()));
-        let place = |at: usize, count: usize| 2.0 * at as f64 / (count - 1) as f64 - 1.0;
-        let stored = self.stored(x, region)?;
-        let mut features = Vec::new();
-        visit(self.nodes(), region, |[y, z]| {
-            let own = stored.iter().skip(y * nz + z).step_by(ny * nz);
-            features.clear();
-            features.extend(own.map(|value| f64::from(*value)));
+        let mut cells: Vec<Cell<N::Along>> = Vec::new();
+        let mut colors = [(); 3].map(|()| Vec::new());
+        self.colors.visit(&prepared.network, x, region, &mut |[y, z], find| {
             let at = prepared.seen.cell([x, y, z]);
             if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
                 cells.clear();
@@ -140,9 +169,7 @@ impl FittedColors {
                 cells.len() - 1
             });
             let Some(cell) = cells.get(known) else { return };
-            let position = [place(x, nx), place(y, ny), place(z, nz)];
-            let Prepared { network, batches, .. } = &*prepared;
-            batches.colors(network, &cell.batch, &features, position, &mut scratch, &mut colors);
+            find(&cell.along, &mut colors);
             colors.iter_mut().flatten().for_each(|value| *value -= offset);
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
             let found = cell.fit.coefficients(&colors).map(|value| value as f32);
@@ -154,32 +181,13 @@ impl FittedColors {
             } else {
                 out.zip(found).for_each(|(out, value)| *out = value);
             }
-        });
-        Ok(())
-    }
-
-    /// The features of a plane, channel by channel.
-    fn stored(&self, x: usize, region: &[u64]) -> Result<Vec<f32>> {
-        let Nodes([_, ny, nz]) = self.nodes();
-        let mut budget = Budget::new(&self.limits);
-        let place = Place::Key("features".to_owned());
-        let count = ny * nz * self.features.channels();
-        let mut stored: Vec<f32> = budget.zeroed(count, "bytes of a plane", &place)?;
-        for (channel, out) in stored.chunks_exact_mut(ny * nz).enumerate() {
-            match &self.features {
-                Grid::Array(_) => self.features.read_plane(channel, x, out, |_| {})?,
-                Grid::Values(values) => {
-                    values.read(channel, x, region, out)?;
-                }
-            }
-        }
-        Ok(stored)
+        })
     }
 }
 
-impl NodeValues for FittedColors {
+impl<N: NodeColors> NodeValues for FittedColors<N> {
     fn nodes(&self) -> Nodes {
-        self.features.nodes()
+        self.colors.nodes()
     }
 
     fn channels(&self) -> usize {
@@ -187,30 +195,16 @@ impl NodeValues for FittedColors {
     }
 
     fn memory_bytes(&self) -> u64 {
-        let Nodes([_, ny, nz]) = self.nodes();
-        let cells = Batch::bytes(self.most(), self.network.hidden_width()) * 64;
-        let stored = (4 * ny * nz * self.features.channels()) as u64;
         let planes = self.planes.bytes(self.nodes(), self.channels());
-        let features = match &self.features {
-            Grid::Array(_) => 0,
-            Grid::Values(values) => values.memory_bytes(),
-        };
-        planes + features + Seen::memory_bytes(&self.views) + AT_ONCE * (stored + cells)
+        let [plane, all] = self.colors.memory_bytes(self.most());
+        planes + Seen::memory_bytes(&self.views) + AT_ONCE * plane + all
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         if let Views::Cameras(places) = &self.views {
             places.iter().flatten().for_each(|value| see(&value.to_le_bytes()));
         }
-        match &self.features {
-            Grid::Values(values) => values.digest(see),
-            Grid::Array(_) => {
-                // The checksums of an archive, if there are any, stand for all values.
-                let Nodes([nx, ny, nz]) = self.nodes();
-                let mut plane = vec![0.0; ny * nz];
-                self.features.read_plane(0, nx / 2, &mut plane, see)
-            }
-        }
+        self.colors.digest(see)
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

@@ -9,9 +9,11 @@ mod fitted;
 mod planes;
 mod run;
 mod seen;
+mod stored;
 mod views;
 
-pub use fitted::FittedColors;
+pub use fitted::{Colors, FindColors, FittedColors, NodeColors};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
+pub use stored::StoredFeatures;
 pub use views::judging_eyes;

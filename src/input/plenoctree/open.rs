@@ -12,7 +12,7 @@ use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::sparse::{CellBox, Channel, Index, PlaneRows, RowArray, RowGrid};
-use crate::input::tensor::{FileKind, TensorFile};
+use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
@@ -52,9 +52,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let index = Arc::new(Index::other(cells.cells, arrays.rows.rows(), Box::new(leaves), &place)?);
     let (stored, density) = (arrays.basis.functions(), arrays.rows.width() - 1);
     let (channels, color_domain, view) = colors(&arrays.basis, options.view);
-    let unchecked = match file.kind {
-        FileKind::Safetensors => vec![Arc::clone(&arrays.rows)],
-        FileKind::Npz | FileKind::Torch => Vec::new(),
+    let unchecked = match file.kind.has_checksums() {
+        true => Vec::new(),
+        false => vec![Arc::clone(&arrays.rows)],
     };
     let grid = |channels| RowGrid::new(&index, &arrays.rows, channels, 1, unchecked.clone());
     let (stepsize, voxel_size) = (options.stepsize.unwrap_or(STEPSIZE), cells.voxel_size());

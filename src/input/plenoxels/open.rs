@@ -11,7 +11,7 @@ use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Companion, Family, Source};
 use crate::input::sparse::{CellBox, Channel, RowGrid};
-use crate::input::tensor::{FileKind, TensorFile};
+use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
@@ -89,9 +89,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ),
     };
     // The digest of an archive has the checksums of all values.
-    let unchecked = match file.kind {
-        FileKind::Safetensors => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
-        FileKind::Npz | FileKind::Torch => Vec::new(),
+    let unchecked = match file.kind.has_checksums() {
+        true => Vec::new(),
+        false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
     let grid = |array, channels| {
         let index = &arrays.index;

@@ -9,7 +9,7 @@ use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Family, Source};
 use crate::input::sparse::{Channel, RowGrid};
-use crate::input::tensor::{FileKind, TensorFile};
+use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
@@ -47,9 +47,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (channels, Some(ViewDependence::Harmonics(field)))
         }
     };
-    let unchecked = match file.kind {
-        FileKind::Safetensors => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
-        FileKind::Npz | FileKind::Torch => Vec::new(),
+    let unchecked = match file.kind.has_checksums() {
+        true => Vec::new(),
+        false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
     let grid = |array, channels| {
         let index = &arrays.index;

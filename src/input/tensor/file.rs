@@ -36,15 +36,26 @@ pub enum FileKind {
     Safetensors,
     /// A zip file of NumPy arrays, stored or deflated.
     Npz,
+    /// A JSON text that describes a folder of pictures.
+    Folder,
+    /// A MessagePack document, plain or inside of zlib or gzip.
+    Msgpack,
 }
 
 impl FileKind {
+    /// True if a digest holds checksums of all values.
+    pub const fn has_checksums(self) -> bool {
+        matches!(self, Self::Torch | Self::Npz)
+    }
+
     /// Its name, as people know it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Torch => "PyTorch checkpoint",
             Self::Safetensors => "safetensors",
             Self::Npz => "NumPy archive",
+            Self::Folder => "asset folder",
+            Self::Msgpack => "snapshot",
         }
     }
 }

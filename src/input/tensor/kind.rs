@@ -1,5 +1,7 @@
 //! Tells the kind of a file by its first bytes.
 
+use super::msgpack::packing;
+use super::parameters::is_parameters;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 
@@ -9,7 +11,8 @@ use crate::base::error::Result;
 /// If its start cannot be read.
 pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     let start = start(file)?;
-    Ok(is_zip(&start) || is_safetensors(&start))
+    let known = is_zip(&start) || is_safetensors(&start) || packing(&start).is_some();
+    Ok(known || is_parameters(file)?)
 }
 
 /// Names the kind of a file, as far as its start tells.
@@ -23,6 +26,7 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
         [] => "an empty file",
         start if is_zip(start) => "a zip file (a PyTorch checkpoint or an .npz file)",
         start if is_safetensors(start) => "a .safetensors file",
+        start if packing(start).is_some() => "a MessagePack document",
         start if is_text(start) => match start.trim_ascii_start().first() {
             Some(b'{') => "a JSON text",
             _ => "a text file",

@@ -1,4 +1,5 @@
-//! Files of named tensors: PyTorch's zip files, safetensors, NumPy's npz.
+//! Files of named tensors: PyTorch's zip files, safetensors, NumPy's npz, MessagePack; and texts
+//! that describe a folder of pictures.
 //!
 //! This module knows syntax only; [`crate::input::checkpoint`] knows the meaning of names. A file's
 //! kind is told by its content. Opening reads directories, headers and the pickle, never a tensor:
@@ -12,12 +13,15 @@ mod array;
 mod digest;
 mod file;
 mod kind;
+mod msgpack;
 mod npz;
 mod open;
+mod parameters;
 mod pickle;
 mod row;
 mod safetensors;
 mod storage;
+mod table;
 mod torch;
 mod value;
 mod zip;
@@ -26,6 +30,7 @@ pub use array::Tensor;
 pub use file::{FileKind, TensorFile};
 pub use kind::{describe, is_tensors};
 pub use open::{open, open_file};
+pub use parameters::is_parameters;
 pub use row::{Row, safetensors_header};
 pub use safetensors::safetensors_digest;
 pub use value::Value;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::file::TensorFile;
 use super::kind::{describe, is_safetensors, is_zip, old_checkpoint, start};
 use super::zip::Archive;
-use super::{npz, safetensors, torch};
+use super::{msgpack, npz, parameters, safetensors, torch};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
@@ -41,7 +41,14 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     if is_safetensors(&start) {
         return safetensors::open(file, limits);
     }
-    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file";
+    if parameters::is_parameters(file)? {
+        return parameters::open(file, limits);
+    }
+    if let Some(packing) = msgpack::packing(&start) {
+        return msgpack::open(file, packing, limits);
+    }
+    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
+                    snapshot, or a SNeRG folder";
     Err(match old_checkpoint(&start) {
         Some(found) => Error::unsupported(Place::File, found, expected),
         None => Error::wrong_kind(describe(file)?, expected),

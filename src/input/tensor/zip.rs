@@ -347,9 +347,9 @@ fn refused(error: ZipError, place: Place) -> Error {
 
 /// A reading position in a file that others read too.
 #[derive(Debug, Clone)]
-struct Positioned {
-    file: Arc<SourceFile>,
-    at: u64,
+pub(super) struct Positioned {
+    pub(super) file: Arc<SourceFile>,
+    pub(super) at: u64,
 }
 
 impl Read for Positioned {

@@ -10,7 +10,7 @@ use super::values::ColorValues;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::factors::FactorGrid;
-use crate::input::network::FittedColors;
+use crate::input::network::{FittedColors, StoredFeatures};
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::TensorFile;
@@ -86,8 +86,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             let (features, matter) = (arrays.features.clone(), field.clone());
             let channels = features.channels;
             let features = Grid::Values(Arc::new(FactorGrid::new(features, channels, limits)));
-            let (network, cameras) = (network.clone(), &options.cameras);
-            let fitted = FittedColors::new(features, network, rules, matter, cameras, limits);
+            let features = StoredFeatures::new(features, network.clone(), limits);
+            let fitted = FittedColors::new(features, rules, matter, &options.cameras, limits);
             Arc::new(if plain { fitted.plain() } else { fitted })
         }
         _ => Arc::new(ColorValues::new(&arrays, harmonics, plain, limits)),

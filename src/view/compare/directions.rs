@@ -76,7 +76,7 @@ pub fn compare_directions(
     let rules = baked.view().view_dependence.as_ref().and_then(ViewDependence::harmonics);
     let is_clamped = rules.is_some_and(|rules| rules.clamp == Clamp::Zero);
     Ok(DirectionErrors {
-        psnr: -10.0 * share(sums.squares / 3.0).log10(),
+        psnr: -10.0 * libm::log10(share(sums.squares / 3.0)),
         clamped_share: is_clamped.then(|| share(sums.clamped)),
     })
 }

@@ -75,7 +75,7 @@ fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
         ("--stepsize", scene.stepsize.is_some()),
         ("--coarse", scene.coarse.is_some()),
         ("--mlp", scene.mlp != MlpChoice::Auto),
-        ("--scene-scale, --view or --drop-background", scene.reads_a_model()),
+        ("--scene-scale, --view or another option of models", scene.reads_a_model()),
         ("--cameras or --turntable", arguments.gate.measures()?),
         ("--memory", stored.memory.is_some()),
         ("--if-changed", arguments.incremental.is_asked()),

@@ -44,7 +44,7 @@ pub fn bake_trained(
 ) -> Result<Baked> {
     let limits = &options.limits;
     let (source, settings) = open(arguments, file, options, common)?;
-    let mut inputs = vec![arguments.input.clone()];
+    let mut inputs = vec![input::file_of(&arguments.input)];
     inputs.extend(settings.files.iter().cloned());
     inputs.extend(source.companions.iter().map(|companion| companion.path.clone()));
     let outputs = [arguments.gltf.path(), arguments.incremental.depfile()];

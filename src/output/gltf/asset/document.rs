@@ -8,7 +8,7 @@ use super::json::{Members, Node};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
-use crate::input::tensor::describe;
+use crate::input::tensor::{describe, is_parameters};
 
 /// The extension's name.
 pub const EXTENSION: &str = "MIPVOG_radiance_field";
@@ -22,12 +22,14 @@ pub struct Asset {
     limits: Limits,
 }
 
-/// True if a file starts like an asset: with GLB's magic, or as a JSON object.
+/// True if a file starts like an asset: with GLB's magic, or as a JSON object that describes no
+/// folder of pictures.
 pub fn is_asset(file: &SourceFile) -> bool {
     let mut start = vec![0; file.length().min(64) as usize];
     let read = file.read_into(0, &mut start).is_ok();
     let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
-    read && (start.starts_with(&glb::MAGIC) || first == Some(&b'{'))
+    let is_text = first == Some(&b'{') && !is_parameters(file).unwrap_or(false);
+    read && (start.starts_with(&glb::MAGIC) || is_text)
 }
 
 impl Asset {

@@ -1,0 +1,39 @@
+//! Instant-NGP's snapshots (`.msgpack`, `.ingp`) and torch-ngp's checkpoints (`.pth`): tables of
+//! features on cubic grids of many sizes, a network for density and a network for colour.
+//!
+//! ```text
+//! features = of each level the eight table entries around the position, interpolated
+//! h        = density network(features);  density = exp(h[0])
+//! colour   = sigmoid(colour network(h, harmonics of degree 3 of the direction))
+//! ```
+//!
+//! Small levels have an entry for each node, the others share entries by a hash of the node. The
+//! snapshot does not say how large levels are: the number of its parameters is the checksum of what
+//! is computed.
+//!
+//! **Its own rules.** Steps have one length, the unit cube's diagonal in 1024. Samples outside of
+//! occupied cells are left out. Instant-NGP ends a ray at a transmittance below 0.01 and divides its
+//! colour by the rest, torch-ngp ends it below 1e-4.
+//!
+//! **The field.** There are no nodes to take over: the networks are evaluated at nodes of a grid, in
+//! and next to occupied cells, and harmonics are fitted to the colours. The occupied cells are the
+//! field's mask of free space.
+//!
+//! No snapshot of the real programs was tried yet, so a [`Source`](super::Source) of them carries a
+//! warning.
+
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
+
+mod evaluate;
+mod file;
+mod frame;
+mod layout;
+mod model;
+mod occupancy;
+mod open;
+mod perceptron;
+mod snapshot;
+mod torch;
+mod values;
+
+pub use open::{knows_checkpoint, knows_snapshot, open_checkpoint, open_snapshot};

@@ -1,0 +1,208 @@
+//! A folder by the rules of its own viewer.
+
+use std::sync::Arc;
+
+use super::atlas::Atlas;
+use super::block::{Block, OPACITY};
+use super::parameters::Parameters;
+use super::values::Folder;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::model::camera::Ray;
+use crate::model::snerg::{APRON, CLEAR, FAINT, NEARLY_ZERO, OPAQUE};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+use crate::model::view_mlp::ViewMlp;
+
+/// The largest opacity of which a density is stated.
+const DENSEST: f64 = 254.5 / 255.0;
+
+/// A folder and its network, ready to be loaded.
+#[derive(Debug)]
+pub(super) struct FolderModel {
+    pub(super) folder: Arc<Folder>,
+    pub(super) network: Option<ViewMlp>,
+}
+
+impl LoadModel for FolderModel {
+    fn load(&self, _: &Limits) -> Result<Box<dyn TrainedModel>> {
+        let parameters = self.folder.parameters.clone();
+        let (atlas, network) = (self.folder.atlas()?, self.network.clone());
+        Ok(Box::new(Snerg { parameters, atlas, network }))
+    }
+}
+
+#[derive(Debug)]
+struct Snerg {
+    parameters: Parameters,
+    atlas: Arc<Atlas>,
+    network: Option<ViewMlp>,
+}
+
+/// Interpolated values of a texel, 0 to 1.
+type Values = [f64; 8];
+
+impl Snerg {
+    /// Values at a position in voxels within a block.
+    fn values(&self, block: &Block, number: [usize; 3], position: [f64; 3]) -> Values {
+        let edge = self.parameters.edge();
+        let mut corners = [[(0, 0.0); 2]; 3];
+        let axes = corners.iter_mut().zip(position).zip(number);
+        for ((corners, at), block) in axes {
+            let local = at - (block * self.atlas.block_size()) as f64;
+            let local = local.clamp(0.0, self.atlas.block_size() as f64);
+            // Values lie in the middle of texels.
+            let at = local + APRON as f64 - 0.5;
+            let low = whole(at.floor()).min(edge - 2);
+            *corners = [(low, 1.0 - (at - low as f64)), (low + 1, at - low as f64)];
+        }
+        let [xs, ys, zs] = corners;
+        let mut sums = [0.0; 8];
+        for (x, of_x) in xs {
+            for (y, of_y) in ys {
+                for (z, of_z) in zs {
+                    let weight = of_x * of_y * of_z / 255.0;
+                    let texel = block.texel([x, y, z]);
+                    let terms = sums.iter_mut().zip(texel);
+                    terms.for_each(|(sum, value)| *sum += weight * f64::from(value));
+                }
+            }
+        }
+        sums
+    }
+
+    /// True if the viewer looks at the texel of a position.
+    fn shows(&self, block: &Block, number: [usize; 3], position: [f64; 3]) -> bool {
+        let mut texel = [0; 3];
+        for ((texel, at), block) in texel.iter_mut().zip(position).zip(number) {
+            let local = at - (block * self.atlas.block_size()) as f64;
+            *texel = whole(local).min(self.atlas.block_size()) + APRON;
+        }
+        block.shows(texel)
+    }
+
+    fn number(&self, position: [f64; 3]) -> [usize; 3] {
+        let mut number = self.parameters.blocks();
+        for (number, at) in number.iter_mut().zip(position) {
+            *number = (whole(at) / self.atlas.block_size()).min(*number - 1);
+        }
+        number
+    }
+
+    /// The colour that the network adds to accumulated values.
+    fn view(&self, direction: [f64; 3], color: [f64; 3], features: &[f64]) -> [f64; 3] {
+        let Some(network) = &self.network else { return [0.0; 3] };
+        #[expect(clippy::cast_possible_truncation, reason = "networks are float32")]
+        let narrow = |value: &f64| {
+            let value = *value as f32;
+            if value.abs() < NEARLY_ZERO { 0.0 } else { value }
+        };
+        let inputs: Vec<f32> = color.iter().chain(features).map(narrow).collect();
+        let [seen, ..] = network.colors(&[direction], &[&inputs]);
+        seen.map(f64::from)
+    }
+
+    /// Values at a position of the world.
+    fn at(&self, world: [f64; 3]) -> Option<Values> {
+        let position = self.parameters.to_voxels(world);
+        let inside = |(at, count): (f64, usize)| (0.0..=count as f64).contains(&at);
+        if !position.into_iter().zip(self.parameters.grid.0).all(inside) {
+            return None;
+        }
+        let number = self.number(position);
+        let block = self.atlas.block(number)?;
+        Some(self.values(block, number, position))
+    }
+}
+
+impl TrainedModel for Snerg {
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+        let voxel = self.parameters.voxel_size;
+        let world = (ray.direction / ray.direction.length()).to_array();
+        let origin = self.parameters.to_voxels(ray.origin.to_array());
+        let direction = self.parameters.axes.within(world);
+        let grid = self.parameters.grid.0.map(|count| count as f64);
+        let [enters, leaves] = crossing(origin, direction, [[0.0; 3], grid]);
+        let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / voxel);
+        let start = enters.max(f64::from(rules.near) / voxel).min(far).max(0.0);
+        let (mut t, mut passes, mut sums, mut distance) = (start + 0.5, 1.0, [0.0; 7], 0.0);
+        let most = grid.iter().map(|count| count * count).sum::<f64>().sqrt().ceil();
+        let mut steps = 0.0;
+        while steps < most && passes > OPAQUE && t < leaves {
+            steps += 1.0;
+            let mut position = origin;
+            position.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let number = self.number(position);
+            let Some(block) = self.atlas.block(number) else {
+                let low = number.map(|at| (at * self.atlas.block_size()) as f64);
+                let high = low.map(|at| at + self.atlas.block_size() as f64);
+                let [_, exit] = crossing(origin, direction, [low, high]);
+                // A ray along an edge may leave where it enters.
+                t = exit.max(t) + 0.5;
+                continue;
+            };
+            if self.shows(block, number, position) {
+                let values = self.values(block, number, position);
+                let [red, green, blue, opacity, features @ ..] = values;
+                if opacity > FAINT {
+                    let seen = [red, green, blue].into_iter().chain(features);
+                    sums.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += passes * seen);
+                    distance += passes * opacity * t * voxel;
+                    passes *= 1.0 - opacity;
+                }
+            }
+            t += 1.0;
+        }
+        let [red, green, blue, features @ ..] = sums;
+        let mut color = [red, green, blue];
+        let background = rules.background.map(f64::from);
+        color.iter_mut().zip(background).for_each(|(sum, behind)| *sum += passes * behind);
+        if passes <= CLEAR {
+            let added = self.view(world, color, &features);
+            color.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
+        }
+        let distance = distance + passes * rules.far.map_or(0.0, f64::from);
+        let color = color.map(|value| value as f32);
+        RayColor { color, transmittance: passes as f32, distance: distance as f32 }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
+    fn density(&self, position: [f64; 3]) -> f32 {
+        let values = self.at(position).unwrap_or_default();
+        let opacity = values.get(OPACITY).copied().unwrap_or(0.0).min(DENSEST);
+        (-libm::log1p(-opacity) / self.parameters.voxel_size) as f32
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
+    fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
+        let [red, green, blue, opacity, features @ ..] = self.at(position).unwrap_or_default();
+        let whole = |value: f64| if opacity > 0.0 { value / opacity } else { 0.0 };
+        let (color, features) = ([red, green, blue].map(whole), features.map(whole));
+        let seen = directions.iter().map(|&direction| {
+            let mut seen = color;
+            let added = self.view(direction, color, &features);
+            seen.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
+            seen.map(|value| value as f32)
+        });
+        seen.collect()
+    }
+}
+
+/// Entry of a ray into a box and its exit.
+fn crossing(origin: [f64; 3], direction: [f64; 3], [low, high]: [[f64; 3]; 2]) -> [f64; 2] {
+    let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
+    let axes = origin.into_iter().zip(direction).zip(low.into_iter().zip(high));
+    for ((from, by), (low, high)) in axes {
+        let by = if by == 0.0 { f64::MIN_POSITIVE } else { by };
+        let (a, b) = ((low - from) / by, (high - from) / by);
+        (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
+    }
+    [enters, leaves]
+}
+
+/// The whole part of a number from 0; anything else is 0.
+fn whole(number: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+    let whole = number as usize;
+    whole
+}
