@@ -69,7 +69,10 @@ impl Origin {
         Self {
             kind: format!("{} {}", source.family.name(), source.kind.name()),
             digest: source.digest,
-            covers_values: source.field.density.has_checksum(),
+            covers_values: match &source.field.density {
+                Grid::Array(_) => source.field.density.has_checksum(),
+                Grid::Values(_) => source.kind.has_checksums(),
+            },
             companions: companions(&source.companions),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         }

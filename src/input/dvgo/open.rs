@@ -6,9 +6,9 @@ use super::model::DvgoFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::checkpoint::{self, Inner, NamedValues, StoredGrid};
-use crate::input::network::{FittedColors, Inputs, NetworkFile, StoredFeatures};
+use crate::input::network::{FittedColors, Inputs, NetworkFile, StoredFeatures, fit_assumption};
 use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, Family, Source};
+use crate::input::source::{Family, Source};
 use crate::input::tensor::{Tensor, TensorFile};
 use crate::model::field::{ColorDomain, Grid, RadianceField};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
@@ -65,15 +65,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
     let harmonics = Harmonics { degree, evaluation, offset: OFFSET, clamp };
     source.assumptions.retain(|assumption| assumption.key != "mlp");
-    source.assumptions.push(Assumption {
-        key: "view",
-        value: format!("sh:{degree}"),
-        message: format!(
-            "colours come from a network for each sample: a bake fits harmonics of degree \
-             {degree} to it at each node, along the directions it is seen from; pictures of the \
-             unbaked file use the network; option view sets the degree"
-        ),
-    });
+    source.assumptions.push(fit_assumption(degree, false, &options.cameras));
     source.family = Family::Dvgo;
     let field = source.field.clone();
     let matter = RadianceField { color: Vec::new(), ..field.clone() };

@@ -33,6 +33,9 @@ pub type Colors = [Vec<f64>; 3];
 /// Finds a node's colours along directions.
 pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
 
+/// Sees a node `(y, z)` of a plane.
+pub type SeeNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
+
 /// Colours that a network gives the nodes of a grid.
 pub trait NodeColors: Debug + Send + Sync {
     /// The network in memory.
@@ -71,7 +74,7 @@ pub trait NodeColors: Debug + Send + Sync {
         network: &Self::Network,
         x: usize,
         region: &[u64],
-        see: &mut dyn FnMut([usize; 2], FindColors<'_, Self::Along>),
+        see: SeeNode<'_, Self::Along>,
     ) -> Result<()>;
 }
 

@@ -3,6 +3,7 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod assumption;
 mod batch;
 mod fit;
 mod fitted;
@@ -12,7 +13,8 @@ mod seen;
 mod stored;
 mod views;
 
-pub use fitted::{Colors, FindColors, FittedColors, NodeColors};
+pub use assumption::fit_assumption;
+pub use fitted::{Colors, FindColors, FittedColors, NodeColors, SeeNode};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
 pub use stored::StoredFeatures;

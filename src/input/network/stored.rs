@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::batch::{Batch, BatchNetwork, Scratch};
-use super::fitted::{FindColors, NodeColors};
+use super::fitted::{NodeColors, SeeNode};
 use super::planes::visit;
 use super::run::{Network, NetworkFile};
 use crate::base::error::{Place, Result};
@@ -93,7 +93,7 @@ impl NodeColors for StoredFeatures {
         (network, batches): &Self::Network,
         x: usize,
         region: &[u64],
-        see: &mut dyn FnMut([usize; 2], FindColors<'_, Batch>),
+        see: SeeNode<'_, Batch>,
     ) -> Result<()> {
         let Nodes([nx, ny, nz]) = self.nodes();
         let stored = self.plane(x, region)?;

@@ -4,6 +4,9 @@
 //! enough of them the scene is seen from all around, along the directions of a spiral. One in
 //! [`JUDGES_EVERY`] cameras is kept from every fit, and so is a second spiral.
 
+use sha2::{Digest, Sha256};
+
+use crate::base::bytes::hex;
 use crate::model::grid::Bounds;
 
 /// Cameras that are too few to be fitted to.
@@ -36,6 +39,14 @@ impl Views {
         }
         let fits = (0..).zip(cameras).filter(|(number, _)| !judges(*number));
         Self::Cameras(fits.map(|(_, place)| *place).collect())
+    }
+
+    /// What provenance says of them: nothing of those all around, a digest of cameras.
+    pub fn label(&self) -> String {
+        let Self::Cameras(places) = self else { return String::new() };
+        let mut sum = Sha256::new();
+        places.iter().flatten().for_each(|value| sum.update(value.to_le_bytes()));
+        format!(" for {} cameras, {:.16}", places.len(), hex(&sum.finalize().into()))
     }
 
     /// Their number.

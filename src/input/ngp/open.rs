@@ -8,7 +8,7 @@ use super::values::{DensityValues, Samples};
 use super::{snapshot, torch};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::input::network::FittedColors;
+use crate::input::network::{FittedColors, fit_assumption};
 use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::TensorFile;
@@ -143,7 +143,7 @@ fn source(
         family,
         kind: file.kind,
         scene_scale: 1.0,
-        assumptions: assumptions(family, side, (!plain).then_some(degree)),
+        assumptions: assumptions(family, side, (!plain).then_some(degree), &options.cameras),
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
@@ -151,7 +151,12 @@ fn source(
     })
 }
 
-fn assumptions(family: Family, side: usize, degree: Option<usize>) -> Vec<Assumption> {
+fn assumptions(
+    family: Family,
+    side: usize,
+    degree: Option<usize>,
+    cameras: &[[f64; 3]],
+) -> Vec<Assumption> {
     let experimental = Assumption {
         key: "experimental",
         value: family.name().to_owned(),
@@ -162,14 +167,6 @@ fn assumptions(family: Family, side: usize, degree: Option<usize>) -> Vec<Assump
             family.name()
         ),
     };
-    let fitted = degree.map(|degree| Assumption {
-        key: "view",
-        value: format!("sh:{degree}"),
-        message: format!(
-            "colours come from a network for each sample: a bake fits harmonics of degree \
-             {degree} to it at each node, along the directions it is seen from; pictures of the \
-             unbaked file use the network; option view sets the degree"
-        ),
-    });
+    let fitted = degree.map(|degree| fit_assumption(degree, false, cameras));
     [experimental].into_iter().chain(fitted).collect()
 }

@@ -7,7 +7,7 @@ use super::file::NgpFile;
 use super::frame::Frame;
 use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
-use crate::input::network::{FindColors, NodeColors, visit};
+use crate::input::network::{NodeColors, SeeNode, visit};
 use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
 use crate::model::grid::Nodes;
@@ -132,7 +132,7 @@ impl NodeColors for Samples {
         model: &Ngp,
         x: usize,
         region: &[u64],
-        see: &mut dyn FnMut([usize; 2], FindColors<'_, Self::Along>),
+        see: SeeNode<'_, Self::Along>,
     ) -> Result<()> {
         self.for_each(model, x, region, |nodes, geometry| {
             for (lane, &node) in nodes.iter().enumerate() {

@@ -10,9 +10,9 @@ use super::values::ColorValues;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::input::factors::FactorGrid;
-use crate::input::network::{FittedColors, StoredFeatures};
+use crate::input::network::{FittedColors, StoredFeatures, fit_assumption};
 use crate::input::options::{SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, Family, Source};
+use crate::input::source::{Family, Source};
 use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, NodeValues, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
@@ -61,15 +61,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let plain = options.view == ViewChoice::None;
     if let (ShadingFile::Network(_), Some(Harmonics { degree, .. })) = (&arrays.shading, harmonics)
     {
-        assumptions.push(Assumption {
-            key: "view",
-            value: if plain { "none".to_owned() } else { format!("sh:{degree}") },
-            message: format!(
-                "colours come from a network for each sample: a bake fits harmonics of degree \
-                 {degree} to it at each node, along the directions it is seen from; pictures of \
-                 the unbaked file use the network; option view sets the degree"
-            ),
-        });
+        assumptions.push(fit_assumption(degree, plain, &options.cameras));
     }
     let free_space = arrays.mask.as_ref().map(|mask| mask.free_space(limits)).transpose()?;
     let density = FactorGrid::new(arrays.density.clone(), 1, limits);
