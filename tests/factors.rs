@@ -177,7 +177,8 @@ fn a_bake_of_factors_shows_what_their_model_shows() {
     for (name, options, least) in [
         ("dvgo_tensorf_grid.tar", near, 43.0),
         ("tensorf_cp.th", SourceOptions::default(), 41.5),
-        ("tensorf_vm_sh.th", SourceOptions::default(), 57.0),
+        // At 8 bits a step of a coefficient moves a colour by 0.003.
+        ("tensorf_vm_sh.th", SourceOptions::default(), 56.0),
     ] {
         let source = open(name, &options).expect(name);
         let path = here.path().join("baked.mipvog");
