@@ -86,7 +86,7 @@ pub struct FittedColors<N: NodeColors> {
     harmonics: Harmonics,
     /// True for band 0 alone, as colours.
     is_plain: bool,
-    /// What hides a node from a view.
+    /// The matter that hides nodes from views.
     matter: RadianceField,
     views: Views,
     limits: Limits,

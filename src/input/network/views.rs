@@ -41,7 +41,7 @@ impl Views {
         Self::Cameras(fits.map(|(_, place)| *place).collect())
     }
 
-    /// What provenance says of them: nothing of those all around, a digest of cameras.
+    /// The words of provenance: none for those all around, a digest of cameras.
     pub fn label(&self) -> String {
         let Self::Cameras(places) = self else { return String::new() };
         let mut sum = Sha256::new();
