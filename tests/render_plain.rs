@@ -125,6 +125,10 @@ fn linear(random: &mut Random, scene: RadianceField) -> RadianceField {
     field.scene = scene.scene;
     field.scene.activation = activation;
     field.color_domain = ColorDomain::Linear;
+    if random.below(2) == 0 {
+        let edge = field.scene.march.voxel_size;
+        field.scene.march.voxel = Some([0; 3].map(|_: usize| edge * random.between(0.5, 2.0)));
+    }
     let clamp = [Clamp::Zero, Clamp::None, Clamp::Sigmoid][random.below(3)];
     let evaluation = match (clamp, random.below(2)) {
         (Clamp::Sigmoid, _) | (_, 0) => Evaluation::Sample,

@@ -23,6 +23,7 @@ pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Source {
         }
     }
     march.voxel_size /= scale;
+    march.voxel.iter_mut().flatten().for_each(|edge| *edge /= scale);
     march.near = options.near.unwrap_or(march.near / scale);
     march.far = options.far.or(march.far.map(|far| far / scale));
     if let Some(free_space) = &mut source.field.free_space {

@@ -192,6 +192,6 @@ fn into_mask(mask: Mutex<NodeMask>) -> NodeMask {
 /// Lengths of the box's edges in intervals.
 fn extent_in_intervals(scene: &Scene) -> [f64; 3] {
     let Scene { bounds: Bounds { min, max }, march, .. } = scene;
-    let step = f64::from(march.stepsize) * f64::from(march.voxel_size);
+    let step = march.interval_length();
     [0, 1, 2].map(|axis| (f64::from(max[axis]) - f64::from(min[axis])) / step)
 }

@@ -124,6 +124,7 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
             color_threshold: 1e-4,
             alpha_threshold: 0.0,
             sampled: None,
+            voxel: None,
         },
         background: [1.0; 3],
     };

@@ -62,6 +62,8 @@ struct PlainRay {
     direction: [f64; 3],
     entry: f64,
     step: f64,
+    /// Intervals in a step.
+    intervals: f64,
 }
 
 impl PlainRay {
@@ -119,11 +121,12 @@ impl PlainField {
             };
             let inside = self.in_box(ray.at(t));
             entered |= inside.is_some();
-            let intervals = match self.view.step_rule {
+            let steps = match self.view.step_rule {
                 StepRule::LevelOfDetail if entered => lambda.exp2(),
                 _ => 1.0,
             };
-            next += intervals;
+            next += steps;
+            let intervals = steps * ray.intervals;
             let Some(position) = inside else { continue };
             if self.view.free_space.as_ref().is_some_and(|mask| !self.keeps(mask, ray.at(t))) {
                 continue;
@@ -176,7 +179,7 @@ impl PlainField {
             let at = ray.at(ray.entry + k as f64 * ray.step);
             let Some(position) = self.in_box(at) else { continue };
             let depth = self.optical_depth(0.0, position).unwrap_or(0.0);
-            let alpha = -(-depth).exp_m1();
+            let alpha = -(-depth * ray.intervals).exp_m1();
             if alpha > f64::from(self.view.march.alpha_threshold) {
                 weights.push((position, alpha * left));
                 left *= 1.0 - alpha;
@@ -205,8 +208,16 @@ impl PlainField {
             entry = entry.max(a.min(b));
         }
         let far = march.far.map_or(f64::INFINITY, f64::from);
-        let step = f64::from(march.stepsize) * f64::from(march.voxel_size) / length(direction);
-        PlainRay { origin, direction, entry: entry.max(march.near.into()).min(far), step }
+        // Voxels that a unit of `t` is long.
+        let voxels = match march.voxel {
+            Some(edges) => length([0, 1, 2].map(|axis| direction[axis] / f64::from(edges[axis]))),
+            None => length(direction) / f64::from(march.voxel_size),
+        };
+        let step = f64::from(march.stepsize) / voxels;
+        let interval = f64::from(march.stepsize) * f64::from(march.voxel_size);
+        let intervals = step * length(direction) / interval;
+        let entry = entry.max(march.near.into()).min(far);
+        PlainRay { origin, direction, entry, step, intervals }
     }
 
     /// A position as shares of the box; none outside.

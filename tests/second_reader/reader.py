@@ -126,7 +126,7 @@ def level_form(value):
 
 ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
 BOX = {"max": [number] * 3, "min": [number] * 3}
-MARCH = {"far": maybe(number), "sampled": BOX} | dict.fromkeys(
+MARCH = {"far": maybe(number), "sampled": BOX, "voxel": [number] * 3} | dict.fromkeys(
     ("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number
 )
 NETWORK = {
@@ -150,7 +150,7 @@ def view_form(value):
 META = {
     "bounds": BOX,
     "activation": lambda value: check(value, present(ACTIVATION, value, ("function",))),
-    "march": lambda value: check(value, present(MARCH, value, ("sampled",))),
+    "march": lambda value: check(value, present(MARCH, value, ("sampled", "voxel"))),
     "step_rule": {"constant", "level_of_detail"},
     "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
     "blend": {"before_activation", "after_activation"},
@@ -183,7 +183,8 @@ def metadata(data):
     sampled, bounds = march.get("sampled", meta["bounds"]), meta["bounds"]
     for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
         need(low <= from_ < to <= high, "samples outside of the box")
-    need(march["stepsize"] > 0 and march["voxel_size"] > 0, "a step without length")
+    lengths = [march["stepsize"], march["voxel_size"], *march.get("voxel", ())]
+    need(all(length > 0 for length in lengths), "a step without length")
     diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
     need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
     need(levels[0]["density"] is not None, "level 0 has no density")
@@ -237,7 +238,8 @@ def decodes(meta, level):
 def is_linear(meta):
     """Bit 1 of the required features."""
     linear = any(level["diffuse"]["decode"] == "linear" for level in meta["levels"])
-    return linear or harmonics_of(meta) is not None or "function" in meta["activation"] or "sampled" in meta["march"]
+    march = {"sampled", "voxel"} & set(meta["march"])
+    return linear or harmonics_of(meta) is not None or "function" in meta["activation"] or bool(march)
 
 
 def blocks_of(level):

@@ -1,7 +1,7 @@
 /** Pictures against the reference renderer's. */
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { existsSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
@@ -74,11 +74,20 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   await page.close();
 });
 
-const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear"];
+const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear", "plenoxels_anisotropic"];
+
+/** A baked fixture, or what a bake makes of the model of this name. */
+function containerOf(name: string): string {
+  const baked = join(FIXTURES, "baked", `${name}.mipvog`);
+  if (existsSync(baked)) return baked;
+  const container = join(folder.path, `${name}.mipvog`);
+  program("bake", join(FIXTURES, "grids", `${name}.npz`), "-o", container);
+  return container;
+}
 
 for (const name of CONTAINERS) {
   test(`${name} looks as the reference renderer draws it, level by level`, async () => {
-    const container = join(FIXTURES, "baked", `${name}.mipvog`);
+    const container = containerOf(name);
     const { bounds, levels } = JSON.parse(program("inspect", container, "--format", "json"));
     const { page, problems } = await newPage(browser);
     await page.goto(server.page(`${name}.mipvog`, readFileSync(container)));

@@ -94,6 +94,7 @@ pub fn drop_from_metadata(metadata: &mut Metadata, count: usize) -> Result<Vec<f
     rule.bound = rule.bound.map(|bound| (bound - count as f32).max(0.0));
     let march = &mut metadata.march;
     march.voxel_size *= times as f32;
+    march.voxel.iter_mut().flatten().for_each(|edge| *edge *= times as f32);
     if grows {
         metadata.activation.interval *= times as f32;
     } else {

@@ -110,6 +110,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
     let linear = metadata.color_domain() == ColorDomain::Linear
         || metadata.activation.function != DensityFunction::Softplus
         || metadata.march.sampled.is_some()
+        || metadata.march.voxel.is_some()
         || metadata.view.as_ref().and_then(ViewMetadata::harmonics).is_some();
     let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES)];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
@@ -222,7 +223,8 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     rules.require(shifts, "activation.shift", shift, expected)?;
     rules.require(positive(interval), "activation.interval", interval, "a positive number")?;
     let lengths = [("march.stepsize", march.stepsize), ("march.voxel_size", march.voxel_size)];
-    for (key, length) in lengths {
+    let edges = march.voxel.into_iter().flatten().map(|edge| ("march.voxel", edge));
+    for (key, length) in lengths.into_iter().chain(edges) {
         rules.require(positive(length), key, length, "a positive number")?;
     }
     let found = format!("{:?}", march.sampled);

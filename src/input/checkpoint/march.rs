@@ -78,6 +78,7 @@ pub(super) fn find(
         // Mip-VoG keeps faint samples, for their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
         sampled: None,
+        voxel: None,
     };
     march.check(nodes).map_err(|error| match options.stepsize {
         Some(given) if *error.place() == Place::Key("march.stepsize".to_owned()) => {

@@ -165,7 +165,7 @@ impl Dvgo {
 
     fn step(&self) -> f64 {
         let march = &self.field.scene.march;
-        f64::from(march.stepsize) * f64::from(march.voxel_size)
+        march.interval_length()
     }
 }
 

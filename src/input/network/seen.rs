@@ -138,8 +138,8 @@ impl CellGrid {
             Budget::new(limits).zeroed(ny * nz, "bytes of a plane", &place)?;
         let planes = Planes::new(matter, None, Nonfinite::Empty);
         let least = scene.activation.raw_at_opacity(FAINT);
-        let depth_of_interval = f64::from(scene.activation.interval)
-            / (f64::from(scene.march.stepsize) * f64::from(scene.march.voxel_size));
+        let depth_of_interval =
+            f64::from(scene.activation.interval) / scene.march.interval_length();
         let [by_x, by_y, by_z] = self.nodes.map(|count| (count / SAMPLED).max(1));
         for x in (0..nx).step_by(by_x) {
             let region = self.region(matter, x, [by_y, by_z]);

@@ -115,6 +115,7 @@ fn source(
         color_threshold: options.color_threshold.unwrap_or(COLOR_THRESHOLD),
         alpha_threshold: 0.0,
         sampled: None,
+        voxel: None,
     };
     let scene = Scene {
         bounds,

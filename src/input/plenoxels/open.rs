@@ -130,6 +130,7 @@ fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result
         near: run.near_clip as f32,
         color_threshold: options.color_threshold.unwrap_or(0.0),
         sampled: Some(cells.faces()),
+        voxel: cells.voxel(),
         ..March::new(stepsize, voxel_size)
     };
     Ok(Scene {

@@ -65,7 +65,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         scene,
     };
     field.check()?;
-    let step = f64::from(field.scene.march.stepsize) * f64::from(field.scene.march.voxel_size);
+    let step = field.scene.march.interval_length();
     Ok(Source {
         field,
         model: Some(Arc::new(SampledFile { arrays, stored, step })),

@@ -69,6 +69,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_threshold: options.color_threshold.unwrap_or(0.0),
         alpha_threshold: FAINT as f32,
         sampled: Some(cells.faces()),
+        voxel: None,
     };
     let scene = Scene {
         bounds: cells.bounds(&grid_place)?,

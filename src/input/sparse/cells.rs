@@ -8,6 +8,9 @@ use crate::model::grid::{Bounds, Nodes};
 
 use super::path::Lattice;
 
+/// Edges of cells that differ by this share are the same: settings are float32.
+const SAME_EDGE: f32 = 1e-6;
+
 /// A box of cells.
 #[derive(Debug, Clone, Copy)]
 pub struct CellBox {
@@ -56,6 +59,17 @@ impl CellBox {
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     pub fn voxel_size(&self) -> f32 {
         libm::cbrt(self.axes().map(|(radius, _, count)| 2.0 * radius / count).product()) as f32
+    }
+
+    /// Edges of a cell in world units, where they differ.
+    #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
+    pub fn voxel(&self) -> Option<[f32; 3]> {
+        let mut edges = [0.0; 3];
+        for (edge, (radius, _, count)) in edges.iter_mut().zip(self.axes()) {
+            *edge = (2.0 * radius / count) as f32;
+        }
+        let cube = self.voxel_size();
+        edges.iter().any(|edge| (edge / cube - 1.0).abs() > SAME_EDGE).then_some(edges)
     }
 
     /// Positions in cells, 0 being the middle of the first one; samples lie within the cells.

@@ -124,6 +124,7 @@ fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
             color_threshold: settings.threshold as f32,
             alpha_threshold: 0.0,
             sampled: None,
+            voxel: None,
         },
         background: options.background.unwrap_or([1.0; 3]),
     }

@@ -136,8 +136,13 @@ pub enum ActivationOrder {
 pub struct March {
     /// Step length in voxels.
     pub stepsize: f32,
-    /// Edge of a cubic voxel of the same volume as the trained one, in world units.
+    /// Edge of a cubic voxel of the same volume as the trained one, in world units. `stepsize` of
+    /// these are the interval that opacities are stated over.
     pub voxel_size: f32,
+    /// Edges of the voxels that steps are counted in, in world units; none are cubes of
+    /// `voxel_size`. A step is `stepsize / |d / voxel|` long along a unit direction `d`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voxel: Option<[f32; 3]>,
     /// Rays start no nearer than this, in units of the unnormalised direction.
     pub near: f32,
     /// Rays enter the box no farther than this; `None` is without bound.
@@ -160,6 +165,7 @@ impl March {
         Self {
             stepsize,
             voxel_size,
+            voxel: None,
             near: 0.0,
             far: None,
             color_threshold: 0.0,
@@ -172,6 +178,24 @@ impl March {
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.
     pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    /// The interval that opacities are stated over, in world units.
+    pub fn interval_length(&self) -> f64 {
+        f64::from(self.stepsize) * f64::from(self.voxel_size)
+    }
+
+    /// Length of a step along a unit direction, in world units.
+    pub fn step_length(&self, direction: [f64; 3]) -> f64 {
+        let Some(voxel) = self.voxel else { return self.interval_length() };
+        let square = |axis: usize| (direction[axis] / f64::from(voxel[axis])).powi(2);
+        f64::from(self.stepsize) / (square(0) + square(1) + square(2)).sqrt()
+    }
+
+    /// Length of the longest step in any direction, in world units.
+    pub fn longest_step(&self) -> f64 {
+        let edges = self.voxel.unwrap_or([self.voxel_size; 3]);
+        f64::from(self.stepsize) * f64::from(edges.into_iter().fold(0.0, f32::max))
+    }
 
     /// The part of a box in which rays are sampled, 0 to 1 along each axis.
     pub fn sampled_shares(&self, bounds: &Bounds) -> [[f64; 2]; 3] {
@@ -205,7 +229,9 @@ impl March {
     /// # Errors
     /// `Malformed`, with the key as its place.
     pub fn check(&self, nodes: Nodes) -> Result<()> {
-        for (key, length) in [("stepsize", self.stepsize), ("voxel_size", self.voxel_size)] {
+        let edges = self.voxel.into_iter().flatten().map(|edge| ("voxel", edge));
+        let lengths = [("stepsize", self.stepsize), ("voxel_size", self.voxel_size)];
+        for (key, length) in lengths.into_iter().chain(edges) {
             if !(length > 0.0 && length.is_finite()) {
                 let place = Place::Key(format!("march.{key}"));
                 return Err(Error::malformed(place, length.to_string(), "a positive number"));

@@ -97,7 +97,7 @@ fn follow(
     let direction = (min + (max - min) * DVec3::from(share) - eye).normalize_or_zero();
     let (a, b) = ((min - eye) / direction, (max - eye) / direction);
     let [enters, leaves] = [a.min(b).max_element().max(0.0), a.max(b).min_element()];
-    let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
+    let step = view.march.interval_length();
     let (mut passes, mut steps) = (1.0, 0.0);
     while passes > OPAQUE && enters + steps * step <= leaves {
         let at = (eye + direction * (enters + steps * step)).to_array();

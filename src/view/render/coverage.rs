@@ -123,7 +123,7 @@ impl Lattice {
             return None;
         }
         let spacing = view.nodes.spacing(&view.bounds).into_iter().fold(f64::INFINITY, f64::min);
-        let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
+        let step = view.march.longest_step();
         // A disc of this radius holds a chord of a step; no point of the plane is farther from a
         // square lattice than its spacing times the root of a half.
         let square = (spacing * spacing - 0.25 * step * step).max(0.5 * spacing * spacing);
@@ -205,10 +205,12 @@ fn follow<const C: usize>(
         let Some(route) = Route::new(view, field.levels(), &ray, None, Some(0)) else { continue };
         let mut depth = 0.0f64;
         samples.clear();
-        route.walk(view, field.skip(), |k, _, _| {
+        route.walk(view, field.skip(), |k, _, intervals| {
             let position = route.path.position(k);
             let Some(cell) = field.locate(0, position) else { return true };
-            let optical = optical_depth(field.density(0, &cell), field.density_domain(0), view);
+            let depth_of_interval =
+                optical_depth(field.density(0, &cell), field.density_domain(0), view);
+            let optical = depth_of_interval * intervals;
             let opacity = lanes::opacity(optical);
             if opacity > view.march.alpha_threshold {
                 let weight = opacity * lanes::exp(-depth as f32);

@@ -25,13 +25,17 @@ pub struct Path {
     t_step: f64,
     /// World units for a unit of `t`.
     length: f64,
+    /// Intervals in a step.
+    intervals: f32,
 }
 
 impl Path {
     /// The part of the ray that samples the box; none if it misses it.
     pub fn new(view: &View, ray: &Ray) -> Option<Self> {
         let (entry, length) = (entry_t(view, ray), ray.direction.length());
-        let t_step = step_world(view) / length;
+        let step_length = step_length(view, ray);
+        let t_step = step_length / length;
+        let intervals = (step_length / view.march.interval_length()) as f32;
         let (start, step) = samples(view, ray, entry, t_step);
         // The first and the last sample inside, along every axis.
         let (mut first, mut last) = (0.0f64, view.march.last_sample(view.nodes));
@@ -47,7 +51,16 @@ impl Path {
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b));
         }
-        (first <= last).then_some(Self { start, step, first, last, entry, t_step, length })
+        (first <= last).then_some(Self {
+            start,
+            step,
+            first,
+            last,
+            entry,
+            t_step,
+            length,
+            intervals,
+        })
     }
 
     /// Sample `k`.
@@ -67,7 +80,7 @@ impl Path {
     ) -> [[f64; 3]; 2] {
         let (start, step) = match neighbour {
             FootprintNeighbour::SameIndex => {
-                let t_step = step_world(view) / other.direction.length();
+                let t_step = step_length(view, other) / other.direction.length();
                 samples(view, other, entry_t(view, other), t_step)
             }
             FootprintNeighbour::SameDistance => samples(view, other, self.entry, self.t_step),
@@ -78,6 +91,11 @@ impl Path {
             [0, 1, 2].map(|axis| (start[axis] - self.start[axis]) * voxels(axis)),
             [0, 1, 2].map(|axis| (step[axis] - self.step[axis]) * voxels(axis)),
         ]
+    }
+
+    /// Intervals that a step stands for: one, unless voxels are no cubes.
+    pub fn intervals(&self) -> f32 {
+        self.intervals
     }
 
     /// Distance of sample `k` from the camera, in world units.
@@ -104,9 +122,9 @@ fn entry_t(view: &View, ray: &Ray) -> f64 {
     entry.max(f64::from(view.march.near)).min(far)
 }
 
-/// Length of a step in world units.
-fn step_world(view: &View) -> f64 {
-    f64::from(view.march.stepsize) * f64::from(view.march.voxel_size)
+/// Length of a ray's steps in world units.
+fn step_length(view: &View, ray: &Ray) -> f64 {
+    view.march.step_length((ray.direction / ray.direction.length()).to_array())
 }
 
 /// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along

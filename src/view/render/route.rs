@@ -48,8 +48,8 @@ impl Route {
         // Samples between two levels read both.
         let levels = [*lowest as usize, highest.ceil() as usize];
         let constant = lowest == highest;
-        // Intervals from one sample to the next, where they do not depend on the sample.
-        let interval = match view.step_rule {
+        // Steps from one sample to the next, where they do not depend on the sample.
+        let steps = match view.step_rule {
             StepRule::Constant => Some(1.0),
             StepRule::LevelOfDetail => constant.then(|| libm::exp2f(*lowest)),
         };
@@ -59,24 +59,24 @@ impl Route {
             let state = skip.state(levels, place);
             let distance = if let Macro::Empty(distance) = state { distance } else { 1 };
             let leaves = skip.leaves(place, distance, path.start, path.step);
-            if let (Macro::Empty(_), Some(interval)) = (state, interval) {
+            if let (Macro::Empty(_), Some(steps)) = (state, steps) {
                 // The first sample that has left; never the same again, however that is rounded.
-                let interval = f64::from(interval);
-                k += ((leaves.min(path.last + 1.0) - k) / interval).ceil().max(1.0) * interval;
+                let steps = f64::from(steps);
+                k += ((leaves.min(path.last + 1.0) - k) / steps).ceil().max(1.0) * steps;
                 continue;
             }
             loop {
                 let lambda = if constant { *lowest } else { footprint.lambda(k) };
-                let interval = interval.unwrap_or_else(|| libm::exp2f(lambda));
+                let steps = steps.unwrap_or_else(|| libm::exp2f(lambda));
                 let counts = match state {
                     Macro::Empty(_) => false,
                     Macro::Open => true,
                     Macro::Masked => view.keeps(path.position(k)),
                 };
-                if counts && !visit(k, lambda, interval) {
+                if counts && !visit(k, lambda, steps * path.intervals()) {
                     return;
                 }
-                k += f64::from(interval);
+                k += f64::from(steps);
                 if k >= leaves || k > path.last {
                     break;
                 }

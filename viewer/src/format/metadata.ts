@@ -59,6 +59,8 @@ export interface Metadata {
     near: number;
     sampled?: { min: Triple; max: Triple };
     stepsize: number;
+    /** Edges of the voxels that steps are counted in, where they are no cubes of `voxel_size`. */
+    voxel?: Triple;
     voxel_size: number;
   };
   step_rule: "constant" | "level_of_detail";
@@ -168,6 +170,7 @@ const METADATA = record({
     near: fromZero,
     sampled: optional(record({ min: triple, max: triple })),
     stepsize: positive,
+    voxel: optional(list(3, 3, positive)),
     voxel_size: positive,
   }),
   step_rule: oneOf("constant", "level_of_detail"),

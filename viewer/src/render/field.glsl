@@ -41,7 +41,8 @@ uniform vec2 u_depthOfT;
 // Whether the target takes linear values: all but the canvas do.
 uniform bool u_linear;
 
-// shift, interval; near, far; alpha and colour threshold; step in world units; steps at most.
+// shift, interval; near, far; alpha and colour threshold; step in voxels; voxels
+// in a world unit along each axis; the interval in world units; steps at most.
 uniform vec2 u_activation;
 uniform vec2 u_range;
 uniform vec2 u_thresholds;
@@ -49,6 +50,8 @@ uniform vec2 u_thresholds;
 uniform vec3 u_lowest;
 uniform vec3 u_highest;
 uniform float u_step;
+uniform vec3 u_perVoxel;
+uniform float u_interval;
 uniform float u_mostSteps;
 // factor, bias, most.
 uniform vec3 u_levelOfDetail;

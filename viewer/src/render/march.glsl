@@ -38,12 +38,17 @@ float leastSquare(Line line, float first, float last) {
   return squareAt(line, clamp(vertex, first, last));
 }
 
+// From one sample to the next along a direction.
+float stepOf(vec3 direction) {
+  return u_step / length(direction * u_perVoxel);
+}
+
 Line aside(vec2 pixel, float t, float tStep, vec3 direction) {
   vec3 local = cameraDirection(pixel);
   vec3 other = u_toBox * local;
   vec3 voxels = 2.0 * vec3(u_nodes[0].xyz);
 #ifdef ASIDE_SAME_INDEX
-  float otherStep = u_step / length(u_toLocal * local);
+  float otherStep = stepOf(u_toLocal * local);
   return Line((other * entry(other) - direction * t) * voxels, (other * otherStep - direction * tStep) * voxels);
 #else
   return Line((other - direction) * t * voxels, (other - direction) * tStep * voxels);
@@ -124,7 +129,9 @@ void main() {
   vec3 camera = cameraDirection(gl_FragCoord.xy);
   vec3 direction = u_toBox * camera;
   float t0 = entry(direction);
-  float tStep = u_step / length(u_toLocal * camera);
+  vec3 local = u_toLocal * camera;
+  float tStep = stepOf(local);
+  float intervalsOfStep = tStep * length(local) / u_interval;
   vec3 start = u_origin + direction * t0;
   vec3 perStep = direction * tStep;
   right = aside(gl_FragCoord.xy + vec2(u_halfPixel, 0.0), t0, tStep, direction);
@@ -230,7 +237,7 @@ void main() {
       if (mixes) density += (coarser - density) * share;
       float optical = opticalDepth(density, u_levels[own].z);
 #endif
-      optical *= stands;
+      optical *= stands * intervalsOfStep;
       float alpha = opacity(optical);
       if (alpha <= u_thresholds.x && u_skips) continue;
       float weight = alpha * exp(-depth);

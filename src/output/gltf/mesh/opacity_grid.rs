@@ -55,7 +55,7 @@ impl OpacityGrid {
             [ends[0]].into_iter().chain((0..inner[axis]).map(mean)).chain([ends[1]]).collect()
         });
         let cell = (0..3).map(|axis| spacing[axis] * stride[axis] as f64).sum::<f64>() / 3.0;
-        let step = f64::from(metadata.march.stepsize) * f64::from(metadata.march.voxel_size);
+        let step = metadata.march.interval_length();
         let domain = metadata.levels[level].density_domain();
         let node = NodeRules { metadata, domain, scale: cell / step };
         let slabs = parallel::map(inner[0], |i| {
