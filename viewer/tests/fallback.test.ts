@@ -69,13 +69,13 @@ function theirs(): Buffer {
 }
 
 /** An asset of the folder as a viewer shows it. */
-async function drawn(viewer: string, name: string, camera: Camera): Promise<number[]> {
+async function drawn(viewer: string, name: string, camera: Camera, size = SIZE, background = BACKGROUND): Promise<number[]> {
   const { page, problems } = await newPage(browser);
   const asked: string[] = [];
   page.on("request", (request) => asked.push(new URL(request.url()).pathname));
   await openOther(page, server, viewer);
   const address = server.offer(name, readFileSync(at(name)));
-  const picture = await page.evaluate((look) => window.draw(look), { ...camera, address, size: SIZE, background: BACKGROUND });
+  const picture = await page.evaluate((look) => window.draw(look), { ...camera, address, size, background });
   assert.deepEqual(problems, [], `${viewer}: ${name}`);
   assert.deepEqual(asked.filter((path) => path.endsWith(".mipvog")), []);
   await page.close();
@@ -122,6 +122,28 @@ for (const name of ["inside.glb", "beside.gltf"]) {
     assert.ok(likeness > 30, `${likeness} dB from one viewer to the other`);
   });
 }
+
+test("the mesh looks as the field does, at least 24 dB near", async () => {
+  const [size, frames] = [400, [0, 4, 8]];
+  const cameras = views(CAMERAS, size);
+  const render = ["render", at("field.mipvog"), "--cameras", CAMERAS, "--frames", frames.join(), "--size", `${size}x${size}`, "--background", "1,1,1"];
+  program(...render, "-o", at("near"));
+  const names: string[] = JSON.parse(readFileSync(CAMERAS, "utf8")).frames.map((frame: { file_path: string }) => frame.file_path.split("/").pop());
+  let sum = 0;
+  for (const number of frames) {
+    const { page } = await newPage(browser);
+    const field = await pixels(page, join(at("near"), `${names[number]}.s1.png`));
+    await page.close();
+    const { toWorld, focal } = cameras[number];
+    const turned = ([x, y, z]: number[]): [number, number, number] => [x, z, -y];
+    const column = (number: number) => toWorld.slice(0, 3).map((row) => row[number]);
+    const position = turned(column(3));
+    const target = turned(column(2)).map((back, axis) => position[axis] - back) as [number, number, number];
+    const camera = { position, target, angle: 2 * Math.atan((0.5 * size) / focal) };
+    sum += psnr(await drawn("three", "inside.glb", camera, size, [1, 1, 1]), field);
+  }
+  assert.ok(sum / frames.length >= 24, `${sum / frames.length} dB`);
+});
 
 test("a field in somebody's asset changes nothing for viewers that do not know it", async () => {
   for (const viewer of VIEWERS) {

@@ -24,7 +24,7 @@ pub struct GltfArguments {
     #[arg(long, requires = "gltf")]
     external: bool,
     /// Triangles of the mesh, at most
-    #[arg(long, value_name = "N", default_value_t = 10_000, requires = "gltf")]
+    #[arg(long, value_name = "N", default_value_t = 100_000, requires = "gltf")]
     fallback_triangles: usize,
 }
 

@@ -48,8 +48,8 @@ pub fn write_fallback(
         "meshes": [{
             "name": "fallback",
             "primitives": [{
-                "attributes": { "POSITION": 0, "COLOR_0": 1 },
-                "indices": 2,
+                "attributes": { "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 },
+                "indices": 3,
                 "material": 0,
             }],
         }],
@@ -83,11 +83,13 @@ fn material(visible: bool) -> Value {
     material
 }
 
-/// Buffer views, accessors (positions, colours, indices) and their bytes.
+/// Buffer views, accessors (positions, normals, colours, indices) and their bytes.
 fn arrays(mesh: &Mesh) -> Result<(Value, Value, Vec<u8>)> {
     let count = mesh.positions.len();
     let mut bytes = Vec::new();
     bytes.extend(mesh.positions.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+    let normals = bytes.len();
+    bytes.extend(mesh.normals.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
     let colors = bytes.len();
     for color in &mesh.colors {
         // Halves round up; a fourth number keeps the stride a multiple of 4.
@@ -108,7 +110,8 @@ fn arrays(mesh: &Mesh) -> Result<(Value, Value, Vec<u8>)> {
         return Err(Error::malformed(Place::File, "a mesh that is not finite", "finite positions"));
     }
     let views = json!([
-        { "buffer": 0, "byteOffset": 0, "byteLength": colors, "target": VERTICES },
+        { "buffer": 0, "byteOffset": 0, "byteLength": normals, "target": VERTICES },
+        { "buffer": 0, "byteOffset": normals, "byteLength": colors - normals, "target": VERTICES },
         { "buffer": 0, "byteOffset": colors, "byteLength": indices - colors, "byteStride": 8,
           "target": VERTICES },
         { "buffer": 0, "byteOffset": indices, "byteLength": bytes.len() - indices,
@@ -118,9 +121,10 @@ fn arrays(mesh: &Mesh) -> Result<(Value, Value, Vec<u8>)> {
     let accessors = json!([
         { "bufferView": 0, "componentType": F32, "count": count, "type": "VEC3",
           "min": min, "max": max },
-        { "bufferView": 1, "componentType": U16, "normalized": true, "count": count,
+        { "bufferView": 1, "componentType": F32, "count": count, "type": "VEC3" },
+        { "bufferView": 2, "componentType": U16, "normalized": true, "count": count,
           "type": "VEC3" },
-        { "bufferView": 2, "componentType": index_type, "count": 3 * mesh.triangles.len(),
+        { "bufferView": 3, "componentType": index_type, "count": 3 * mesh.triangles.len(),
           "type": "SCALAR" },
     ]);
     Ok((views, accessors, bytes))

@@ -2,17 +2,15 @@
 
 use super::opacity_grid::OpacityGrid;
 use super::triangles::{Mesh, TriangleSoup};
-use super::{simplify, surface};
+use super::{appearance, simplify, surface};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::codec::container::Container;
+use crate::view::render::Renderer;
 
 /// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
 const MAX_NODES: usize = 128;
-
-/// A level is fine enough whose surface has this many times the triangles that are asked for.
-const SURFACE_SURPLUS: usize = 2;
 
 /// The fewest triangles of a closed surface.
 pub const FEWEST_TRIANGLES: usize = 4;
@@ -39,11 +37,12 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
         let codes = container.read_level(level)?;
         let grid = OpacityGrid::of_level(metadata, level, &codes, free_space.as_ref(), MAX_NODES)?;
         (best, cell) = (surface::surface(&grid), grid.cell);
-        if best.triangles.len() >= SURFACE_SURPLUS * triangles || grid.averaged {
+        if best.triangles.len() >= triangles || grid.averaged {
             break;
         }
     }
-    let soup = simplify::simplify(best, triangles, cell);
+    let mut soup = simplify::simplify(best, triangles, cell);
+    appearance::color(&mut soup, Renderer::of_container(container)?, cell)?;
     let mesh = Mesh::of_soup(&soup);
     if mesh.triangles.is_empty() { Ok(Mesh::of_box(&metadata.bounds)) } else { Ok(mesh) }
 }

@@ -6,8 +6,11 @@ use crate::codec::unpack::fill_plane;
 use crate::model::baked::{BakedLevel, DensityDomain, Group, Metadata};
 use crate::model::field::FreeSpace;
 
-/// Opacity over a cell from which on a node is inside.
+/// Opacity over the thickness of a surface from which on a node is inside.
 pub const INSIDE: f64 = 0.5;
+/// The thickness of a surface is a cell of the grid, and at least this share of the box's longest
+/// edge. So matter that hides what is behind it only over several fine cells counts as well.
+const LEAST_THICKNESS: f64 = 1.0 / 64.0;
 
 /// A grid of nodes with one layer of empty nodes around it, z fastest.
 #[derive(Debug)]
@@ -17,7 +20,7 @@ pub struct OpacityGrid {
     /// World positions along each axis; the layer around lies on the box's faces, so that no
     /// surface leaves the box.
     pub at: [Vec<f64>; 3],
-    /// Opacity over a cell.
+    /// Opacity over the thickness of a surface.
     pub opacity: Vec<f64>,
     /// Diffuse colour, display-referred sRGB, and how much it counts.
     pub color: Vec<([f64; 3], f64)>,
@@ -55,9 +58,11 @@ impl OpacityGrid {
             [ends[0]].into_iter().chain((0..inner[axis]).map(mean)).chain([ends[1]]).collect()
         });
         let cell = (0..3).map(|axis| spacing[axis] * stride[axis] as f64).sum::<f64>() / 3.0;
-        let step = metadata.march.interval_length();
+        let longest = metadata.bounds.extent().into_iter().fold(0.0, f64::max);
+        let thickness = cell.max(longest * LEAST_THICKNESS);
+        let scale = thickness / metadata.march.interval_length();
         let domain = metadata.levels[level].density_domain();
-        let node = NodeRules { metadata, domain, scale: cell / step };
+        let node = NodeRules { metadata, domain, scale };
         let slabs = parallel::map(inner[0], |i| {
             let mut slab = vec![([0.0; 3], 0.0, 0usize); inner[1] * inner[2]];
             let plane = || vec![0.0f32; nodes[1] * nodes[2]];
@@ -139,12 +144,12 @@ impl OpacityGrid {
 struct NodeRules<'a> {
     metadata: &'a Metadata,
     domain: DensityDomain,
-    /// Intervals that a cell is long.
+    /// Intervals that a surface is thick.
     scale: f64,
 }
 
 impl NodeRules<'_> {
-    /// Opacity over a cell of a stored density (`formats/mipvog.md`, section 6); 0 where it is
+    /// Opacity over a surface's thickness of a stored density (`formats/mipvog.md`, section 6); 0 where it is
     /// below visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;

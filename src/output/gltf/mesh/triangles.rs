@@ -8,6 +8,8 @@ use crate::model::grid::Bounds;
 pub struct Mesh {
     /// World units.
     pub positions: Vec<[f32; 3]>,
+    /// Unit vectors outwards, one for each position.
+    pub normals: Vec<[f32; 3]>,
     /// Linear RGB, 0 to 1, one for each position.
     pub colors: Vec<[f64; 3]>,
     /// Numbers of positions; no triangle is degenerate.
@@ -25,6 +27,34 @@ pub(super) struct TriangleSoup {
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
+impl TriangleSoup {
+    /// Unit normals of the vertices, outwards: means over their triangles by area. Along z where
+    /// they cancel.
+    pub(super) fn normals(&self) -> Vec<[f64; 3]> {
+        let mut sums = vec![[0.0; 3]; self.positions.len()];
+        for corners in &self.triangles {
+            let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
+            let normal = cross(minus(b, a), minus(c, a));
+            for &corner in corners {
+                let sum = &mut sums[corner as usize];
+                *sum = [0, 1, 2].map(|axis| sum[axis] + normal[axis]);
+            }
+        }
+        let unit = |sum: [f64; 3]| {
+            // By its largest number first, so that the squares of tiny triangles are not lost.
+            let most = sum.iter().fold(0.0f64, |most, along| most.max(along.abs()));
+            match most > 0.0 && most.is_finite() {
+                true => {
+                    let sum = sum.map(|along| along / most);
+                    sum.map(|along| along / length(sum))
+                }
+                false => [0.0, 0.0, 1.0],
+            }
+        };
+        sums.into_iter().map(unit).collect()
+    }
+}
+
 impl Mesh {
     pub(super) fn of_soup(soup: &TriangleSoup) -> Self {
         let rounded: Vec<[f32; 3]> = soup.positions.iter().map(|p| p.map(|v| v as f32)).collect();
@@ -35,10 +65,12 @@ impl Mesh {
         };
         let mut mesh = Self {
             positions: Vec::new(),
+            normals: Vec::new(),
             colors: Vec::new(),
             triangles: Vec::new(),
             visible: true,
         };
+        let normals = soup.normals();
         let mut numbers = vec![u32::MAX; rounded.len()];
         for corners in soup.triangles.iter().filter(|corners| area(corners)) {
             mesh.triangles.push(corners.map(|corner| {
@@ -46,6 +78,7 @@ impl Mesh {
                 if *number == u32::MAX {
                     *number = mesh.positions.len() as u32;
                     mesh.positions.push(rounded[corner as usize]);
+                    mesh.normals.push(normals[corner as usize].map(|v| v as f32));
                     mesh.colors.push(soup.colors[corner as usize].map(linear));
                 }
                 *number
@@ -77,8 +110,14 @@ impl Mesh {
             [1, 3, 7],
             [1, 7, 5],
         ];
+        // Away from the box's middle.
+        let away = |i: u32| {
+            let side = |axis: u32| if i >> axis & 1 == 1 { 1.0 } else { -1.0 };
+            [side(0), side(1), side(2)].map(|side: f64| (side / 3.0f64.sqrt()) as f32)
+        };
         Self {
             positions: (0..8).map(corner).collect(),
+            normals: (0..8).map(away).collect(),
             colors: vec![[0.0; 3]; 8],
             triangles,
             visible: false,
