@@ -2,6 +2,7 @@
 
 import { Matrix4 } from "three";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
+import { ownFile, useOwnWorker } from "./embedded.js";
 import { type Opened, openAddress, openFile, release } from "./open.js";
 import { offerLevels, page, showError, showFacts } from "./panel.js";
 import { Stage } from "./stage.js";
@@ -195,7 +196,10 @@ try {
   offerLevels(null);
   if (innerWidth < 560) page.panel.open = false;
   const address = new URLSearchParams(location.search).get("file");
+  const own = ownFile();
+  useOwnWorker();
   if (address) void show(() => openAddress(address));
+  else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {
   fail(new FieldError(`This browser cannot draw with WebGL 2: ${cause instanceof Error ? cause.message : String(cause)}.`, "Use a current browser, or switch hardware acceleration on."));
 }

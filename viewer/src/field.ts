@@ -61,6 +61,8 @@ export interface Statistics {
  * a node of a scene whose y is up turns it by a quarter about x. Drawn with perspective cameras.
  */
 export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, RadianceFieldEventMap> {
+  /** Starts the decoder of a field. Pages that keep its script elsewhere put their own way here. */
+  static startWorker = (): Worker => new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
   readonly isRadianceField = true;
   /** Resolves once the metadata is there; rejects where it cannot be. */
   readonly opened: Promise<Metadata>;
@@ -85,7 +87,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry.setDrawRange(0, 0);
     this.name = "MIPVOG_radiance_field";
     const device = deviceLimits();
-    this.worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+    this.worker = RadianceField.startWorker();
     const opened = promise<Metadata>();
     const finished = promise<void>();
     [this.opened, this.finished] = [opened.promise, finished.promise];
