@@ -1,4 +1,5 @@
-//! Tools that every program has: errors, limits, progress, threads, bytes, findings, pictures.
+//! Tools that every program has: errors, limits, progress, threads, bytes, findings, pictures,
+//! colours.
 
 pub mod bytes;
 pub mod error;
@@ -8,3 +9,4 @@ pub mod parallel;
 pub mod picture;
 mod place;
 pub mod progress;
+pub mod srgb;

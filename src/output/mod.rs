@@ -1,3 +1,12 @@
 //! Formats that other programs read, a file or a folder each.
+//!
+//! [`formats`] is the table of `export`; [`format`] is the trait behind it. [`volume`] is a field's
+//! level as the formats of volumes have it.
 
+pub mod export_files;
+pub mod flipbook;
+pub mod format;
+pub mod formats;
 pub mod gltf;
+pub mod measure;
+pub mod volume;

@@ -1,9 +1,12 @@
 //! Rays and pictures: values between nodes, the reference renderer, distances of pictures, a view
-//! of the whole scene.
+//! of the whole scene, regular
+//! lattices of points.
 
 pub mod compare;
+mod lattice;
 mod overview;
 pub mod render;
 pub mod sample;
 
+pub use lattice::Lattice;
 pub use overview::overview;

@@ -12,6 +12,7 @@ mod container_report;
 mod destination;
 mod detach;
 mod document;
+mod export;
 mod failure;
 mod field;
 mod files;

@@ -1,7 +1,7 @@
 //! Rendered frames as pictures.
 
 use crate::base::error::Result;
-use crate::base::picture;
+use crate::base::picture::{self, Samples};
 use crate::view::render::Frame;
 
 /// As training wrote pictures: clamped, times 255, rounded to nearest.
@@ -52,7 +52,7 @@ pub fn exr(frame: &Frame) -> Result<Vec<u8>> {
         ("L", frame.level.clone()),
     ];
     let channels = channels.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
-    picture::exr(frame.width, frame.height, channels)
+    picture::exr(frame.width, frame.height, channels, Samples::Single)
 }
 
 /// A PNG of all scales side by side, each enlarged to the first one's height without smoothing.

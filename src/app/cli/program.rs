@@ -13,8 +13,8 @@ use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, inspect, interrupt, probe, render, stdin, sweep,
-    transcode, unpack, validate, view,
+    attach, bake, compare, detach, document, export, inspect, interrupt, probe, render, stdin,
+    sweep, transcode, unpack, validate, view,
 };
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
@@ -54,6 +54,7 @@ enum Verb {
     Compare(compare::Arguments),
     Probe(probe::Arguments),
     Sweep(Box<sweep::Arguments>),
+    Export(Box<export::Arguments>),
     Attach(attach::Arguments),
     Detach(detach::Arguments),
     #[command(visible_alias = "serve")]
@@ -133,6 +134,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Probe(arguments) => probe::run(arguments, common).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
+        Verb::Export(arguments) => export::run(arguments, common).map(Some),
         Verb::Attach(arguments) => attach::run(arguments, common).map(Some),
         Verb::Detach(arguments) => detach::run(arguments, common).map(Some),
         Verb::View(arguments) => view::run(arguments, common).map(|()| None),

@@ -57,7 +57,7 @@ pub struct SceneArguments {
     #[arg(long)]
     pub drop_background: bool,
     /// Nodes along the longest axis at which a model without nodes is sampled (Instant-NGP,
-    /// torch-ngp) [default: 256]
+    /// torch-ngp) [default: 256]; of an export, cubic cells along it instead of nodes
     #[arg(long, value_name = "N")]
     pub resolution: Option<usize>,
 }
@@ -111,6 +111,7 @@ impl SceneArguments {
             scene_scale: None,
             view: ViewChoice::Keep,
             drop_background: false,
+            resolution: None,
             ..self.clone()
         }
     }

@@ -11,7 +11,7 @@ use super::field::{FieldArguments, wrong_kind};
 use super::outcome::Outcome;
 use super::output::create_container;
 use super::progress::Bar;
-use super::values::parse_bytes;
+use super::values::{parse_box, parse_bytes};
 use super::view_report::ViewReport;
 use crate::bake::{Changes, MaxErrors, repack};
 use crate::base::error::Result;
@@ -67,15 +67,6 @@ pub struct Arguments {
     #[arg(long, value_name = "LEVEL", help_heading = "Size and error",
           value_parser = clap::value_parser!(i32).range(1..=22))]
     zstd_level: Option<i32>,
-}
-
-/// Six numbers.
-fn parse_box(text: &str) -> std::result::Result<Bounds, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match *numbers.unwrap_or_default() {
-        [x0, y0, z0, x1, y1, z1] => Ok(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
-        _ => Err("expected six numbers with commas between".to_owned()),
-    }
 }
 
 /// Transcodes a container.

@@ -9,6 +9,7 @@ use crate::bake::{Filter, LevelRule, Preset};
 use crate::base::limits::Limits;
 use crate::codec::quantize::Bits;
 use crate::input::{MlpChoice, ViewChoice};
+use crate::model::grid::Bounds;
 use crate::model::harmonics::Harmonics;
 
 /// Every number of bits, by name.
@@ -56,6 +57,15 @@ pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
     bytes
         .and_then(|(whole, part)| u64::try_from(whole + part).ok())
         .ok_or_else(|| "more bytes than there can be".to_owned())
+}
+
+/// A box: six numbers with commas between.
+pub fn parse_box(text: &str) -> std::result::Result<Bounds, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match *numbers.unwrap_or_default() {
+        [x0, y0, z0, x1, y1, z1] => Ok(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
+        _ => Err("expected six numbers with commas between".to_owned()),
+    }
 }
 
 /// One number or three, a colour as web pages write it, `white` or `black`.

@@ -7,7 +7,7 @@ use super::{check_levels, fill_plane};
 use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
-use crate::base::picture;
+use crate::base::picture::{self, Samples};
 use crate::codec::container::Container;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata, Metadata};
 
@@ -107,7 +107,7 @@ fn slice(
             let name = format!("feature{number}");
             channels.extend(plane(group, channel).map(|plane| (name, plane)));
         }
-        return Ok(vec![picture::exr(nz, ny, channels)?]);
+        return Ok(vec![picture::exr(nz, ny, channels, Samples::Single)?]);
     }
     let mut files = Vec::new();
     let byte = |share: f64| (share * 255.0 + 0.5) as u8;

@@ -27,5 +27,6 @@ pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;
+pub(crate) use sample::Directions;
 pub use sample::Sample;
 pub use view::{TrainedLevels, View};

@@ -8,6 +8,7 @@ use crate::codec::container::{Container, check_metadata};
 use crate::input::Source;
 use crate::model::baked::BakedField;
 use crate::model::field::RadianceField;
+use crate::model::grid::Bounds;
 use crate::model::trained_model::TrainedModel;
 use crate::view::sample::{Dense, Sample as _, Sparse, Stored};
 
@@ -140,6 +141,39 @@ impl Renderer {
     /// `Malformed` where its levels are damaged, and more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         Self::baked(&container.read()?, container.limits())
+    }
+
+    /// A model with rules of its own, which takes box, background, near and far from the view of
+    /// another field.
+    pub(crate) fn of_model(view: &View, model: Box<dyn TrainedModel>) -> Self {
+        Self { view: view.clone(), content: Content::Model(model) }
+    }
+
+    /// True if colours come from a model with rules of its own.
+    pub(crate) fn is_model(&self) -> bool {
+        matches!(self.content, Content::Model(_))
+    }
+
+    /// Leaves out all samples outside of a box.
+    ///
+    /// # Errors
+    /// `InvalidOption` for a box that is none, or that misses the field's, and `Usage` for a model
+    /// with rules of its own.
+    pub(crate) fn crop(&mut self, crop: &Bounds) -> Result<()> {
+        if self.is_model() {
+            let message = "--crop works on values at nodes, and this model is evaluated by its own \
+                           rules: bake it first";
+            return Err(Error::usage(message));
+        }
+        let bounds = self.view.march.sampled.unwrap_or(self.view.bounds);
+        let sampled = Bounds {
+            min: std::array::from_fn(|axis| crop.min[axis].max(bounds.min[axis])),
+            max: std::array::from_fn(|axis| crop.max[axis].min(bounds.max[axis])),
+        };
+        let (found, expected) = (format!("{crop:?}"), format!("a box that meets {bounds:?}"));
+        sampled.check(&Place::File).map_err(|_| Error::invalid_option("crop", found, expected))?;
+        self.view.march.sampled = Some(sampled);
+        Ok(())
     }
 
     /// A trained field as it is, without coarser levels. All of its values are read.

@@ -6,10 +6,11 @@ use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
 use crate::model::field::ColorDomain;
-use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::harmonics::{BAND_0, Basis, FUNCTIONS, Harmonics, basis};
 use crate::model::trained_model::TrainedModel;
 use crate::model::view_dependence::ViewDependence;
-use crate::view::sample::Sample as Values;
+use crate::model::view_mlp::RAYS;
+use crate::view::sample::{Macro, Sample as Values};
 
 /// A field's activated values at a point of one level.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,11 +67,126 @@ impl Renderer {
             let found = format!("{position:?}");
             return Err(Error::invalid_option("position", found, "finite numbers"));
         }
-        let lanes = match self.content() {
-            Content::Values(lanes) => lanes,
-            Content::Model(model) => return Ok(of_model(&**model, self.view(), position)),
+        let bounds = &self.view().bounds;
+        let extent = bounds.extent();
+        let share = |axis: usize| (position[axis] - f64::from(bounds.min[axis])) / extent[axis];
+        Ok(self.sample_both(position, [0, 1, 2].map(share), level))
+    }
+
+    /// As [`Self::sample`], at a place in shares of the box, `0..=1` along each axis, in a level
+    /// that the field has.
+    pub(crate) fn sample_at(&self, share: [f64; 3], level: usize) -> Sample {
+        self.sample_both(world_of(self.view(), share), share, level)
+    }
+
+    /// The density alone of [`Self::sample_at`]: optical depth per world unit.
+    pub(crate) fn density_at(&self, share: [f64; 3], level: usize) -> f32 {
+        let view = self.view();
+        let world = world_of(view, share);
+        match self.content() {
+            Content::Model(model) => model.density(world),
+            Content::Values(_) if !is_sampled(view, world, share) => 0.0,
+            Content::Values(lanes) => {
+                let depth = with_values!(lanes, values => depth(view, values, share, level));
+                depth / (view.march.stepsize * view.march.voxel_size)
+            }
+        }
+    }
+
+    fn sample_both(&self, world: [f64; 3], share: [f64; 3], level: usize) -> Sample {
+        match self.content() {
+            Content::Values(lanes) => {
+                with_values!(lanes, values => sample(self.view(), values, (world, share), level))
+            }
+            Content::Model(model) => of_model(&**model, self.view(), world),
+        }
+    }
+
+    /// True where no place of a part of the box, given by two corners in shares of it, is visible
+    /// in a level; false says nothing.
+    pub(crate) fn is_empty(&self, [low, high]: [[f64; 3]; 2], level: usize) -> bool {
+        let Content::Values(lanes) = self.content() else { return false };
+        with_values!(lanes, values => {
+            let skip = values.skip();
+            let (low, high) = (skip.place(low), skip.place(high));
+            let cells = (low[0]..=high[0]).flat_map(|x| {
+                (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]))
+            });
+            let owner = if values.density_level(level) { level } else { 0 };
+            cells.into_iter().all(|cell| matches!(skip.state([owner; 2], cell), Macro::Empty(_)))
+        })
+    }
+
+    /// The mean of a sample's colours over directions, each limited to 0 to 1; its diffuse colour
+    /// where no colour depends on the direction. `directions` are as [`Directions`] has them.
+    pub(crate) fn mean_color(&self, sample: &Sample, directions: &Directions) -> [f32; 3] {
+        let mut sum = [0.0f64; 3];
+        let mut add = |color: [f32; 3]| {
+            sum.iter_mut().zip(color).for_each(|(sum, c)| *sum += f64::from(c.clamp(0.0, 1.0)));
         };
-        Ok(with_values!(lanes, values => sample(self.view(), values, position, level)))
+        match &self.view().view_dependence {
+            None => return sample.color,
+            Some(ViewDependence::Harmonics(rules)) => {
+                directions.bases.iter().for_each(|b| add(rules.color(b, &sample.coefficients)));
+            }
+            Some(ViewDependence::Network(network)) => {
+                let values = [&sample.color[..], &sample.features].concat();
+                for directions in directions.vectors.chunks(RAYS) {
+                    let added = network.colors(directions, &vec![&values[..]; directions.len()]);
+                    for added in &added[..directions.len()] {
+                        add([0, 1, 2].map(|channel| sample.color[channel] + added[channel]));
+                    }
+                }
+            }
+        }
+        sum.map(|sum| (sum / directions.vectors.len() as f64) as f32)
+    }
+
+    /// As [`Self::mean_color`], at a place in shares of the box.
+    pub(crate) fn mean_color_at(
+        &self,
+        share: [f64; 3],
+        level: usize,
+        directions: &Directions,
+    ) -> [f32; 3] {
+        let Content::Model(model) = self.content() else {
+            return self.mean_color(&self.sample_at(share, level), directions);
+        };
+        let colors = model.colors(world_of(self.view(), share), &directions.vectors);
+        [0, 1, 2].map(|channel| {
+            let sum: f64 = colors.iter().map(|c| f64::from(c[channel].clamp(0.0, 1.0))).sum();
+            (sum / colors.len().max(1) as f64) as f32
+        })
+    }
+
+    /// True if colours of a point come from a network, which takes time.
+    pub(crate) fn has_network(&self) -> bool {
+        let view = &self.view().view_dependence;
+        view.as_ref().is_some_and(|view| view.network().is_some())
+    }
+}
+
+/// Unit directions spread evenly over the sphere, and the harmonics of each.
+#[derive(Debug)]
+pub(crate) struct Directions {
+    vectors: Vec<[f64; 3]>,
+    bases: Vec<Basis>,
+}
+
+impl Directions {
+    /// So many, on a spiral of equal steps in height and turns of the golden angle.
+    pub(crate) fn spread(count: usize) -> Self {
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let vectors: Vec<[f64; 3]> = (0..count)
+            .map(|i| {
+                let height = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+                let radius = (1.0 - height * height).max(0.0).sqrt();
+                let (sine, cosine) = libm::sincos(golden * i as f64);
+                [radius * cosine, radius * sine, height]
+            })
+            .collect();
+        let bases = vectors.iter().map(|&vector| basis(vector)).collect();
+        Self { vectors, bases }
     }
 }
 
@@ -87,26 +203,43 @@ fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample
     }
 }
 
+/// The world position of a place in shares of the box.
+fn world_of(view: &View, share: [f64; 3]) -> [f64; 3] {
+    let extent = view.bounds.extent();
+    [0, 1, 2].map(|axis| f64::from(view.bounds.min[axis]) + share[axis] * extent[axis])
+}
+
+/// True for a place in which samples count: free, and in the part of the box that is sampled.
+fn is_sampled(view: &View, world: [f64; 3], share: [f64; 3]) -> bool {
+    let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
+    let inside = sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
+    inside && view.free_space.as_ref().is_none_or(|mask| mask.contains(world))
+}
+
+/// Optical depth over one interval at a place in shares of the box.
+fn depth<const C: usize>(
+    view: &View,
+    values: &impl Values<C>,
+    share: [f64; 3],
+    level: usize,
+) -> f32 {
+    // A level without density has level 0's.
+    let owner = if values.density_level(level) { level } else { 0 };
+    values.locate(owner, share).map_or(0.0, |cell| {
+        let density = values.density(owner, &cell);
+        optical_depth(density, values.density_domain(owner), view)
+    })
+}
+
 fn sample<const C: usize>(
     view: &View,
     values: &impl Values<C>,
-    world: [f64; 3],
+    (world, share): ([f64; 3], [f64; 3]),
     level: usize,
 ) -> Sample {
-    let share = [0, 1, 2].map(|axis| {
-        let [min, max] = [view.bounds.min[axis], view.bounds.max[axis]].map(f64::from);
-        (world[axis] - min) / (max - min)
-    });
-    let is_free = view.free_space.as_ref().is_none_or(|mask| mask.contains(world));
-    let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
-    let inside = is_free && sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
+    let inside = is_sampled(view, world, share);
     let cell = |level| if inside { values.locate(level, share) } else { None };
-    // A level without density has level 0's.
-    let owner = if values.density_level(level) { level } else { 0 };
-    let depth = cell(owner).map_or(0.0, |cell| {
-        let density = values.density(owner, &cell);
-        optical_depth(density, values.density_domain(owner), view)
-    });
+    let depth = if inside { depth(view, values, share, level) } else { 0.0 };
     let mut values =
         cell(level).map_or_else(|| values.empty_color(level), |cell| values.color(level, &cell));
     let channels = 3 + view.features;

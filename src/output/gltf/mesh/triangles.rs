@@ -1,6 +1,7 @@
 //! Triangles with coloured vertices: while they are worked on, and as they are written.
 
 use super::vector::{cross, length, minus};
+use crate::base::srgb::linear;
 use crate::model::grid::Bounds;
 
 /// Triangles in training axes, counter-clockwise as seen from outside.
@@ -137,10 +138,4 @@ impl Mesh {
             fold(f32::NEG_INFINITY, |bound, value| if value > bound { value } else { bound }),
         ]
     }
-}
-
-/// Display-referred sRGB to linear (IEC 61966-2-1).
-fn linear(value: f64) -> f64 {
-    let value = value.clamp(0.0, 1.0);
-    if value <= 0.040_45 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) }
 }

@@ -1,0 +1,239 @@
+//! `export`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::cameras::{CameraArguments, check_memory};
+use super::common::Common;
+use super::field::FieldArguments;
+use super::outcome::{Outcome, counted, readable};
+use super::output::refuse_stdout;
+use super::progress::Bar;
+use super::scene::SceneArguments;
+use super::stdin;
+use super::values::{parse_box, parse_bytes};
+use crate::base::bytes::{SourceFile, hex, sha256};
+use crate::base::error::{Error, Result};
+use crate::base::progress::Step;
+use crate::input;
+use crate::model::grid::Bounds;
+use crate::output::export_files::{ExportFiles, FileReport};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource};
+use crate::output::formats::{FORMATS, format_named};
+use crate::output::measure::export_psnr;
+use crate::view::overview;
+
+/// Pixels along a side of the picture that is measured where no camera is given.
+const SIZE: usize = 400;
+
+/// Write a field as a format of other programs, and measure what that loses
+///
+/// The written bytes are read back and rendered as programs of the format render them. The report
+/// states the PSNR against the field's own pictures, and what the format cannot hold.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
+pub struct Arguments {
+    /// A container, a glTF asset with one, or anything that can be baked; - is the standard input
+    field: PathBuf,
+    /// The format
+    #[arg(long, value_name = "FORMAT",
+          value_parser = PossibleValuesParser::new(FORMATS.map(|format| format.name())))]
+    to: String,
+    /// The file to write; others of the same export stand beside it
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// The level to export, 0 being the finest
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    level: usize,
+    /// Points for each node along an axis: values between nodes are interpolated as the field does,
+    /// and then activated [default: as the format says]
+    #[arg(long, value_name = "K", conflicts_with = "resolution")]
+    supersample: Option<usize>,
+    /// Leave out everything outside this box, in world coordinates
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
+          value_parser = parse_box)]
+    crop: Option<Bounds>,
+    /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
+    /// is below this
+    #[arg(long, value_name = "DB")]
+    require_psnr: Option<f64>,
+    /// Take no more memory for values than this, such as 500MB or 2GiB [default: the limit on
+    /// memory]
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    memory: Option<u64>,
+    #[command(flatten)]
+    which: FieldArguments,
+    /// Overwrite existing files
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    input: String,
+    output: String,
+    format: &'static str,
+    level: usize,
+    seconds: f64,
+    output_bytes: u64,
+    /// Empty if the gate was missed.
+    files: Vec<FileReport>,
+    /// The mean over the cameras, in dB.
+    psnr: Option<f64>,
+    cameras: usize,
+    required_psnr: Option<f64>,
+    passed: bool,
+    lost: Vec<String>,
+    details: Map<String, Value>,
+}
+
+/// Exports.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let clock = Instant::now();
+    refuse_stdout(&arguments.output, "an export may have several files")?;
+    if arguments.require_psnr.is_some_and(|least| !least.is_finite()) {
+        return Err(Error::usage("--require-psnr must be a finite number of dB"));
+    }
+    let format = format_named(&arguments.to);
+    let format = format.ok_or_else(|| Error::usage(format!("--to {}", arguments.to)))?;
+    arguments.check_options(format)?;
+    let options = arguments.options(common);
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Encode, 1.0), (Step::Write, 0.3), (Step::Render, 1.0)]);
+    let source = arguments.source(&options, common)?;
+    let levels = source.field.levels();
+    let expected = format!("a level below {levels}");
+    Error::require_option(options.level < levels, "level", options.level, &expected)?;
+    let cameras = match arguments.cameras.given() {
+        true => arguments.cameras.cameras(&source.field.view().bounds, &options.limits)?,
+        false => Vec::new(),
+    };
+    check_memory(&cameras, 1, &options.limits)?;
+    format.check(&source, &options, &arguments.output)?;
+    let mut files = ExportFiles::new(&arguments.output, arguments.force);
+    let exported = format.write(&source, &options, &mut files, &bar)?;
+    let cameras = match cameras.is_empty() {
+        true => vec![overview(&source.field, [SIZE; 2], &bar)?],
+        false => cameras,
+    };
+    let written = files.written();
+    let shown = format.read_back(&source, &written, &options.limits)?;
+    let psnr = export_psnr(&source.field, &shown, &cameras, options.level, &bar)?;
+    drop(shown);
+    let passed = arguments.require_psnr.is_none_or(|least| psnr >= least);
+    let reports = if passed { written.report()? } else { Vec::new() };
+    bar.check()?;
+    if passed {
+        files.finish()?;
+    }
+    drop(bar);
+    let report = Report {
+        input: arguments.field.to_string_lossy().into_owned(),
+        output: arguments.output.to_string_lossy().into_owned(),
+        format: format.name(),
+        level: options.level,
+        seconds: clock.elapsed().as_secs_f64(),
+        output_bytes: reports.iter().map(|file| file.bytes).sum(),
+        files: reports,
+        psnr: Some(psnr),
+        cameras: cameras.len(),
+        required_psnr: arguments.require_psnr,
+        passed,
+        lost: exported.lost,
+        details: exported.details,
+    };
+    let failure = arguments.require_psnr.filter(|_| !passed).map(|least| {
+        let output = arguments.output.display();
+        format!("{output}: not written: {psnr:.2} dB against the field, {least} dB required")
+    });
+    let outcome = Outcome::new("export", &report, report.text())?;
+    Ok(Outcome { failure, ..outcome })
+}
+
+impl Arguments {
+    /// Refuses options that the format does not take.
+    fn check_options(&self, format: &dyn ExportFormat) -> Result<()> {
+        let given = [
+            ("supersample", self.supersample.is_some()),
+            ("resolution", self.scene.resolution.is_some()),
+            ("crop", self.crop.is_some()),
+        ];
+        let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
+        match refused {
+            None => Ok(()),
+            Some((name, _)) => {
+                let option = name.replace('_', "-");
+                let takers = FORMATS.into_iter().filter(|other| other.options().contains(name));
+                let takers: Vec<&str> = takers.map(|other| other.name()).collect();
+                let (own, takers) = (format.name(), takers.join(", "));
+                Err(Error::usage(format!("--{option} belongs to --to {takers}, not to {own}")))
+            }
+        }
+    }
+
+    fn options(&self, common: &Common) -> ExportOptions {
+        let mut limits = common.limits();
+        limits.memory = self.memory.unwrap_or(limits.memory).min(limits.memory);
+        ExportOptions {
+            level: self.level,
+            supersample: self.supersample,
+            resolution: self.scene.resolution,
+            crop: self.crop,
+            limits,
+            ..ExportOptions::default()
+        }
+    }
+
+    /// Opens the field, with rules for the cameras that are wanted.
+    fn source(&self, options: &ExportOptions, common: &Common) -> Result<ExportSource> {
+        self.which.check(&[&self.field])?;
+        let path = stdin::resolve(&self.field)?;
+        let file = SourceFile::open(&input::file_of(&path))?;
+        let is_baked = self.which.container(&self.field, &options.limits)?.is_some();
+        // Of a container it is the export's resolution alone.
+        let resolution = if is_baked { None } else { self.scene.resolution };
+        let scene = SceneArguments { resolution, ..self.scene.clone() };
+        let cameras = self.cameras.file();
+        let mut field = scene.open(&self.field, self.which, None, cameras.as_deref(), common)?;
+        if cameras.is_none() {
+            // These bounds are of the cameras that the scene was trained from. From elsewhere they
+            // would cut parts off.
+            let march = &mut field.view_mut().march;
+            (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
+        }
+        if let Some(crop) = &self.crop {
+            field.crop(crop)?;
+        }
+        let name = Path::new(&self.field).file_name().unwrap_or_default();
+        let name = name.to_string_lossy().into_owned();
+        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path })
+    }
+}
+
+impl Report {
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for file in &self.files {
+            text += &format!("  {}: {}\n", file.path, readable(file.bytes));
+        }
+        let cameras = counted(self.cameras, "camera");
+        if let Some(psnr) = self.psnr {
+            text += &format!("  {psnr:.2} dB against the field, {cameras}\n");
+        }
+        for lost in &self.lost {
+            text += &format!("  lost: {lost}\n");
+        }
+        text
+    }
+}

@@ -1,0 +1,55 @@
+//! Leaves: cubes of points whose values are stored together.
+
+/// Points along a leaf's edge.
+pub const SIDE: usize = 8;
+/// Points of a leaf.
+pub const POINTS: usize = SIDE * SIDE * SIDE;
+
+/// A bit a point; bit `n % 64` of word `n / 64` is point `n`.
+pub type LeafMask = [u64; POINTS / 64];
+
+/// The values of a leaf's points, z fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Leaf {
+    /// Number of the leaf along each axis: its first point's, divided by [`SIDE`].
+    pub at: [i32; 3],
+    /// Points that hold matter.
+    pub matter: LeafMask,
+    /// Optical depth per world unit; 0 where there is no matter.
+    pub density: Vec<f32>,
+    /// Points that have a colour: those with matter, and their neighbours.
+    pub colored: LeafMask,
+    /// Linear light, red, green, blue; 0 where there is no colour. Empty before colours are found.
+    pub color: Vec<[f32; 3]>,
+    /// Channels of features, one after the other; 0 without matter.
+    pub features: Vec<f32>,
+}
+
+impl Leaf {
+    /// Without matter and colours.
+    pub fn empty(at: [i32; 3]) -> Self {
+        let none = [0; POINTS / 64];
+        let (density, color) = (vec![0.0; POINTS], Vec::new());
+        Self { at, matter: none, density, colored: none, color, features: Vec::new() }
+    }
+}
+
+/// The place of a leaf's point in the leaf.
+pub const fn place_of(point: usize) -> [usize; 3] {
+    [point / SIDE / SIDE, point / SIDE % SIDE, point % SIDE]
+}
+
+/// The points of a mask, in order.
+pub fn points(mask: &LeafMask) -> impl Iterator<Item = usize> + '_ {
+    (0..POINTS).filter(|&point| mask[point / 64] >> (point % 64) & 1 == 1)
+}
+
+/// Adds a point to a mask.
+pub fn insert(mask: &mut LeafMask, point: usize) {
+    mask[point / 64] |= 1 << (point % 64);
+}
+
+/// True if a mask has a point.
+pub fn contains(mask: &LeafMask, point: usize) -> bool {
+    mask[point / 64] >> (point % 64) & 1 == 1
+}

@@ -1,0 +1,116 @@
+//! Mean colours at the nodes of a level, and between them.
+//!
+//! A view network takes a millisecond for all directions of a point. So it is asked at nodes that
+//! have matter or a neighbour with matter, and colours between nodes are interpolated.
+
+use std::collections::HashMap;
+
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
+use crate::base::progress::Progress;
+use crate::model::grid::Nodes;
+use crate::view::render::{Directions, Renderer};
+
+/// Nodes along the edge of a block of colours.
+const EDGE: usize = 8;
+/// Nodes of a smaller density have no colour that could be seen.
+const LEAST_DENSITY: f32 = 1e-3;
+
+/// Colours of the nodes of a block, with 1 behind them, or 0 for a node that was not asked.
+type Block = Vec<[f32; 4]>;
+
+/// Mean colours, display-referred.
+#[derive(Debug)]
+pub struct MeanColors {
+    nodes: Nodes,
+    blocks: HashMap<[usize; 3], Block>,
+}
+
+impl MeanColors {
+    /// Asks for the colours of a level's nodes.
+    ///
+    /// # Errors
+    ///
+    /// A request to stop.
+    pub fn new(
+        field: &Renderer,
+        level: usize,
+        nodes: Nodes,
+        directions: &Directions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let counts = nodes.0.map(|size| size.div_ceil(EDGE));
+        let share = |at: [usize; 3]| -> [f64; 3] {
+            std::array::from_fn(|axis| at[axis] as f64 / (nodes.0[axis] - 1) as f64)
+        };
+        let blocks = parallel::map(counts.iter().product(), |number| {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            let at = [number / counts[2] / counts[1], number / counts[2] % counts[1], number];
+            let at = [at[0], at[1], at[2] % counts[2]];
+            let first = at.map(|at| at * EDGE);
+            // One node more to each side.
+            let around = first.map(|first| first.saturating_sub(1));
+            let end: [usize; 3] =
+                std::array::from_fn(|axis| (first[axis] + EDGE + 1).min(nodes.0[axis]));
+            if field.is_empty([share(around), share(end.map(|end| end - 1))], level) {
+                return Ok(None);
+            }
+            let mut block = vec![[0.0; 4]; EDGE.pow(3)];
+            let sides: [usize; 3] = std::array::from_fn(|axis| end[axis] - around[axis]);
+            let mut matter = vec![false; sides.iter().product()];
+            for (i, matter) in matter.iter_mut().enumerate() {
+                let inside = [i / sides[2] / sides[1], i / sides[2] % sides[1], i % sides[2]];
+                let node = std::array::from_fn(|axis| around[axis] + inside[axis]);
+                *matter = field.density_at(share(node), level) > LEAST_DENSITY;
+            }
+            let is_near = |node: [usize; 3]| {
+                (0..27usize).any(|step| {
+                    let steps = [step / 9, step / 3 % 3, step % 3];
+                    let at: [usize; 3] = std::array::from_fn(|axis| node[axis] + steps[axis]);
+                    (0..3).all(|axis| at[axis] > around[axis] && at[axis] <= end[axis]) && {
+                        let [x, y, z] = std::array::from_fn(|axis| at[axis] - 1 - around[axis]);
+                        matter[(x * sides[1] + y) * sides[2] + z]
+                    }
+                })
+            };
+            for (i, color) in block.iter_mut().enumerate() {
+                let inside = [i / EDGE / EDGE, i / EDGE % EDGE, i % EDGE];
+                let node: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
+                if (0..3).all(|axis| node[axis] < nodes.0[axis]) && is_near(node) {
+                    let [red, green, blue] = field.mean_color_at(share(node), level, directions);
+                    *color = [red, green, blue, 1.0];
+                }
+            }
+            Ok(Some((at, block)))
+        })?;
+        Ok(Self { nodes, blocks: blocks.into_iter().flatten().collect() })
+    }
+
+    /// The colour at a place in shares of the box.
+    pub fn at(&self, share: [f64; 3]) -> [f32; 3] {
+        let Nodes(sizes) = self.nodes;
+        let at: [f64; 3] = std::array::from_fn(|axis| share[axis] * (sizes[axis] - 1) as f64);
+        let low: [usize; 3] =
+            std::array::from_fn(|axis| (at[axis] as usize).min(sizes[axis].saturating_sub(2)));
+        let mut sum = [0.0f32; 4];
+        for corner in 0..8usize {
+            let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+            let weight = (0..3).fold(1.0, |weight, axis| {
+                let fraction = (at[axis] - low[axis] as f64) as f32;
+                weight * if up[axis] == 1 { fraction } else { 1.0 - fraction }
+            });
+            let node: [usize; 3] = std::array::from_fn(|axis| low[axis] + up[axis]);
+            let Some(block) = self.blocks.get(&node.map(|node| node / EDGE)) else { continue };
+            let [x, y, z] = node.map(|node| node % EDGE);
+            let color = block[(x * EDGE + y) * EDGE + z];
+            // Nodes that were not asked have weight 0.
+            for (sum, value) in sum.iter_mut().zip(color) {
+                *sum += weight * value;
+            }
+        }
+        let [red, green, blue, weight] = sum;
+        [red, green, blue].map(|sum| if weight > 0.0 { sum / weight } else { 0.0 })
+    }
+}

@@ -1,0 +1,17 @@
+//! Volumes of density and colour at the points of a lattice, as programs for effects and engines
+//! have them.
+//!
+//! [`SparseVolume`] is what formats write: activated values of a field in leaves of 8 x 8 x 8
+//! points, colours in linear light. [`VolumeModel`] is what was written and read back, seen by the
+//! rules of those programs.
+
+mod leaf;
+mod mean_colors;
+mod model;
+mod request;
+mod sparse;
+
+pub use leaf::{Leaf, LeafMask, POINTS, SIDE, place_of, points};
+pub use model::{Extinction, VolumeModel, VolumePoints};
+pub use request::{lattice, lost, volume};
+pub use sparse::{SparseVolume, VolumeOptions};

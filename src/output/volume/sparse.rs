@@ -1,0 +1,238 @@
+//! A field's level as a sparse volume of activated values.
+//!
+//! 1. Densities at the points of a lattice, leaf by leaf; a leaf without matter goes.
+//! 2. Colours where there is matter: the mean over directions, turned to linear light.
+//! 3. Points beside matter get the mean colour of their neighbours with matter. Programs
+//!    interpolate colours without regard to density: without these points colours would fade to
+//!    black at every surface.
+
+use std::collections::HashMap;
+
+use super::leaf::{Leaf, POINTS, SIDE, contains, insert, place_of, points};
+use super::mean_colors::MeanColors;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{Budget, Limits};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
+use crate::base::srgb::linear;
+use crate::model::grid::Nodes;
+use crate::view::Lattice;
+use crate::view::render::{Directions, Renderer};
+
+/// Matter that takes less than this share of light over the distance of two points is none: a ray
+/// through 1000 such points loses a hundredth.
+const LEAST_OPACITY: f64 = 1e-5;
+/// Directions that a colour is averaged over.
+const DIRECTIONS: usize = 32;
+
+/// The values that a volume is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct VolumeOptions {
+    /// The level, 0 being the finest.
+    pub level: usize,
+    /// Features too.
+    pub features: bool,
+}
+
+/// Leaves with matter or colours, by their numbers: x slowest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SparseVolume {
+    /// The points.
+    pub lattice: Lattice,
+    /// In order of their numbers.
+    pub leaves: Vec<Leaf>,
+    /// Channels of features.
+    pub features: usize,
+}
+
+impl SparseVolume {
+    /// Evaluates a field at the points of a lattice. [`Step::Encode`] advances by slabs of leaves.
+    ///
+    /// # Errors
+    ///
+    /// More memory than the limits allow, and a request to stop.
+    pub fn new(
+        field: &Renderer,
+        lattice: Lattice,
+        options: VolumeOptions,
+        limits: &Limits,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let features = if options.features { field.view().features } else { 0 };
+        let counts = lattice.counts().map(|count| count.div_ceil(SIDE));
+        progress.begin(Step::Encode, 2 * counts[0] as u64);
+        let mut budget = Budget::new(limits);
+        let mut leaves = Vec::new();
+        for x in 0..counts[0] {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            let slab = parallel::map(counts[1], |y| {
+                let leaf = |z| leaf_of(field, &lattice, options.level, [x, y, z]);
+                Ok((0..counts[2]).filter_map(leaf).collect::<Vec<_>>())
+            })?;
+            let slab: Vec<Leaf> = slab.into_iter().flatten().collect();
+            let bytes = slab.len() * (POINTS * 4 * (4 + features) + size_of::<Leaf>());
+            budget.spend(bytes as u64, "bytes of a volume", &Place::File)?;
+            leaves.extend(slab);
+            progress.advance(Step::Encode, 1);
+        }
+        let mut volume = Self { lattice, leaves, features };
+        volume.find_colors(field, options, progress)?;
+        volume.color_neighbours(&mut budget)?;
+        progress.advance(Step::Encode, counts[0] as u64);
+        Ok(volume)
+    }
+
+    /// Points with matter.
+    pub fn matter(&self) -> u64 {
+        let bits = |leaf: &Leaf| leaf.matter.iter().map(|word| u64::from(word.count_ones())).sum();
+        self.leaves.iter().map(|leaf| -> u64 { bits(leaf) }).sum()
+    }
+
+    /// The largest density.
+    pub fn largest_density(&self) -> f32 {
+        let densities = self.leaves.iter().flat_map(|leaf| &leaf.density);
+        densities.copied().fold(0.0, f32::max)
+    }
+
+    fn find_colors(
+        &mut self,
+        field: &Renderer,
+        options: VolumeOptions,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let (lattice, level, features) = (&self.lattice, options.level, self.features);
+        let directions = Directions::spread(DIRECTIONS);
+        let nodes = Nodes(level_nodes(field, level));
+        let dense = lattice.counts().iter().zip(nodes.0).all(|(&count, nodes)| count > nodes);
+        // A network a point would take minutes: it is asked at nodes.
+        let means = match field.has_network() && dense {
+            true => Some(MeanColors::new(field, level, nodes, &directions, progress)?),
+            false => None,
+        };
+        parallel::map_mut(&mut self.leaves, |_, leaf| {
+            if progress.cancelled() {
+                return Err(Error::cancelled());
+            }
+            leaf.color = vec![[0.0; 3]; POINTS];
+            leaf.colored = leaf.matter;
+            leaf.features = vec![0.0; features * POINTS];
+            for point in points(&leaf.matter) {
+                let share = lattice.share(place(leaf.at, point));
+                let color = match &means {
+                    Some(means) => means.at(share),
+                    None => field.mean_color_at(share, level, &directions),
+                };
+                leaf.color[point] = color.map(|value| linear(value.into()) as f32);
+                if features > 0 {
+                    let sample = field.sample_at(share, level);
+                    let own = sample.features.iter().chain(sample.coefficients.iter().skip(3));
+                    for (channel, value) in own.take(features).enumerate() {
+                        leaf.features[channel * POINTS + point] = *value;
+                    }
+                }
+            }
+            Ok(())
+        })
+        .map(|_| ())
+    }
+
+    /// Gives points beside matter the mean colour of their neighbours that have matter.
+    fn color_neighbours(&mut self, budget: &mut Budget) -> Result<()> {
+        let by_place: HashMap<[i32; 3], usize> =
+            self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
+        let mut sums: HashMap<[i32; 3], Vec<[f32; 4]>> = HashMap::new();
+        let counts = self.lattice.counts().map(|count| count as i32);
+        for leaf in &self.leaves {
+            for point in points(&leaf.matter) {
+                let own = place(leaf.at, point).map(|at| at as i32);
+                for step in 0..27 {
+                    let steps = [step / 9 - 1, step / 3 % 3 - 1, step % 3 - 1];
+                    let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + steps[axis]);
+                    if (0..3).any(|axis| at[axis] < 0 || at[axis] >= counts[axis]) {
+                        continue;
+                    }
+                    let (home, inside) = home(at);
+                    let there = by_place.get(&home).map(|&number| &self.leaves[number]);
+                    if there.is_some_and(|leaf| contains(&leaf.matter, inside)) {
+                        continue;
+                    }
+                    let sums = sums.entry(home).or_insert_with(|| vec![[0.0; 4]; POINTS]);
+                    let sum = &mut sums[inside];
+                    let [red, green, blue] = leaf.color[point];
+                    for (sum, value) in sum.iter_mut().zip([red, green, blue, 1.0]) {
+                        *sum += value;
+                    }
+                }
+            }
+        }
+        for (at, sums) in sums {
+            let number = by_place.get(&at).copied().unwrap_or_else(|| {
+                let mut leaf = Leaf::empty(at);
+                leaf.color = vec![[0.0; 3]; POINTS];
+                leaf.features = vec![0.0; self.features * POINTS];
+                self.leaves.push(leaf);
+                self.leaves.len() - 1
+            });
+            let leaf = &mut self.leaves[number];
+            for (point, &[red, green, blue, count]) in sums.iter().enumerate() {
+                if count > 0.0 {
+                    insert(&mut leaf.colored, point);
+                    leaf.color[point] = [red, green, blue].map(|sum| sum / count);
+                }
+            }
+        }
+        let added = self.leaves.len() - by_place.len();
+        let bytes = added * (POINTS * 4 * (4 + self.features) + size_of::<Leaf>());
+        budget.spend(bytes as u64, "bytes of a volume", &Place::File)?;
+        self.leaves.sort_by_key(|leaf| leaf.at);
+        Ok(())
+    }
+}
+
+/// Nodes of a level along each axis.
+pub fn level_nodes(field: &Renderer, level: usize) -> [usize; 3] {
+    let sizes = crate::levels::sizes::level_sizes(field.view().nodes, level + 1);
+    sizes.last().map_or([2; 3], |nodes| nodes.0)
+}
+
+/// The lattice's number of a leaf's point.
+fn place(leaf: [i32; 3], point: usize) -> [usize; 3] {
+    let inside = place_of(point);
+    std::array::from_fn(|axis| leaf[axis] as usize * SIDE + inside[axis])
+}
+
+/// The leaf of a point of the lattice, and the point's number in it.
+fn home(at: [i32; 3]) -> ([i32; 3], usize) {
+    let [x, y, z] = at.map(|at| at.rem_euclid(SIDE as i32) as usize);
+    (at.map(|at| at.div_euclid(SIDE as i32)), (x * SIDE + y) * SIDE + z)
+}
+
+/// The densities of a leaf; none without matter.
+fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) -> Option<Leaf> {
+    let counts = lattice.counts();
+    let first = at.map(|at| at * SIDE);
+    let last: [usize; 3] = std::array::from_fn(|axis| (first[axis] + SIDE).min(counts[axis]) - 1);
+    if field.is_empty([lattice.share(first), lattice.share(last)], level) {
+        return None;
+    }
+    let spacing = lattice.spacing.into_iter().fold(f64::INFINITY, f64::min);
+    let least = (-libm::log1p(-LEAST_OPACITY) / spacing) as f32;
+    let mut leaf = Leaf::empty(at.map(|at| at as i32));
+    let mut any = false;
+    for point in 0..POINTS {
+        let inside = place_of(point);
+        let place: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
+        if (0..3).any(|axis| place[axis] > last[axis]) {
+            continue;
+        }
+        let density = field.density_at(lattice.share(place), level);
+        if density >= least {
+            insert(&mut leaf.matter, point);
+            leaf.density[point] = density;
+            any = true;
+        }
+    }
+    any.then_some(leaf)
+}

@@ -1,0 +1,144 @@
+//! Regular lattices of points over a field's box: nodes of a level and points between them, or
+//! cubes of one size.
+
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{self, Limits};
+use crate::model::grid::{Bounds, Nodes};
+
+/// Points in rows along the axes of the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lattice {
+    /// Places of points along each axis, in shares of the field's box.
+    shares: [Vec<f64>; 3],
+    /// World position of the first point.
+    pub first: [f64; 3],
+    /// Distance of neighbours along each axis, in world units.
+    pub spacing: [f64; 3],
+}
+
+impl Lattice {
+    /// The nodes of a level that spans a box, and between two of them `factor - 1` more points.
+    ///
+    /// # Errors
+    ///
+    /// More points than the limits allow.
+    pub fn of_nodes(bounds: &Bounds, nodes: Nodes, factor: usize, limits: &Limits) -> Result<Self> {
+        let cells = nodes.0.map(|size| size - 1);
+        check_counts(cells.map(|cells| cells.saturating_mul(factor).saturating_add(1)), limits)?;
+        let shares = cells.map(|cells| {
+            (0..=cells * factor)
+                .map(|i| {
+                    let at = (i / factor) as f64 + (i % factor) as f64 / factor as f64;
+                    let mut share = at / cells as f64;
+                    // A node must not come out a hair below itself: it would be interpolated.
+                    while share * (cells as f64) < at {
+                        share = share.next_up();
+                    }
+                    share.min(1.0)
+                })
+                .collect()
+        });
+        let extent = bounds.extent();
+        let spacing = [0, 1, 2].map(|axis| extent[axis] / (cells[axis] * factor) as f64);
+        Ok(Self { shares, first: bounds.min.map(f64::from), spacing })
+    }
+
+    /// Corners of cubes, `count` of them along the longest axis of a box; the last cubes may
+    /// overhang it.
+    ///
+    /// # Errors
+    ///
+    /// More points than the limits allow.
+    pub fn of_cubes(bounds: &Bounds, count: usize, limits: &Limits) -> Result<Self> {
+        let extent = bounds.extent();
+        let edge = extent.into_iter().fold(0.0, f64::max) / count as f64;
+        // A cube that overhangs by rounding alone is none.
+        let cubes = extent.map(|extent| (extent / edge - 1e-6).ceil().max(1.0) as usize);
+        check_counts(cubes.map(|cubes| cubes + 1), limits)?;
+        let shares = [0, 1, 2]
+            .map(|axis| (0..=cubes[axis]).map(|i| i as f64 * edge / extent[axis]).collect());
+        Ok(Self { shares, first: bounds.min.map(f64::from), spacing: [edge; 3] })
+    }
+
+    /// Points along each axis.
+    pub fn counts(&self) -> [usize; 3] {
+        [0, 1, 2].map(|axis| self.shares[axis].len())
+    }
+
+    /// The place of a point in shares of the box, from 0; above 1 beside it.
+    pub fn share(&self, at: [usize; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.shares[axis][at[axis]])
+    }
+
+    /// Leaves the points in a box, of which there are at least two along each axis.
+    ///
+    /// # Errors
+    ///
+    /// A box with fewer points.
+    pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
+        for axis in 0..3 {
+            let [low, high] = [crop.min[axis], crop.max[axis]].map(f64::from);
+            let (first, spacing) = (self.first[axis], self.spacing[axis]);
+            let last = self.shares[axis].len() - 1;
+            // Rounded: corners of a box are float32.
+            let start = ((low - first) / spacing - 1e-4).ceil().clamp(0.0, last as f64) as usize;
+            let end = ((high - first) / spacing + 1e-4).floor().clamp(0.0, last as f64) as usize;
+            let found = format!("{crop:?}");
+            Error::require_option(start < end, "crop", found, "a box with two points a side")?;
+            self.shares[axis] = self.shares[axis][start..=end].to_vec();
+            self.first[axis] = first + start as f64 * spacing;
+        }
+        Ok(())
+    }
+
+    /// The world's box around all points.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let counts = self.counts();
+        let last = |axis: usize| self.first[axis] + (counts[axis] - 1) as f64 * self.spacing[axis];
+        [self.first, [0, 1, 2].map(last)]
+    }
+}
+
+fn check_counts(counts: [usize; 3], limits: &Limits) -> Result<()> {
+    let place = Place::File;
+    for count in counts {
+        limits::check("points along an axis", count as u64, limits.axis_nodes, &place)?;
+    }
+    let points = limits::product(&counts.map(|count| count as u64), "points", &place)?;
+    limits::check("points", points as u64, limits.nodes, &place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOX: Bounds = Bounds { min: [-1.0, 0.0, 2.0], max: [1.0, 0.5, 3.0] };
+
+    #[test]
+    fn nodes_are_points_and_never_below_themselves() {
+        for size in 2..200 {
+            for factor in 1..4 {
+                let limits = Limits::default();
+                let lattice = Lattice::of_nodes(&BOX, Nodes([size; 3]), factor, &limits);
+                let lattice = lattice.expect("small");
+                assert_eq!(lattice.counts(), [(size - 1) * factor + 1; 3]);
+                for node in 0..size {
+                    let at = lattice.share([node * factor; 3])[0] * (size - 1) as f64;
+                    assert!(at >= node as f64 && at < node as f64 + 1e-9, "{size} {node} {at}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cubes_fill_the_box() {
+        let mut lattice = Lattice::of_cubes(&BOX, 10, &Limits::default()).expect("small");
+        assert_eq!((lattice.counts(), lattice.spacing), ([11, 4, 6], [0.2; 3]));
+        assert!(lattice.share([10, 3, 5])[1] > 1.0, "cubes overhang");
+        let crop = Bounds { min: [-0.5, 0.0, 2.2], max: [0.5, 0.4, 2.6] };
+        lattice.crop(&crop).expect("it meets the box");
+        assert_eq!(lattice.counts(), [5, 3, 3]);
+        assert!((lattice.first[0] + 0.4).abs() < 1e-9);
+        assert!(lattice.crop(&Bounds { min: [7.0; 3], max: [8.0; 3] }).is_err());
+    }
+}
