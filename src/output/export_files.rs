@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use tempfile::{Builder, TempDir};
+
 use crate::base::bytes::{ByteSink, Output, SourceFile, hex, remove_stale, sha256};
 use crate::base::error::{Error, Result};
 
@@ -105,6 +107,27 @@ impl WrittenFiles {
     pub fn named(&self, name: &str) -> Option<&Path> {
         let found = self.files.iter().find(|(path, _)| path.file_name().is_some_and(|n| n == name));
         found.map(|(_, place)| place.as_path())
+    }
+
+    /// A folder of links to the files, under the names that they will have in theirs. It goes when
+    /// it is dropped.
+    ///
+    /// # Errors
+    ///
+    /// Those of the operating system.
+    pub fn linked(&self) -> Result<TempDir> {
+        let beside = self.files.first().and_then(|(_, place)| place.parent());
+        let beside = beside.unwrap_or(Path::new("."));
+        let io = |error| Error::io(error, beside);
+        let folder = Builder::new().prefix(".mipvog-").tempdir_in(beside).map_err(io)?;
+        for (path, place) in &self.files {
+            let link = folder.path().join(path.file_name().unwrap_or_default());
+            // Some file systems have no links.
+            std::fs::hard_link(place, &link)
+                .or_else(|_| std::fs::copy(place, &link).map(drop))
+                .map_err(io)?;
+        }
+        Ok(folder)
     }
 
     /// Lengths and digests.

@@ -24,6 +24,11 @@ pub trait ExportFormat: Sync {
     /// underscores.
     fn options(&self) -> &'static [&'static str];
 
+    /// True if it shows a container as it is, so that the source must have one.
+    fn takes_container(&self) -> bool {
+        false
+    }
+
     /// Refuses an output's name, and what the format cannot hold, before any work.
     ///
     /// # Errors
@@ -70,6 +75,8 @@ pub struct ExportSource {
     pub sha256: String,
     /// Path of the input.
     pub path: PathBuf,
+    /// The bytes of a container of the field, for formats that take one.
+    pub container: Option<Vec<u8>>,
 }
 
 /// Options of an export.
@@ -84,6 +91,8 @@ pub struct ExportOptions {
     pub resolution: Option<usize>,
     /// The part of the box to export. Default: all
     pub crop: Option<Bounds>,
+    /// Pictures of coarser levels. Default: false
+    pub mips: bool,
     /// The world's axis that is up in the written file. Default: z
     pub up: UpAxis,
     /// Values as float32 instead of half floats. Default: false
@@ -103,6 +112,7 @@ impl Default for ExportOptions {
             supersample: None,
             resolution: None,
             crop: None,
+            mips: false,
             up: UpAxis::Z,
             float32: false,
             normalize_density: false,

@@ -8,5 +8,7 @@ pub mod flipbook;
 pub mod format;
 pub mod formats;
 pub mod gltf;
+pub mod html;
 pub mod measure;
+pub mod snerg;
 pub mod volume;

@@ -17,8 +17,10 @@ use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::stdin;
 use super::values::{parse_box, parse_bytes};
+use crate::bake::{BakeOptions, Baker};
 use crate::base::bytes::{SourceFile, hex, sha256};
 use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
 use crate::base::progress::Step;
 use crate::input;
 use crate::model::grid::Bounds;
@@ -60,6 +62,9 @@ pub struct Arguments {
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
           value_parser = parse_box)]
     crop: Option<Bounds>,
+    /// Write coarser levels too, as Mip-VoG's viewer reads them
+    #[arg(long)]
+    mips: bool,
     /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
     /// is below this
     #[arg(long, value_name = "DB")]
@@ -111,7 +116,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let options = arguments.options(common);
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Encode, 1.0), (Step::Write, 0.3), (Step::Render, 1.0)]);
-    let source = arguments.source(&options, common)?;
+    let source = arguments.source(format, &options, common)?;
     let levels = source.field.levels();
     let expected = format!("a level below {levels}");
     Error::require_option(options.level < levels, "level", options.level, &expected)?;
@@ -168,6 +173,7 @@ impl Arguments {
             ("supersample", self.supersample.is_some()),
             ("resolution", self.scene.resolution.is_some()),
             ("crop", self.crop.is_some()),
+            ("mips", self.mips),
         ];
         let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
         match refused {
@@ -190,13 +196,19 @@ impl Arguments {
             supersample: self.supersample,
             resolution: self.scene.resolution,
             crop: self.crop,
+            mips: self.mips,
             limits,
             ..ExportOptions::default()
         }
     }
 
     /// Opens the field, with rules for the cameras that are wanted.
-    fn source(&self, options: &ExportOptions, common: &Common) -> Result<ExportSource> {
+    fn source(
+        &self,
+        format: &dyn ExportFormat,
+        options: &ExportOptions,
+        common: &Common,
+    ) -> Result<ExportSource> {
         self.which.check(&[&self.field])?;
         let path = stdin::resolve(&self.field)?;
         let file = SourceFile::open(&input::file_of(&path))?;
@@ -217,7 +229,24 @@ impl Arguments {
         }
         let name = Path::new(&self.field).file_name().unwrap_or_default();
         let name = name.to_string_lossy().into_owned();
-        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path })
+        let container = match format.takes_container() {
+            true => Some(self.container(cameras.as_deref(), &options.limits)?),
+            false => None,
+        };
+        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
+    }
+
+    /// The bytes of the container; a trained input is baked with default options.
+    fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
+        if let Some(container) = self.which.container(&self.field, limits)? {
+            let file = container.file();
+            return file.read(0, file.length(), limits.memory);
+        }
+        let options = self.scene.settings(&self.field, cameras, limits)?.options;
+        let source = input::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
+        let mut bake = BakeOptions::default();
+        bake.limits = limits.clone();
+        Baker::new(bake).to_vec(&source)
     }
 }
 

@@ -6,21 +6,14 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::codec::container::is_container;
 use crate::input::tensor::describe;
+use crate::output::html::site::{PAGE, SCRIPT, STYLE, WORKER};
 
-/// The viewer's own files, as `viewer/build.mjs` made them.
-const VIEWER: [(&str, &str, &[u8]); 4] = [
-    ("/", "text/html; charset=utf-8", include_bytes!("../../../viewer/dist/index.html")),
-    (
-        "/viewer.js",
-        "text/javascript; charset=utf-8",
-        include_bytes!("../../../viewer/dist/viewer.js"),
-    ),
-    (
-        "/worker.js",
-        "text/javascript; charset=utf-8",
-        include_bytes!("../../../viewer/dist/worker.js"),
-    ),
-    ("/style.css", "text/css; charset=utf-8", include_bytes!("../../../viewer/dist/style.css")),
+/// The viewer's own files.
+const VIEWER: [(&str, &str, &str); 4] = [
+    ("/", "text/html; charset=utf-8", PAGE),
+    ("/viewer.js", "text/javascript; charset=utf-8", SCRIPT),
+    ("/worker.js", "text/javascript; charset=utf-8", WORKER),
+    ("/style.css", "text/css; charset=utf-8", STYLE),
 ];
 
 /// Headers of every answer: the page runs its own scripts alone, talks to no other host and is not
@@ -120,7 +113,7 @@ impl Site {
             return Some(Resource { media_type: self.kind.media_type(), body });
         }
         let (_, media_type, bytes) = VIEWER.into_iter().find(|(name, ..)| *name == path)?;
-        Some(Resource { media_type, body: Body::Inside(bytes) })
+        Some(Resource { media_type, body: Body::Inside(bytes.as_bytes()) })
     }
 }
 

@@ -1,0 +1,29 @@
+//! The text for whoever uploads a folder.
+
+/// What a server should do with the files.
+pub(super) fn notes(container: &str) -> String {
+    format!(
+        "\
+Upload all files of this folder, and open index.html through the server.
+
+Ranges. The server should answer range requests (Range: bytes=...) for {container}. Then the first
+picture comes after a few percent of the file. Without ranges the file is read from its start, and
+shows its coarse levels first as well. Files that are compressed on the way have no ranges: switch
+compression off for .mipvog, which gains nothing from it.
+
+Content types. index.html is text/html, viewer.js and worker.js are text/javascript, style.css is
+text/css, {container} is model/vnd.mipvog. A server that does not know the last one may send
+application/octet-stream.
+
+Content security policy. This one is enough:
+default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self';
+img-src 'self' data: blob:; connect-src 'self' data: blob:
+
+Another host. If {container} lies on another host than the page, open index.html?file=ADDRESS. That
+host must send Access-Control-Allow-Origin, and Access-Control-Expose-Headers: Content-Range.
+
+Links. Programs that show a preview of a link want the address of poster.png in full: put your
+site's address before it in index.html (og:image).
+"
+    )
+}

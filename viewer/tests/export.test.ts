@@ -1,0 +1,79 @@
+/** Pages that `export --to html` writes. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import type { AddressInfo } from "node:net";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
+import type { Browser, Page } from "playwright-core";
+import { capture, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+
+const LEGO = join(ROOT, "fixtures", "trained", "lego64");
+const CAMERAS = join(LEGO, "transforms_test.json");
+const folder = temporaryFolder();
+const at = (name: string) => join(folder.path, name);
+let browser: Browser;
+
+before(async () => {
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--preset", "web", "-o", at("lego64.mipvog"));
+  program("render", at("lego64.mipvog"), "--cameras", CAMERAS, "--size", "200x200", "--frames", "0", "-o", at("reference"));
+  program("export", at("lego64.mipvog"), "--to", "html", "-o", at("page.html"));
+  program("export", at("lego64.mipvog"), "--to", "html", "-o", at("site"));
+  browser = await launch();
+});
+
+after(async () => {
+  await browser.close();
+  folder.remove();
+});
+
+async function looksRight(page: Page): Promise<void> {
+  await ready(page);
+  const found = psnr(await capture(page, views(CAMERAS, 200)[0]), await pixels(page, join(at("reference"), "r_0.s1.png")));
+  assert.ok(found >= 40, `${found} dB`);
+}
+
+test("a page opens from a disk, under its own policy, and asks nobody for anything", async () => {
+  const { page, problems } = await newPage(browser);
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(request.url()));
+  const address = pathToFileURL(at("page.html")).href;
+  await page.goto(address);
+  await looksRight(page);
+  assert.deepEqual(asked.filter((url) => url !== address && !/^(blob|data):/.test(url)), []);
+  // The policy lets no request out.
+  const refused = await page.evaluate(() => fetch("http://127.0.0.1:9/").then(() => "answered", () => "refused"));
+  assert.equal(refused, "refused");
+  assert.ok(problems.splice(0).some((problem) => problem.includes("Content Security Policy")));
+  await page.close();
+});
+
+test("a folder opens from a plain server, in ranges where it has them", async () => {
+  for (const ranges of [true, false]) {
+    const server = createServer((request, response) => {
+      const bytes = readFileSync(join(at("site"), new URL(request.url ?? "/", "http://a").pathname.slice(1) || "index.html"));
+      const [, from, to] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "")?.map(Number) ?? [];
+      const types: Record<string, string> = { html: "text/html", js: "text/javascript", css: "text/css" };
+      const type = types[(request.url ?? "/").split(".").pop() ?? ""] ?? ((request.url ?? "/") === "/" ? "text/html" : "application/octet-stream");
+      // A policy that the folder's notes name.
+      response.setHeader("Content-Security-Policy", "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:");
+      response.setHeader("Content-Type", type);
+      if (!ranges || from === undefined) return void response.end(bytes);
+      const part = bytes.subarray(from, to + 1);
+      response.writeHead(206, { "Content-Range": `bytes ${from}-${from + part.length - 1}/${bytes.length}` }).end(part);
+    });
+    await new Promise<void>((started) => server.listen(0, "127.0.0.1", started));
+    const { page, problems } = await newPage(browser);
+    await page.goto(`http://127.0.0.1:${(server.address() as AddressInfo).port}/`);
+    await looksRight(page);
+    const [first, bytes] = await page.evaluate(() => [window.__mipvog.firstPicture!, window.__mipvog.field!.file!.fileBytes]);
+    if (ranges) assert.ok(first <= 0.03 * bytes, `${first} of ${bytes} bytes`);
+    assert.equal(await page.title().then((title) => title.includes("lego64")), true);
+    assert.deepEqual(problems, []);
+    await page.close();
+    server.closeAllConnections();
+    server.close();
+  }
+});
