@@ -14,9 +14,11 @@
 
 use super::flipbook::Flipbook;
 use super::format::ExportFormat;
+use super::usd::Usd;
+use super::vdb::Vdb;
 
 /// Every format, in the order of `--help`.
-pub static FORMATS: [&dyn ExportFormat; 1] = [&Flipbook];
+pub static FORMATS: [&dyn ExportFormat; 3] = [&Vdb, &Usd, &Flipbook];
 
 /// A format by its name.
 pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {

@@ -9,4 +9,6 @@ pub mod format;
 pub mod formats;
 pub mod gltf;
 pub mod measure;
+pub mod usd;
+pub mod vdb;
 pub mod volume;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -23,7 +23,7 @@ use crate::base::progress::Step;
 use crate::input;
 use crate::model::grid::Bounds;
 use crate::output::export_files::{ExportFiles, FileReport};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
 use crate::output::formats::{FORMATS, format_named};
 use crate::output::measure::export_psnr;
 use crate::view::overview;
@@ -38,6 +38,8 @@ const SIZE: usize = 400;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
+  mipvog-bake export scene.mipvog --to vdb -o scene.vdb
+  mipvog-bake export scene.mipvog --to usd -o scene.usda --up y
   mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - is the standard input
@@ -60,6 +62,19 @@ pub struct Arguments {
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
           value_parser = parse_box)]
     crop: Option<Bounds>,
+    /// The axis that is up in the written file; y turns positions from (x, y, z) to (x, z, -y)
+    /// [default: z]
+    #[arg(long, value_enum, value_name = "z|y", help_heading = "OpenVDB and USD")]
+    up: Option<Up>,
+    /// Values as float32 instead of half floats
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    float32: bool,
+    /// Divide densities by the largest one, which the grid's metadata keeps
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    normalize_density: bool,
+    /// Write features of a view network, or harmonics, as grids feature_0 and on
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    features: bool,
     /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
     /// is below this
     #[arg(long, value_name = "DB")]
@@ -77,6 +92,14 @@ pub struct Arguments {
     cameras: CameraArguments,
     #[command(flatten)]
     scene: SceneArguments,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Up {
+    /// As in training.
+    Z,
+    /// As in Houdini and most programs for films.
+    Y,
 }
 
 #[derive(Debug, Serialize)]
@@ -168,6 +191,10 @@ impl Arguments {
             ("supersample", self.supersample.is_some()),
             ("resolution", self.scene.resolution.is_some()),
             ("crop", self.crop.is_some()),
+            ("up", self.up.is_some()),
+            ("float32", self.float32),
+            ("normalize_density", self.normalize_density),
+            ("features", self.features),
         ];
         let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
         match refused {
@@ -190,6 +217,10 @@ impl Arguments {
             supersample: self.supersample,
             resolution: self.scene.resolution,
             crop: self.crop,
+            up: if self.up == Some(Up::Y) { UpAxis::Y } else { UpAxis::Z },
+            float32: self.float32,
+            normalize_density: self.normalize_density,
+            features: self.features,
             limits,
             ..ExportOptions::default()
         }
