@@ -5,7 +5,7 @@ use super::options::SourceOptions;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
-use super::{dvgo, ngp, plenoctree, plenoxels, sampled, snerg, tensorf};
+use super::{dvgo, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 
@@ -19,12 +19,13 @@ struct Reader {
 }
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held.
-const READERS: [Reader; 8] = [
+const READERS: [Reader; 9] = [
     Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
     Reader { family: Family::Dvgo, knows: dvgo::knows, open: dvgo::open_tensors },
     Reader { family: Family::Snerg, knows: snerg::knows, open: snerg::open_tensors },
+    Reader { family: Family::Vdb, knows: vdb::knows, open: vdb::open_tensors },
     Reader { family: Family::InstantNgp, knows: ngp::knows_snapshot, open: ngp::open_snapshot },
     Reader { family: Family::TorchNgp, knows: ngp::knows_checkpoint, open: ngp::open_checkpoint },
     Reader { family: Family::Tensorf, knows: tensorf::knows, open: tensorf::open_tensors },

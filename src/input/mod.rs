@@ -24,6 +24,7 @@ mod source;
 pub mod sparse;
 pub mod tensor;
 pub mod tensorf;
+pub mod vdb;
 
 pub use families::open_tensors;
 pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};

@@ -69,6 +69,8 @@ pub enum Family {
     InstantNgp,
     /// torch-ngp.
     TorchNgp,
+    /// Volumes of programs for effects, in OpenVDB files.
+    Vdb,
 }
 
 impl Family {
@@ -94,6 +96,7 @@ impl Family {
             Self::Snerg => "SNeRG",
             Self::InstantNgp => "Instant-NGP",
             Self::TorchNgp => "torch-ngp",
+            Self::Vdb => "OpenVDB",
         }
     }
 }

@@ -11,4 +11,6 @@ pub mod gltf;
 pub mod html;
 pub mod measure;
 pub mod snerg;
+pub mod usd;
+pub mod vdb;
 pub mod volume;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::Args;
 use clap::builder::PossibleValuesParser;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -25,7 +25,7 @@ use crate::base::progress::Step;
 use crate::input;
 use crate::model::grid::Bounds;
 use crate::output::export_files::{ExportFiles, FileReport};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
 use crate::output::formats::{FORMATS, format_named};
 use crate::output::measure::export_psnr;
 use crate::view::overview;
@@ -40,6 +40,8 @@ const SIZE: usize = 400;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
+  mipvog-bake export scene.mipvog --to vdb -o scene.vdb
+  mipvog-bake export scene.mipvog --to usd -o scene.usda --up y
   mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - is the standard input
@@ -63,8 +65,21 @@ pub struct Arguments {
           value_parser = parse_box)]
     crop: Option<Bounds>,
     /// Write coarser levels too, as Mip-VoG's viewer reads them
-    #[arg(long)]
+    #[arg(long, help_heading = "SNeRG")]
     mips: bool,
+    /// The axis that is up in the written file; y turns positions from (x, y, z) to (x, z, -y)
+    /// [default: z]
+    #[arg(long, value_enum, value_name = "z|y", help_heading = "OpenVDB and USD")]
+    up: Option<Up>,
+    /// Values as float32 instead of half floats
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    float32: bool,
+    /// Divide densities by the largest one, which the grid's metadata keeps
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    normalize_density: bool,
+    /// Write features of a view network, or harmonics, as grids feature_0 and on
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    features: bool,
     /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
     /// is below this
     #[arg(long, value_name = "DB")]
@@ -82,6 +97,14 @@ pub struct Arguments {
     cameras: CameraArguments,
     #[command(flatten)]
     scene: SceneArguments,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Up {
+    /// As in training.
+    Z,
+    /// As in Houdini and most programs for films.
+    Y,
 }
 
 #[derive(Debug, Serialize)]
@@ -174,6 +197,10 @@ impl Arguments {
             ("resolution", self.scene.resolution.is_some()),
             ("crop", self.crop.is_some()),
             ("mips", self.mips),
+            ("up", self.up.is_some()),
+            ("float32", self.float32),
+            ("normalize_density", self.normalize_density),
+            ("features", self.features),
         ];
         let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
         match refused {
@@ -197,6 +224,10 @@ impl Arguments {
             resolution: self.scene.resolution,
             crop: self.crop,
             mips: self.mips,
+            up: if self.up == Some(Up::Y) { UpAxis::Y } else { UpAxis::Z },
+            float32: self.float32,
+            normalize_density: self.normalize_density,
+            features: self.features,
             limits,
             ..ExportOptions::default()
         }

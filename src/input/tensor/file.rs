@@ -40,12 +40,14 @@ pub enum FileKind {
     Folder,
     /// A MessagePack document, plain or inside of zlib or gzip.
     Msgpack,
+    /// An OpenVDB file.
+    Vdb,
 }
 
 impl FileKind {
     /// True if a digest holds checksums of all values.
     pub const fn has_checksums(self) -> bool {
-        matches!(self, Self::Torch | Self::Npz)
+        matches!(self, Self::Torch | Self::Npz | Self::Vdb)
     }
 
     /// Its name, as people know it.
@@ -56,6 +58,7 @@ impl FileKind {
             Self::Npz => "NumPy archive",
             Self::Folder => "asset folder",
             Self::Msgpack => "snapshot",
+            Self::Vdb => "OpenVDB file",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::msgpack::packing;
 use super::parameters::is_parameters;
+use super::vdb::is_vdb;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 
@@ -11,7 +12,8 @@ use crate::base::error::Result;
 /// If its start cannot be read.
 pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     let start = start(file)?;
-    let known = is_zip(&start) || is_safetensors(&start) || packing(&start).is_some();
+    let known =
+        is_zip(&start) || is_safetensors(&start) || packing(&start).is_some() || is_vdb(&start);
     Ok(known || is_parameters(file)?)
 }
 
@@ -26,6 +28,7 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
         [] => "an empty file",
         start if is_zip(start) => "a zip file (a PyTorch checkpoint or an .npz file)",
         start if is_safetensors(start) => "a .safetensors file",
+        start if is_vdb(start) => "an OpenVDB file",
         start if packing(start).is_some() => "a MessagePack document",
         start if is_text(start) => match start.trim_ascii_start().first() {
             Some(b'{') => "a JSON text",

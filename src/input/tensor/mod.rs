@@ -1,4 +1,5 @@
-//! Files of named tensors: PyTorch's zip files, safetensors, NumPy's npz, MessagePack; and texts
+//! Files of named tensors: PyTorch's zip files, safetensors, NumPy's npz, MessagePack;
+//! the start of OpenVDB files; and texts
 //! that describe a folder of pictures.
 //!
 //! This module knows syntax only; [`crate::input::checkpoint`] knows the meaning of names. A file's
@@ -24,6 +25,7 @@ mod storage;
 mod table;
 mod torch;
 mod value;
+mod vdb;
 mod zip;
 
 pub use array::Tensor;
@@ -34,4 +36,5 @@ pub use parameters::is_parameters;
 pub use row::{Row, safetensors_header};
 pub use safetensors::safetensors_digest;
 pub use value::Value;
+pub use vdb::{GRIDS, VdbValue, read_metadata, read_text};
 pub use zip::{Archive, Data, Entry};

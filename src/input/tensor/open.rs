@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::file::TensorFile;
 use super::kind::{describe, is_safetensors, is_zip, old_checkpoint, start};
 use super::zip::Archive;
-use super::{msgpack, npz, parameters, safetensors, torch};
+use super::{msgpack, npz, parameters, safetensors, torch, vdb};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
@@ -44,11 +44,14 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     if parameters::is_parameters(file)? {
         return parameters::open(file, limits);
     }
+    if vdb::is_vdb(&start) {
+        return vdb::open(file, limits);
+    }
     if let Some(packing) = msgpack::packing(&start) {
         return msgpack::open(file, packing, limits);
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
-                    snapshot, or a SNeRG folder";
+                    snapshot, a SNeRG folder, or an OpenVDB file";
     Err(match old_checkpoint(&start) {
         Some(found) => Error::unsupported(Place::File, found, expected),
         None => Error::wrong_kind(describe(file)?, expected),

@@ -1,0 +1,154 @@
+//! Values of a node: compressed, with those of inactive voxels left out.
+//!
+//! ```text
+//! i8        0 and 1: inactive values are the background, or its negative
+//!           2: one inactive value follows; 3 to 5: a mask picks between two
+//!           6: all values are there
+//! values    active ones only, unless 6 or the grid's flag says otherwise
+//! ```
+//!
+//! Zlib and Blosc streams have their length before them as an i64; a length that is not positive is
+//! that of bytes that are not compressed. No values at all still have that length, but for half
+//! floats, of which nothing is there.
+
+use half::f16;
+
+use super::blosc;
+use crate::base::bytes::ByteReader;
+use crate::base::error::{Error, Place, Result};
+
+/// Flags of a grid.
+const ZIP: u32 = 1;
+const ACTIVE_MASK: u32 = 2;
+const BLOSC: u32 = 4;
+/// All values are there.
+const ALL: u8 = 6;
+
+/// The values' type, and how they are compressed.
+#[derive(Debug, Clone)]
+pub struct Codec {
+    /// Numbers of a value: 1 or 3.
+    pub width: usize,
+    /// Numbers are half floats.
+    pub half: bool,
+    /// Flags.
+    pub compression: u32,
+    /// The value of voxels that are not stored.
+    pub background: [f32; 3],
+}
+
+impl Codec {
+    /// A number of full width: backgrounds, tiles of the root, inactive values.
+    pub fn full_value(&self, reader: &mut ByteReader) -> Result<[f32; 3]> {
+        let mut value = [0.0; 3];
+        for number in value.iter_mut().take(self.width) {
+            *number = f32::from_le_bytes(reader.array()?);
+        }
+        Ok(value)
+    }
+
+    /// The values of a node with `count` voxels, of which `active` are. Calls `put` with the number
+    /// of each and its value.
+    pub fn read(
+        &self,
+        reader: &mut ByteReader,
+        count: usize,
+        active: &[u64],
+        mut put: impl FnMut(usize, [f32; 3]),
+    ) -> Result<()> {
+        let (place, kind) = (reader.place(), reader.u8()?);
+        if kind > ALL {
+            return Err(Error::malformed(place, format!("kind {kind} of values"), "0 to 6"));
+        }
+        let mut inactive = [self.background; 2];
+        if kind == 1 {
+            inactive[0] = self.background.map(|value| -value);
+        }
+        if kind == 3 {
+            // The mask picks the background; others are its negative.
+            inactive[0] = self.background.map(|value| -value);
+        }
+        if matches!(kind, 2 | 4 | 5) {
+            inactive[0] = self.full_value(reader)?;
+        }
+        if kind == 5 {
+            inactive[1] = self.full_value(reader)?;
+        }
+        let mut second = Vec::new();
+        if matches!(kind, 3..=5) {
+            for _ in 0..count.div_ceil(64) {
+                second.push(reader.u64()?);
+            }
+        }
+        let is_on = |mask: &[u64], at: usize| {
+            mask.get(at / 64).is_some_and(|word| word >> (at % 64) & 1 == 1)
+        };
+        let masked = kind != ALL && self.compression & ACTIVE_MASK != 0;
+        let stored = match masked {
+            true => (0..count).filter(|&at| is_on(active, at)).count(),
+            false => count,
+        };
+        let size = self.width * if self.half { 2 } else { 4 };
+        let bytes = self.bytes(reader, stored * size)?;
+        let mut values = bytes.chunks_exact(size).map(|value| self.decode(value));
+        for at in 0..count {
+            let value = match masked && !is_on(active, at) {
+                true if is_on(&second, at) => Some(inactive[1]),
+                true => Some(inactive[0]),
+                false => values.next(),
+            };
+            put(at, value.unwrap_or(self.background));
+        }
+        Ok(())
+    }
+
+    fn decode(&self, bytes: &[u8]) -> [f32; 3] {
+        let mut value = [0.0; 3];
+        if self.half {
+            for (number, bytes) in value.iter_mut().zip(bytes.as_chunks::<2>().0) {
+                *number = f16::from_le_bytes(*bytes).to_f32();
+            }
+        } else {
+            for (number, bytes) in value.iter_mut().zip(bytes.as_chunks::<4>().0) {
+                *number = f32::from_le_bytes(*bytes);
+            }
+        }
+        value
+    }
+
+    /// So many bytes, decompressed.
+    fn bytes(&self, reader: &mut ByteReader, length: usize) -> Result<Vec<u8>> {
+        if self.compression & (ZIP | BLOSC) == 0 {
+            return reader.take(length).map(<[u8]>::to_vec);
+        }
+        if length == 0 && self.half {
+            return Ok(Vec::new());
+        }
+        let (place, stated) = (reader.place(), reader.u64()?.cast_signed());
+        let packed = usize::try_from(stated.unsigned_abs()).unwrap_or(usize::MAX);
+        if stated <= 0 {
+            if packed != length {
+                let found = format!("{packed} bytes of values");
+                return Err(Error::malformed(place, found, format!("{length}")));
+            }
+            return reader.take(length).map(<[u8]>::to_vec);
+        }
+        let packed = reader.take(packed)?;
+        if self.compression & BLOSC != 0 {
+            return blosc::decompress(packed, length, &place);
+        }
+        unzip(packed, length, &place)
+    }
+}
+
+fn unzip(packed: &[u8], length: usize, place: &Place) -> Result<Vec<u8>> {
+    let plain = miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(packed, length);
+    let plain = plain.map_err(|error| {
+        Error::malformed(place.clone(), format!("a zlib stream: {error}"), "a whole one")
+    })?;
+    if plain.len() != length {
+        let found = format!("{} bytes in a zlib stream", plain.len());
+        return Err(Error::malformed(place.clone(), found, format!("{length}")));
+    }
+    Ok(plain)
+}

@@ -1,0 +1,21 @@
+//! Fog volumes in OpenVDB files: the grids `density`, and `Cd` or `color`.
+//!
+//! [`read_grid`] reads the tree of a grid and its values as they are; [`Placed`] says where its
+//! voxels are in the world. [`open_tensors`] makes a field of them, whose nodes are the voxels'
+//! middles: density is optical depth per world unit, colours are turned from linear light to sRGB
+//! and do not depend on the view.
+
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
+
+mod blosc;
+mod codec;
+mod grid;
+mod nodes;
+mod open;
+mod placed;
+mod tree;
+
+pub use grid::{VdbGrid, grid_names, read_grid};
+pub use open::{knows, open_tensors};
+pub use placed::Placed;
+pub use tree::{LEAF_VOXELS, Tile, Tree, VdbLeaf};

@@ -1,0 +1,179 @@
+//! The format `vdb`.
+
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::file::{GridPlan, write_file};
+use super::metadata::MetaValue;
+use super::read_back::{points_of, read_points};
+use super::tree::GridContent;
+use crate::base::bytes::Output;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::base::progress::{Progress, Step};
+use crate::output::export_files::{ExportFiles, WrittenFiles};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, UpAxis};
+use crate::output::volume::{Leaf, POINTS, SparseVolume, VolumeModel, lattice, lost, volume};
+use crate::view::render::Renderer;
+
+/// Points for each node along an axis.
+const FACTOR: usize = 2;
+/// The largest half float.
+const LARGEST_HALF: f32 = 65_504.0;
+
+/// One file of OpenVDB.
+#[derive(Debug)]
+pub struct Vdb;
+
+impl ExportFormat for Vdb {
+    fn name(&self) -> &'static str {
+        "vdb"
+    }
+
+    fn options(&self) -> &'static [&'static str] {
+        &["supersample", "resolution", "crop", "up", "float32", "normalize_density", "features"]
+    }
+
+    fn check(&self, source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()> {
+        if output.extension().is_none_or(|extension| extension != "vdb") {
+            let output = output.display();
+            return Err(Error::usage(format!("-o {output}: an OpenVDB file ends in .vdb")));
+        }
+        check_volume(source, options)
+    }
+
+    fn write(
+        &self,
+        source: &ExportSource,
+        options: &ExportOptions,
+        files: &mut ExportFiles,
+        progress: &dyn Progress,
+    ) -> Result<Exported> {
+        let path = files.output().to_owned();
+        let output = files.create(path)?;
+        write_volume(source, options, output, progress).map(|(exported, _)| exported)
+    }
+
+    fn read_back(
+        &self,
+        source: &ExportSource,
+        files: &WrittenFiles,
+        limits: &Limits,
+    ) -> Result<Renderer> {
+        let points = points_of(read_points(files, limits)?, limits)?;
+        let model = VolumeModel::new(&points, limits)?;
+        Ok(Renderer::of_model(source.field.view(), Box::new(model)))
+    }
+}
+
+/// Refuses volumes of more points than there may be.
+///
+/// # Errors
+/// Options out of range, and more points than the limits allow.
+pub fn check_volume(source: &ExportSource, options: &ExportOptions) -> Result<()> {
+    if options.features && source.field.view().features == 0 {
+        let message = "--features: the field has no features, and no harmonics beyond band 0";
+        return Err(Error::usage(message));
+    }
+    lattice(source, options, FACTOR).map(|_| ())
+}
+
+/// Writes density and colours into a file.
+///
+/// # Errors
+/// As [`SparseVolume::new`], and those of writing.
+pub fn write_volume(
+    source: &ExportSource,
+    options: &ExportOptions,
+    output: &mut Output,
+    progress: &dyn Progress,
+) -> Result<(Exported, SparseVolume)> {
+    let volume = volume(source, options, lattice(source, options, FACTOR)?, progress)?;
+    let half = !options.float32;
+    let largest = volume.largest_density();
+    let scale = if options.normalize_density && largest > 0.0 { largest } else { 1.0 };
+    let density = |leaf: &Leaf, point: usize| [leaf.density[point] / scale, 0.0, 0.0];
+    let color = |leaf: &Leaf, point: usize| leaf.color[point];
+    let matter = |leaf: &Leaf| leaf.matter;
+    let colored = |leaf: &Leaf| leaf.colored;
+    let features: Vec<_> = (0..volume.features)
+        .map(|channel| {
+            move |leaf: &Leaf, point: usize| [leaf.features[channel * POINTS + point], 0.0, 0.0]
+        })
+        .collect();
+    let mut density_metadata = Vec::new();
+    if options.normalize_density {
+        density_metadata.push(("mipvog_density_scale", MetaValue::Float(scale)));
+    }
+    let mut grids = vec![
+        GridPlan {
+            name: "density".to_owned(),
+            class: "fog volume",
+            content: GridContent { width: 1, half, active: &matter, value: &density },
+            metadata: density_metadata,
+        },
+        GridPlan {
+            name: "Cd".to_owned(),
+            class: "unknown",
+            content: GridContent { width: 3, half, active: &colored, value: &color },
+            metadata: vec![("vector_type", MetaValue::Text("invariant".to_owned()))],
+        },
+    ];
+    for (channel, value) in features.iter().enumerate() {
+        grids.push(GridPlan {
+            name: format!("feature_{channel}"),
+            class: "unknown",
+            content: GridContent { width: 1, half, active: &matter, value },
+            metadata: Vec::new(),
+        });
+    }
+    progress.begin(Step::Write, 1);
+    let texts = provenance(source, options, &volume);
+    let counts = write_file(output, &volume, options.up, texts, &grids, progress)?;
+    progress.advance(Step::Write, 1);
+    let mut lost = lost(source);
+    if half {
+        lost.push("digits: values are half floats".to_owned());
+    }
+    if half && largest / scale > LARGEST_HALF {
+        lost.push(format!("densities above {LARGEST_HALF}, the largest half float"));
+    }
+    let mut details = Map::new();
+    let mut tell = |name: &str, value: Value| details.insert(name.to_owned(), value);
+    tell("dims", json!(volume.lattice.counts()));
+    tell("spacing", json!(volume.lattice.spacing));
+    tell("voxels", json!(counts.first()));
+    tell("leaves", json!(volume.leaves.len()));
+    tell("largest_density", json!(largest));
+    tell("density_scale", json!(scale));
+    drop(grids);
+    Ok((Exported { lost, details }, volume))
+}
+
+/// What the file says of its making.
+fn provenance(
+    source: &ExportSource,
+    options: &ExportOptions,
+    volume: &SparseVolume,
+) -> Vec<(&'static str, MetaValue)> {
+    let text = |text: &str| MetaValue::Text(text.to_owned());
+    let has_view = source.field.view().view_dependence.is_some() || source.field.is_model();
+    let color = if has_view { "mean over directions" } else { "diffuse" };
+    let settings = json!({
+        "level": options.level,
+        "supersample": options.supersample,
+        "resolution": options.resolution,
+        "crop": options.crop.map(|crop| [crop.min, crop.max]),
+        "points": volume.lattice.counts(),
+    });
+    let up = if options.up == UpAxis::Y { "y" } else { "z" };
+    vec![
+        ("creator", text(concat!("mipvog-bake ", env!("CARGO_PKG_VERSION")))),
+        ("mipvog_color", text(color)),
+        ("mipvog_settings", MetaValue::Text(settings.to_string())),
+        ("mipvog_source", text(&source.name)),
+        ("mipvog_source_sha256", text(&source.sha256)),
+        ("mipvog_up", text(up)),
+    ]
+}
