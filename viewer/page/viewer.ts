@@ -1,10 +1,11 @@
 /** The page: opens what the address names or what is dropped, and says how it goes. */
 
-import { Matrix4 } from "three";
+import { Color, Matrix4, SRGBColorSpace } from "three";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, openFile, release } from "./open.js";
+import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
+import { openFile } from "./open.js";
 import { offerLevels, page, showError, showFacts } from "./panel.js";
-import { Stage } from "./stage.js";
+import { Stage } from "../src/stage/stage.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
@@ -69,8 +70,8 @@ async function show(open: () => Opened | Promise<Opened>): Promise<void> {
     if (own !== number) return;
     offerLevels(field());
     const background = field()?.metadata?.background;
-    if (background) stage.setBackground(background);
-    stage.lookAt(made.object);
+    if (background) stage.setBackground(new Color().setRGB(...background, SRGBColorSpace));
+    stage.lookAt(visibleBox(made));
     await Promise.all(made.fields.map((field) => field.finished));
     if (own !== number) return;
     loading = false;
@@ -94,7 +95,10 @@ function close(): void {
 }
 
 function follow(shown: RadianceField): void {
-  shown.addEventListener("change", () => stage.redraw());
+  shown.addEventListener("change", () => {
+    if (shown.finest === null && opened) stage.lookAt(visibleBox(opened));
+    stage.redraw();
+  });
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
   });
@@ -118,7 +122,7 @@ function drawn(): void {
 }
 
 function tell(): void {
-  showFacts(opened?.name ?? "none", field(), stage.frameTime, statistics);
+  showFacts(opened?.name ?? "none", field(), stage.painter.frameTime, statistics);
 }
 
 function listen(): void {
@@ -190,7 +194,7 @@ window.__mipvog = {
 
 try {
   stage = new Stage(page.canvas);
-  stage.drawn = drawn;
+  stage.painter.drawn = drawn;
   listen();
   offerLevels(null);
   if (innerWidth < 560) page.panel.open = false;

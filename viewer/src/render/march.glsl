@@ -274,6 +274,11 @@ void main() {
     fragment = vec4(float(samples), float(fetches), max(0.0, floor(last) - first + 1.0), 1.0);
     return;
   }
+  if (u_output == DISTANCE) {
+    // Along the camera's axis, in units of the world.
+    fragment = vec4(t, 1.0 - left, 0.0, 1.0);
+    return;
+  }
   vec3 color = sum[0].xyz;
 #if defined(FUNCTIONS) && !defined(CLAMP_SAMPLES)
   color = limited(color);

@@ -18,7 +18,7 @@ void main() {
 `;
 
 /** What the fragment shader writes, as `u_output`. */
-export const OUTPUT = { color: 0, levels: 1, statistics: 2 } as const;
+export const OUTPUT = { color: 0, levels: 1, statistics: 2, distance: 3 } as const;
 
 /** Of densities. */
 const DECODES: Partial<Record<Encoding["decode"], number>> = { raw_density: 0, sqrt_optical_depth: 1, opacity: 2 };
@@ -45,6 +45,7 @@ export function defines(metadata: Metadata, quads: number, network: Layer[]): Re
     QUADS: quads,
     CHANNELS: 3 + metadata.features,
     STATISTICS: OUTPUT.statistics,
+    DISTANCE: OUTPUT.distance,
     LEVEL_COLORS: OUTPUT.levels,
     ORDER: ORDERS[metadata.activation.order],
     ...set("BLEND_AFTER", metadata.blend === "after_activation"),
