@@ -105,7 +105,11 @@ export function viewUniforms(uniforms: Uniforms, metadata: Metadata, camera: Per
   // An eye of a headset has a part of the picture.
   const { viewport } = camera as PerspectiveCamera & { viewport?: Vector4 };
   if (viewport) uniforms.u_viewport.value.copy(viewport);
-  else renderer.getCurrentViewport(uniforms.u_viewport.value);
+  else if (renderer.getCurrentViewport(uniforms.u_viewport.value).z === 0) {
+    // Unknown to renderers whose size was never set.
+    const { width, height } = renderer.domElement;
+    uniforms.u_viewport.value.set(0, 0, width, height);
+  }
   // Named `reverseDepthBuffer` before release 182.
   const { reversedDepthBuffer, reverseDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
   const [scale, shift] = (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5];

@@ -1,6 +1,6 @@
 /** The canvas: camera, controls, and drawing when something has changed. */
 
-import { Box3, type Color, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
+import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { RadianceField, Statistics } from "../field.js";
 import { Painter } from "./painter.js";
@@ -85,6 +85,11 @@ export class Stage {
     const forward = new Vector3(0, 0, -1).applyQuaternion(this.camera.quaternion);
     this.controls.target.copy(this.camera.position).addScaledVector(forward, reach);
     this.controls.update();
+  }
+
+  /** Makes the shaders of an object that will be shown, without holding the page up. */
+  async prepare(object: Object3D): Promise<void> {
+    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
   }
 
   setBackground(color: Color): void {
@@ -257,7 +262,6 @@ export class Stage {
     else if (arrow) this.orbit(arrow[0] * TURN, arrow[1] * TURN);
     else if (event.key === "+" || event.key === "=") this.zoom(1 / ZOOM);
     else if (event.key === "-") this.zoom(ZOOM);
-    else if (event.key.toLowerCase() === "r") this.reset();
     else return;
     event.preventDefault();
   }
