@@ -1,6 +1,6 @@
 /** A page that holds its file and its worker itself, as `export --to html` writes it. */
 
-import { RadianceField } from "../src/index.js";
+import { startDecodersBy } from "../src/index.js";
 
 /** The file that the page opens: its name, and its bytes or its address. */
 export type OwnFile = { name: string; bytes: Blob } | { name: string; address: string };
@@ -18,7 +18,7 @@ export function useOwnWorker(): void {
   const script = document.getElementById("worker");
   if (!script) return;
   const address = URL.createObjectURL(new Blob([script.textContent ?? ""], { type: "text/javascript" }));
-  RadianceField.startWorker = () => new Worker(address);
+  startDecodersBy(() => new Worker(address));
 }
 
 /** The bytes of a text in base64. */

@@ -1,16 +1,6 @@
-/** From a file or an address to objects of a scene. */
+/** From a file, wherever its bytes are, to objects of a scene. */
 
-import { Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture } from "three";
-import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import { FieldError, RadianceField, RadianceFieldExtension } from "../src/index.js";
-import { REMEDY } from "../src/errors.js";
-
-export interface Opened {
-  object: Object3D;
-  /** The fields in it. */
-  fields: RadianceField[];
-  name: string;
-}
+import { type Opened, openAsset, openField } from "../src/stage/opened.js";
 
 const GLB_MAGIC = 0x46546c67;
 
@@ -21,80 +11,4 @@ export async function openFile(file: File): Promise<Opened> {
     return openAsset(file.name, (loader) => file.arrayBuffer().then((bytes) => loader.parseAsync(bytes, "")));
   }
   return openField(file, file.name);
-}
-
-/** Opens an address; told apart by its ending, so that a container can come in parts. */
-export async function openAddress(address: string): Promise<Opened> {
-  const name = fileName(address);
-  return /\.(glb|gltf)$/i.test(name) ? openAsset(name, (loader) => loader.loadAsync(address)) : openField(address, name);
-}
-
-/** Frees what the device holds of a file that is shown no more. */
-export function release({ object }: Opened): void {
-  object.traverse((part) => {
-    if (part instanceof RadianceField) {
-      part.dispose();
-      return;
-    }
-    const { geometry, material, skeleton } = part as Partial<SkinnedMesh> & Partial<Mesh>;
-    geometry?.dispose();
-    skeleton?.dispose();
-    for (const one of [material ?? []].flat() as Material[]) {
-      for (const texture of Object.values(one)) if (texture instanceof Texture) texture.dispose();
-      one.dispose();
-    }
-  });
-}
-
-function fileName(address: string): string {
-  let path: string;
-  try {
-    path = new URL(address, location.href).pathname;
-  } catch {
-    throw new FieldError(`${address} is no address of a file.`, REMEDY.network);
-  }
-  const name = path.split("/").pop() ?? path;
-  try {
-    return decodeURIComponent(name);
-  } catch {
-    return name;
-  }
-}
-
-/** A container on its own: training's z becomes the world's y. */
-function openField(source: string | Blob, name: string): Opened {
-  const field = new RadianceField(source);
-  // A viewer's camera goes where no training camera was.
-  field.keepsRange = false;
-  const object = new Group().add(field);
-  object.rotation.x = -Math.PI / 2;
-  return { object, fields: [field], name };
-}
-
-async function openAsset(name: string, load: (loader: GLTFLoader) => Promise<{ scene: Group }>): Promise<Opened> {
-  const loader = new GLTFLoader().register((parser) => new RadianceFieldExtension(parser));
-  let scene: Group;
-  try {
-    ({ scene } = await load(loader));
-  } catch (error) {
-    if (error instanceof FieldError) throw error;
-    throw new FieldError(`${name} is no glTF asset that can be read: ${error instanceof Error ? error.message : String(error)}`, REMEDY.foreign);
-  }
-  const opened: Opened = { object: scene, fields: [], name };
-  let failure: unknown = null;
-  let isLit = false;
-  scene.traverse((object) => {
-    failure ??= object.userData.radianceFieldError;
-    isLit ||= object instanceof Light;
-    if (!(object instanceof RadianceField)) return;
-    object.keepsRange = false;
-    opened.fields.push(object);
-  });
-  if (failure) {
-    release(opened);
-    throw failure;
-  }
-  // Fields need no light, but meshes beside them may; viewers bring it where an asset does not.
-  if (!isLit) scene.add(new HemisphereLight(0xffffff, 0x777777, 3));
-  return opened;
 }

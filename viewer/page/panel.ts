@@ -1,11 +1,12 @@
 /** What the panel says. */
 
 import type { RadianceField, Statistics } from "../src/index.js";
+import { levelTint } from "../src/render/shader.js";
 
 const TRANSFERS = {
   ranges: "in parts",
   whole: "whole: the server offers no parts",
-  memory: "from this device",
+  memory: "from memory",
 } as const;
 
 function element<E extends HTMLElement>(id: string): E {
@@ -13,17 +14,51 @@ function element<E extends HTMLElement>(id: string): E {
 }
 
 export const page = {
+  main: document.querySelector("main")!,
   canvas: element<HTMLCanvasElement>("picture"),
   progress: element<HTMLProgressElement>("progress"),
   hint: element("hint"),
   error: element("error"),
   panel: element<HTMLDetailsElement>("panel"),
+  name: element("name"),
+  fov: element<HTMLInputElement>("fov"),
+  background: element<HTMLInputElement>("background"),
+  trained: element("trained"),
+  views: element<HTMLSelectElement>("views"),
+  colors: element<HTMLInputElement>("colors"),
+  legend: element("legend"),
+  numbers: element<HTMLDetailsElement>("numbers"),
   facts: element("facts"),
   level: element<HTMLSelectElement>("level"),
-  colors: element<HTMLInputElement>("colors"),
+  beside: element("beside"),
+  cameras: element("cameras"),
+  split: element("split"),
+  at: element<HTMLInputElement>("at"),
+  line: element("line"),
+  way: element("way"),
+  said: element("said"),
+  help: element<HTMLDialogElement>("help"),
   chooser: element<HTMLInputElement>("chooser"),
   openers: [element("open"), element("another")],
 };
+
+/** A message stands for so long. */
+const SAID_MS = 4000;
+let saying = 0;
+
+/** Says something in passing. */
+export function say(text: string): void {
+  clearTimeout(saying);
+  page.said.textContent = text;
+  saying = window.setTimeout(() => (page.said.textContent = ""), SAID_MS);
+}
+
+/** Names what is shown; null while there is nothing. */
+export function showName(name: string | null): void {
+  page.main.classList.toggle("empty", name === null);
+  page.name.textContent = name ?? "Field";
+  document.title = name === null ? "Mip-VoG viewer" : `${name} – Mip-VoG viewer`;
+}
 
 /** Bytes in the unit that people read, as the program prints them. */
 export function readable(bytes: number): string {
@@ -48,7 +83,11 @@ export function showError(error: { message: string; remedy?: string } | null, he
   });
   const close = document.createElement("button");
   [close.type, close.textContent] = ["button", "Close"];
-  close.addEventListener("click", () => (page.error.hidden = true));
+  close.addEventListener("click", () => {
+    page.error.hidden = true;
+    // Where nothing is shown, another file can be chosen.
+    page.hint.hidden = !page.main.classList.contains("empty");
+  });
   page.error.append(title, ...lines, close);
 }
 
@@ -56,11 +95,14 @@ export function showError(error: { message: string; remedy?: string } | null, he
 export function offerLevels(field: RadianceField | null): void {
   const levels = field?.metadata?.levels ?? [];
   const options = [["", "by distance"], ...levels.map((level, i) => [String(i), `${i}: ${level.dimensions.join(" × ")}`])];
-  page.level.replaceChildren(
-    ...options.map(([value, text]) => {
-      const option = document.createElement("option");
-      [option.value, option.textContent] = [value, text];
-      return option;
+  page.level.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
+  page.legend.replaceChildren(
+    ...levels.map(({ dimensions }, i) => {
+      const [row, color] = [document.createElement("li"), document.createElement("i")];
+      color.style.background = `rgb(${levelTint(i, levels.length).map((value) => Math.round(255 * value)).join()})`;
+      const place = i === 0 ? ", the finest" : i + 1 === levels.length ? ", the coarsest" : "";
+      row.append(color, `Level ${i}${place}: ${dimensions.join(" × ")}`);
+      return row;
     }),
   );
 }

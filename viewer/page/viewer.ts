@@ -1,11 +1,15 @@
 /** The page: opens what the address names or what is dropped, and says how it goes. */
 
-import { Matrix4 } from "three";
+import { Color, Matrix4, SRGBColorSpace } from "three";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
+import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
+import { Stage } from "../src/stage/stage.js";
+import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
-import { type Opened, openAddress, openFile, release } from "./open.js";
-import { offerLevels, page, showError, showFacts } from "./panel.js";
-import { Stage } from "./stage.js";
+import { openFile } from "./open.js";
+import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
+import { bindTools, showWay } from "./tools.js";
+import { addressedView, forgetView, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
@@ -29,17 +33,26 @@ declare global {
 
 /** After this long without a new picture, what the last one took is counted. */
 const COUNT_MS = 250;
+/** Windows from this width on start with an open panel. */
+const WIDE = 1000;
 
 let stage: Stage;
 let opened: Opened | null = null;
+/** The second file of a comparison. */
+let other: Opened | null = null;
 let error: FieldError | null = null;
 let loading = false;
 let firstPicture: number | null = null;
 let statistics: Statistics | null = null;
 let number = 0;
 let counting = 0;
+/** The view that the page chose. */
+let framed = "";
+/** What the next chosen file is for. */
+let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file));
 
 const field = () => opened?.fields[0] ?? null;
+const fields = () => [...(opened?.fields ?? []), ...(other?.fields ?? [])];
 
 function fail(cause: unknown): void {
   error = cause instanceof FieldError ? cause : new FieldError(cause instanceof Error ? cause.message : String(cause));
@@ -49,29 +62,34 @@ function fail(cause: unknown): void {
   showError(error);
 }
 
-/** Shows what `open` gives in place of what is shown. */
-async function show(open: () => Opened | Promise<Opened>): Promise<void> {
+/** Opens a file as far as it can be drawn; null where another one was asked for meanwhile. */
+async function begin(open: () => Opened | Promise<Opened>): Promise<Opened | null> {
   const own = ++number;
-  close();
+  error = null;
+  showError(null);
   page.hint.hidden = true;
   page.progress.hidden = false;
   page.progress.removeAttribute("value");
   loading = true;
+  let made: Opened | null = null;
   try {
-    const made = await open();
-    if (own !== number) {
-      release(made);
-      return;
-    }
-    opened = made;
-    stage.scene.add(made.object);
-    made.fields.forEach(follow);
+    made = await open();
     await Promise.all(made.fields.map((field) => field.opened));
-    if (own !== number) return;
-    offerLevels(field());
-    const background = field()?.metadata?.background;
-    if (background) stage.setBackground(background);
-    stage.lookAt(made.object);
+    await stage.prepare(made.object);
+    if (own === number) return made;
+  } catch (cause) {
+    // What is shown stays.
+    if (own === number) fail(cause);
+  }
+  if (made) release(made);
+  return null;
+}
+
+/** Waits for the rest of what is shown. */
+async function finish(made: Opened): Promise<void> {
+  const own = number;
+  made.fields.forEach((field) => follow(field, made));
+  try {
     await Promise.all(made.fields.map((field) => field.finished));
     if (own !== number) return;
     loading = false;
@@ -82,20 +100,80 @@ async function show(open: () => Opened | Promise<Opened>): Promise<void> {
   }
 }
 
-function close(): void {
-  if (opened) {
-    stage.scene.remove(opened.object);
-    release(opened);
-  }
-  [opened, error, firstPicture, statistics] = [null, null, null, null];
-  offerLevels(null);
-  page.colors.checked = false;
-  showError(null);
-  stage.redraw();
+/** Shows what `open` gives in place of what is shown, under another name where there is one. */
+async function show(open: () => Opened | Promise<Opened>, name?: string | null): Promise<void> {
+  const isFirst = opened === null;
+  const made = await begin(open);
+  if (!made) return;
+  close();
+  if (!isFirst) forgetView();
+  opened = { ...made, name: name || made.name };
+  stage.scene.add(made.object);
+  showName(opened.name);
+  offerLevels(field());
+  paint(null);
+  frame();
+  await finish(made);
 }
 
-function follow(shown: RadianceField): void {
-  shown.addEventListener("change", () => stage.redraw());
+/** Shows a second file beside the first. */
+async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
+  const made = await begin(open);
+  if (!made || !opened) return;
+  if (other) remove(other);
+  other = made;
+  stage.scene.add(made.object);
+  page.split.hidden = page.line.hidden = false;
+  divide();
+  await finish(made);
+}
+
+function divide(): void {
+  const at = Number(page.at.value) / 1000;
+  page.line.style.left = `${100 * at}%`;
+  stage.painter.split = opened && other && { left: opened.object, right: other.object, at };
+  stage.painter.move();
+}
+
+function remove(made: Opened): void {
+  stage.scene.remove(made.object);
+  release(made);
+}
+
+function close(): void {
+  for (const made of [opened, other]) if (made) remove(made);
+  [opened, other, firstPicture, statistics, stage.painter.split] = [null, null, null, null, null];
+  page.split.hidden = page.line.hidden = page.legend.hidden = true;
+  page.colors.checked = false;
+}
+
+/** The whole subject, or the view that the address names. */
+function frame(): void {
+  if (!opened) return;
+  stage.lookAt(visibleBox(opened));
+  framed = viewpointText(stage.viewpoint);
+  const view = addressedView();
+  if (view) stage.viewpoint = view;
+  page.fov.value = String(stage.fov);
+  showWay(stage);
+}
+
+/** The ground behind the field: a color, or null for the one that it was trained on. */
+function paint(color: string | null): void {
+  const trained = field()?.metadata?.background ?? [1, 1, 1];
+  const ground = color ? new Color(color) : new Color().setRGB(...trained, SRGBColorSpace);
+  page.background.value = `#${ground.getHexString()}`;
+  stage.setBackground(ground);
+}
+
+function follow(shown: RadianceField, made: Opened): void {
+  let isFramed = shown.finest !== null || made === other;
+  shown.addEventListener("change", () => {
+    // What the first level shows is known now.
+    if (!isFramed && viewpointText(stage.viewpoint) === framed) frame();
+    isFramed = true;
+    stage.redraw();
+  });
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
   });
@@ -107,10 +185,11 @@ function drawn(): void {
   const shown = field();
   if (shown && shown.finest !== null) {
     firstPicture ??= shown.arrived;
-    // Counting draws a small picture of its own, so it waits until nothing moves.
+    nameView(stage, framed);
+    // Counting draws a small picture of its own, so it waits until nothing moves, and for somebody to look.
     clearTimeout(counting);
     counting = window.setTimeout(() => {
-      if (shown !== field() || shown.waiting || stage.renderer.getContext().isContextLost()) return;
+      if (!page.numbers.open || shown !== field() || shown.waiting || stage.renderer.getContext().isContextLost()) return;
       statistics = stage.count(shown, true);
       tell();
     }, COUNT_MS);
@@ -119,39 +198,61 @@ function drawn(): void {
 }
 
 function tell(): void {
-  showFacts(opened?.name ?? "none", field(), stage.frameTime, statistics);
+  showFacts(opened?.name ?? "none", field(), stage.painter.frameTime, statistics);
+}
+
+/** Asks for a file, for one purpose. */
+function ask(accept: string, then: (file: File) => Promise<void>): void {
+  purpose = then;
+  page.chooser.accept = accept;
+  page.chooser.click();
+}
+
+/** A file that was dropped: a camera file, or something to show. */
+async function take(file: File): Promise<void> {
+  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file));
+  await openCameras(file).catch(fail);
 }
 
 function listen(): void {
   page.level.addEventListener("change", () => {
-    opened?.fields.forEach((field) => (field.fixedLevel = page.level.value === "" ? null : Number(page.level.value)));
+    fields().forEach((field) => (field.fixedLevel = page.level.value === "" ? null : Number(page.level.value)));
     stage.redraw();
   });
   page.colors.addEventListener("change", () => {
-    opened?.fields.forEach((field) => (field.showLevels = page.colors.checked));
+    page.legend.hidden = !page.colors.checked;
+    fields().forEach((field) => (field.showLevels = page.colors.checked));
     stage.redraw();
   });
-  page.canvas.addEventListener("keydown", (event) => {
-    if (event.key.toLowerCase() === "l" && !event.ctrlKey && !event.metaKey) page.colors.click();
+  page.fov.addEventListener("input", () => (stage.fov = Number(page.fov.value)));
+  page.background.addEventListener("input", () => paint(page.background.value));
+  page.trained.addEventListener("click", () => paint(null));
+  page.views.addEventListener("change", () => goToChosen(stage, field()));
+  page.at.addEventListener("input", divide);
+  page.numbers.addEventListener("toggle", drawn);
+  page.canvas.addEventListener("dblclick", ({ offsetX, offsetY }) => {
+    const shown = field();
+    if (shown) stage.focus(shown, offsetX, offsetY);
   });
-  page.openers.forEach((button) => button.addEventListener("click", () => page.chooser.click()));
+  page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file)))));
+  page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file))));
+  page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(fail)));
   page.chooser.addEventListener("change", () => {
     const file = page.chooser.files?.[0];
+    if (file) void purpose(file);
     page.chooser.value = "";
-    if (file) void show(() => openFile(file));
   });
-  const main = page.canvas.parentElement!;
-  const over = (dropping: boolean) => main.classList.toggle("dropping", dropping);
-  main.addEventListener("dragover", (event) => {
+  const over = (dropping: boolean) => page.main.classList.toggle("dropping", dropping);
+  page.main.addEventListener("dragover", (event) => {
     event.preventDefault();
     over(true);
   });
-  main.addEventListener("dragleave", () => over(false));
-  main.addEventListener("drop", (event) => {
+  page.main.addEventListener("dragleave", () => over(false));
+  page.main.addEventListener("drop", (event) => {
     event.preventDefault();
     over(false);
     const file = event.dataTransfer?.files[0];
-    if (file) void show(() => openFile(file));
+    if (file) void take(file);
   });
   page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, "The graphics device was taken away."));
   page.canvas.addEventListener("webglcontextrestored", () => showError(error));
@@ -159,7 +260,7 @@ function listen(): void {
 
 window.__mipvog = {
   get ready() {
-    return !loading && opened !== null && error === null && stage.settled && opened.fields.every((field) => field.finest !== null && !field.waiting);
+    return !loading && opened !== null && error === null && stage.settled && fields().every((field) => field.finest !== null && !field.waiting);
   },
   get error() {
     return error && `${error.message} ${error.remedy}`;
@@ -191,14 +292,16 @@ window.__mipvog = {
 
 try {
   stage = new Stage(page.canvas);
-  stage.drawn = drawn;
+  stage.painter.drawn = drawn;
   listen();
+  bindTools(stage, () => opened?.name ?? "picture");
   offerLevels(null);
-  if (innerWidth < 560) page.panel.open = false;
-  const address = new URLSearchParams(location.search).get("file");
+  page.panel.open = innerWidth >= WIDE;
   const own = ownFile();
   useOwnWorker();
-  if (address) void show(() => openAddress(address));
+  const asked = new URLSearchParams(location.search);
+  const [address, beside] = [asked.get("file"), asked.get("compare")];
+  if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
   else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {
   fail(new FieldError(`This browser cannot draw with WebGL 2: ${cause instanceof Error ? cause.message : String(cause)}.`, "Use a current browser, or switch hardware acceleration on."));

@@ -21,6 +21,7 @@ import {
   type WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
+import { startDecoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
 import { FieldError, REMEDY } from "./errors.js";
 import type { Metadata } from "./format/metadata.js";
@@ -46,6 +47,9 @@ export interface RadianceFieldEventMap extends Object3DEventMap {
   failed: { error: FieldError };
 }
 
+/** Pixels along a picture of which one is picked, and the opacity that it must have. */
+const [PICKED, LEAST_PICKED] = [1024, 0.1];
+
 /** What a picture took, as means over the rays that meet the box. */
 export interface Statistics {
   /** Rays that meet the box. */
@@ -61,8 +65,6 @@ export interface Statistics {
  * a node of a scene whose y is up turns it by a quarter about x. Drawn with perspective cameras.
  */
 export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, RadianceFieldEventMap> {
-  /** Starts the decoder of a field. Pages that keep its script elsewhere put their own way here. */
-  static startWorker = (): Worker => new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
   readonly isRadianceField = true;
   /** Resolves once the metadata is there; rejects where it cannot be. */
   readonly opened: Promise<Metadata>;
@@ -87,7 +89,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry.setDrawRange(0, 0);
     this.name = "MIPVOG_radiance_field";
     const device = deviceLimits();
-    this.worker = RadianceField.startWorker();
+    this.worker = startDecoder();
     const opened = promise<Metadata>();
     const finished = promise<void>();
     [this.opened, this.finished] = [opened.promise, finished.promise];
@@ -146,6 +148,14 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return this.content?.atlas.waiting ?? false;
   }
 
+  /** The part of the box, in local axes, where something is to be seen; all of it before the first level. */
+  get visibleBounds(): Box3 {
+    const { min, max } = this.bounds;
+    const [low, high] = this.content?.atlas.occupied ?? [[0, 0, 0], [1, 1, 1]];
+    const at = (share: number[]) => new Vector3(...share).multiply(max.clone().sub(min)).add(min);
+    return new Box3(at(low), at(high));
+  }
+
   /** The box in local axes. */
   get bounds(): Box3 {
     const { min, max } = this.metadata?.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
@@ -172,13 +182,38 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * would: every sample between entry and exit, with its colours.
    */
   statistics(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, rows: number, skips = true): Statistics {
+    const pixels = this.sample(renderer, camera, width, height, OUTPUT.statistics, skips, (0.5 * height) / rows);
+    const sums = [0, 0, 0, 0];
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 1) for (let j = 0; j < 4; j++) sums[j] += pixels[i + j];
+    const [samples, fetches, steps, rays] = sums;
+    const mean = (sum: number) => sum / Math.max(rays, 1);
+    return { rays, samplesPerRay: mean(samples), fetchesPerRay: mean(fetches), stepsPerRay: mean(steps) };
+  }
+
+  /**
+   * The world's point that a picture shows at `x`, `y`, shares of its width and height from the top left; null where the
+   * field is next to invisible.
+   */
+  pick(renderer: WebGLRenderer, camera: PerspectiveCamera, x: number, y: number): Vector3 | null {
+    // A picture of one pixel, of those of one that is fine enough.
+    const one = camera.clone();
+    one.setViewOffset(PICKED, PICKED, x * PICKED - 0.5, y * PICKED - 0.5, 1, 1);
+    one.updateMatrixWorld(true);
+    const [distance, opacity] = this.sample(renderer, one, 1, 1, OUTPUT.distance, true, 0.5);
+    if (!(opacity > LEAST_PICKED)) return null;
+    const direction = new Vector3(0, 0, 0.5).applyMatrix4(one.projectionMatrixInverse);
+    return direction.multiplyScalar(-distance / direction.z).applyMatrix4(one.matrixWorld);
+  }
+
+  /** Four numbers a pixel of one kind of output. */
+  private sample(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, output: number, skips: boolean, halfPixel: number): Float32Array {
     const target = new WebGLRenderTarget(width, height, { type: FloatType, depthBuffer: true });
     const proxy = new Mesh(this.geometry, this.material);
     proxy.matrixWorld.copy(this.matrixWorld);
     proxy.matrixWorldAutoUpdate = proxy.matrixAutoUpdate = false;
     proxy.frustumCulled = false;
     proxy.onBeforeRender = (renderer, _scene, camera) => {
-      this.prepare(renderer, camera, OUTPUT.statistics, skips, (0.5 * height) / rows);
+      this.prepare(renderer, camera, output, skips, halfPixel);
     };
     const scene = new Scene();
     scene.matrixWorldAutoUpdate = false;
@@ -195,11 +230,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     renderer.setClearAlpha(alpha);
     this.material.blending = NormalBlending;
     target.dispose();
-    const sums = [0, 0, 0, 0];
-    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 1) for (let j = 0; j < 4; j++) sums[j] += pixels[i + j];
-    const [samples, fetches, steps, rays] = sums;
-    const mean = (sum: number) => sum / Math.max(rays, 1);
-    return { rays, samplesPerRay: mean(samples), fetchesPerRay: mean(fetches), stepsPerRay: mean(steps) };
+    return pixels;
   }
 
   /** Builds what does not depend on levels. */

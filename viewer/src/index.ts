@@ -1,3 +1,4 @@
+export { startDecodersBy } from "./decoder.js";
 export { FieldError } from "./errors.js";
 export { RadianceField, type RadianceFieldEventMap, type Statistics } from "./field.js";
 export type { Metadata } from "./format/metadata.js";

@@ -281,7 +281,8 @@ for (const scheme of ["light", "dark"] as const) {
     await page.emulateMedia({ colorScheme: scheme });
     await page.goto(server.page("tiny.mipvog", bytes));
     await ready(page);
-    await page.locator("#panel summary").click();
+    await page.locator("#panel > summary").click();
+    await page.locator("#numbers > summary").click();
     await page.locator("#facts", { hasText: "Samples a ray" }).waitFor();
     const wide = await page.evaluate(() => document.documentElement.scrollWidth);
     assert.ok(wide <= 320, `${wide} pixels`);

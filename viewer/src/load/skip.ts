@@ -26,6 +26,30 @@ export function macroCounts(metadata: Metadata): Triple {
   return metadata.levels[0].dimensions.map((nodes) => Math.ceil((nodes - 1) / edge)) as Triple;
 }
 
+/** Of the occupied macro cells along an axis, those at each end that may be stray. */
+const STRAY = 0.005;
+
+/** Two corners, as shares of the box, between which nearly all occupied macro cells lie. */
+export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [number[], number[]] {
+  const [, ny, nz] = counts;
+  const along = counts.map((count) => new Float64Array(count));
+  let sum = 0;
+  skipDistances.forEach((distance, cell) => {
+    if (distance > 0) return;
+    sum++;
+    along[0][Math.floor(cell / nz / ny)]++;
+    along[1][Math.floor(cell / nz) % ny]++;
+    along[2][cell % nz]++;
+  });
+  if (sum === 0) return [[0, 0, 0], [1, 1, 1]];
+  /** The first cell behind the stray ones. */
+  const start = (cells: Float64Array) => {
+    let passed = 0;
+    return cells.findIndex((count) => (passed += count) > STRAY * sum);
+  };
+  return [along.map((cells, axis) => start(cells) / counts[axis]), along.map((cells, axis) => 1 - start(cells.slice().reverse()) / counts[axis])];
+}
+
 /** The macro cells of one level. */
 export class MacroCells {
   private readonly edge: number;

@@ -22,7 +22,7 @@ import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedLevel } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { type Plan, slotPlace } from "../load/plan.js";
-import { macroCounts } from "../load/skip.js";
+import { macroCounts, occupiedShares } from "../load/skip.js";
 import { packWeights, WEIGHTS_WIDTH } from "./network.js";
 
 /** Bytes that go to the device in one frame, so that no frame takes long. */
@@ -51,6 +51,8 @@ export class Atlas {
   private readonly tableSize: Triple;
   private readonly skipDistanceBytes: Uint8Array;
   private readonly macro: Triple;
+  /** Two corners, as shares of the box, of what the first level to come shows; null before. */
+  occupied: [number[], number[]] | null = null;
   private uploads: Upload[] = [];
   /** The texture that holds what was uploaded: another one after the context was lost. */
   private holder: WebGLTexture | null = null;
@@ -90,6 +92,7 @@ export class Atlas {
   /** Takes a decoded level; it is live when `upload` has brought all of it to the device. */
   add(level: DecodedLevel): void {
     this.uploads.push({ level, done: 0 });
+    if (level.skipDistances) this.occupied ??= occupiedShares(level.skipDistances, this.macro);
   }
 
   /** Whether something waits for `upload`. */
@@ -127,11 +130,12 @@ export class Atlas {
     let left = UPLOAD_BYTES;
     while (left > 0 && this.uploads.length > 0) {
       const [upload] = this.uploads;
-      // three.js remembers the state of the context, so it is told.
-      const state = renderer.state as typeof renderer.state & { pixelStorei(name: number, value: number | boolean): void };
-      state.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-      state.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-      state.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+      // three.js remembers the state of the context, so it is told; before release 187 it does not remember these.
+      const state = renderer.state as typeof renderer.state & Partial<Pick<WebGL2RenderingContext, "pixelStorei">>;
+      const set = (name: number, value: number | boolean) => ("pixelStorei" in state ? state : gl).pixelStorei!(name, value);
+      set(gl.UNPACK_ALIGNMENT, 1);
+      set(gl.UNPACK_FLIP_Y_WEBGL, false);
+      set(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
       left -= this.bring(upload, left, gl, (texture) => state.bindTexture(gl.TEXTURE_3D, handle(texture)!));
       if (upload.done < upload.level.blocks) break;
       this.uploads.shift();

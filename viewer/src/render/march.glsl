@@ -118,10 +118,9 @@ vec3 linear(vec3 display) {
 }
 
 vec3 levelTint(float level) {
-  // Blue, green, yellow, orange, red from the finest to the coarsest.
-  float x = 4.0 * level / max(float(LEVELS - 1), 1.0);
-  vec3 tints[5] = vec3[5](vec3(0.2, 0.35, 1.0), vec3(0.1, 0.8, 0.5), vec3(0.95, 0.9, 0.2), vec3(1.0, 0.55, 0.1), vec3(0.9, 0.15, 0.2));
-  int low = min(int(x), 3);
+  float x = float(LAST_TINT) * level / max(float(LEVELS - 1), 1.0);
+  vec3 tints[LAST_TINT + 1] = TINTS;
+  int low = min(int(x), LAST_TINT - 1);
   return mix(tints[low], tints[low + 1], x - float(low));
 }
 
@@ -272,6 +271,11 @@ void main() {
   gl_FragDepth = weights > 1e-3 ? clamp(u_depthOfT.x + u_depthOfT.y / t, 0.0, 1.0) : 1.0;
   if (u_output == STATISTICS) {
     fragment = vec4(float(samples), float(fetches), max(0.0, floor(last) - first + 1.0), 1.0);
+    return;
+  }
+  if (u_output == DISTANCE) {
+    // Along the camera's axis, in units of the world.
+    fragment = vec4(t, 1.0 - left, 0.0, 1.0);
     return;
   }
   vec3 color = sum[0].xyz;

@@ -18,7 +18,23 @@ void main() {
 `;
 
 /** What the fragment shader writes, as `u_output`. */
-export const OUTPUT = { color: 0, levels: 1, statistics: 2 } as const;
+export const OUTPUT = { color: 0, levels: 1, statistics: 2, distance: 3 } as const;
+
+/** Colours of levels, from the finest to the coarsest: blue, green, yellow, orange, red. */
+const TINTS: [number, number, number][] = [
+  [0.2, 0.35, 1.0],
+  [0.1, 0.8, 0.5],
+  [0.95, 0.9, 0.2],
+  [1.0, 0.55, 0.1],
+  [0.9, 0.15, 0.2],
+];
+
+/** The colour of a level, each channel 0 to 1, as the shader mixes it. */
+export function levelTint(level: number, levels: number): number[] {
+  const x = ((TINTS.length - 1) * level) / Math.max(levels - 1, 1);
+  const low = Math.min(Math.floor(x), TINTS.length - 2);
+  return TINTS[low].map((value, channel) => value + (TINTS[low + 1][channel] - value) * (x - low));
+}
 
 /** Of densities. */
 const DECODES: Partial<Record<Encoding["decode"], number>> = { raw_density: 0, sqrt_optical_depth: 1, opacity: 2 };
@@ -45,6 +61,9 @@ export function defines(metadata: Metadata, quads: number, network: Layer[]): Re
     QUADS: quads,
     CHANNELS: 3 + metadata.features,
     STATISTICS: OUTPUT.statistics,
+    DISTANCE: OUTPUT.distance,
+    TINTS: `vec3[${TINTS.length}](${TINTS.map((tint) => `vec3(${tint.map(glslFloat)})`)})`,
+    LAST_TINT: TINTS.length - 1,
     LEVEL_COLORS: OUTPUT.levels,
     ORDER: ORDERS[metadata.activation.order],
     ...set("BLEND_AFTER", metadata.blend === "after_activation"),

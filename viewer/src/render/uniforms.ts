@@ -102,7 +102,16 @@ export function viewUniforms(uniforms: Uniforms, metadata: Metadata, camera: Per
   uniforms.u_linear.value = renderer.getRenderTarget() !== null || renderer.outputColorSpace !== SRGBColorSpace;
   const projection = camera.projectionMatrix.elements;
   uniforms.u_lens.value.set(1 / projection[0], 1 / projection[5], projection[8] / projection[0], projection[9] / projection[5]);
-  renderer.getCurrentViewport(uniforms.u_viewport.value);
-  const [scale, shift] = renderer.capabilities.reversedDepthBuffer ? [1, 0] : [0.5, 0.5];
+  // An eye of a headset has a part of the picture.
+  const { viewport } = camera as PerspectiveCamera & { viewport?: Vector4 };
+  if (viewport) uniforms.u_viewport.value.copy(viewport);
+  else if (renderer.getCurrentViewport(uniforms.u_viewport.value).z === 0) {
+    // Unknown to renderers whose size was never set.
+    const { width, height } = renderer.domElement;
+    uniforms.u_viewport.value.set(0, 0, width, height);
+  }
+  // Named `reverseDepthBuffer` before release 182.
+  const { reversedDepthBuffer, reverseDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
+  const [scale, shift] = (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5];
   uniforms.u_depthOfT.value.set(shift - scale * projection[10], scale * projection[14]);
 }

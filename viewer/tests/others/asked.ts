@@ -28,6 +28,8 @@ declare global {
     list(address: string): Promise<Found[]>;
     /** Gives a container up before it is there: how its two promises end. */
     giveUp(address: string): Promise<string[]>;
+    /** Draws a container from one side: four bytes a pixel, rows from the top. */
+    drawField(address: string): Promise<number[]>;
   }
 }
 

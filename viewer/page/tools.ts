@@ -1,0 +1,87 @@
+/** The row of tools, and their keys. */
+
+import type { Stage } from "../src/stage/stage.js";
+import type { Way } from "../src/stage/walk.js";
+import { page, say } from "./panel.js";
+
+/** Each way to move, and the one after it. */
+const WAYS: [Way | null, string][] = [
+  [null, "Turn"],
+  ["fly", "Fly"],
+  ["walk", "Walk"],
+];
+/** A key of each tool. */
+const KEYS: Record<string, string> = { r: "reset", t: "rotate", v: "way", p: "picture", c: "link", f: "full", "?": "help" };
+
+const button = (tool: string) => document.querySelector<HTMLButtonElement>(`[data-tool="${tool}"]`)!;
+
+/** Makes the tools work; `name` is that of the file, for pictures of it. */
+export function bindTools(stage: Stage, name: () => string): void {
+  const tools: Record<string, () => void> = {
+    reset: () => {
+      stage.reset();
+      showWay(stage);
+    },
+    rotate: () => {
+      stage.controls.autoRotate = !stage.controls.autoRotate;
+      button("rotate").ariaPressed = String(stage.controls.autoRotate);
+    },
+    way: () => {
+      const now = WAYS.findIndex(([way]) => way === stage.way);
+      stage.way = WAYS[(now + 1) % WAYS.length][0];
+      showWay(stage);
+      page.canvas.focus();
+    },
+    picture: () => savePicture(name()),
+    link: () => void copyLink(),
+    full: () => void (document.fullscreenElement ? document.exitFullscreen() : page.main.requestFullscreen()).catch(() => say("The browser does not allow full screen here.")),
+    headset: () => void enter(stage).catch((error) => say(`The headset cannot be used: ${error.message}`)),
+    help: () => page.help.showModal(),
+  };
+  for (const [tool, use] of Object.entries(tools)) button(tool).addEventListener("click", use);
+  for (const one of document.querySelectorAll<HTMLButtonElement>("[data-tool]")) one.ariaLabel = one.title;
+  button("full").hidden = !document.fullscreenEnabled;
+  void navigator.xr?.isSessionSupported("immersive-vr").then((has) => (button("headset").hidden = !has), () => {});
+  page.canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = event.key.toLowerCase();
+    if (key === "l") page.colors.click();
+    else if (key in KEYS && !page.main.classList.contains("empty")) button(KEYS[key]).click();
+    else return;
+    event.preventDefault();
+  });
+}
+
+/** Names the way in which the camera moves. */
+export function showWay(stage: Stage): void {
+  page.way.textContent = WAYS.find(([way]) => way === stage.way)![1];
+}
+
+function savePicture(name: string): void {
+  page.canvas.toBlob((picture) => {
+    if (!picture) return say("The browser makes no picture of this size.");
+    const link = document.createElement("a");
+    [link.href, link.download] = [URL.createObjectURL(picture), `${name.replace(/\.\w+$/, "")}.png`];
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  });
+}
+
+async function copyLink(): Promise<void> {
+  try {
+    await navigator.clipboard.writeText(location.href);
+    say("The link to this view is copied.");
+  } catch {
+    say("The link to this view is in the address bar.");
+  }
+}
+
+async function enter(stage: Stage): Promise<void> {
+  const session = await navigator.xr!.requestSession("immersive-vr", { optionalFeatures: ["local-floor"] });
+  stage.renderer.xr.enabled = true;
+  await stage.renderer.xr.setSession(session);
+  session.addEventListener("end", () => {
+    stage.renderer.xr.enabled = false;
+    stage.redraw(true);
+  });
+}

@@ -1,0 +1,55 @@
+/** Places to look from: in the page's address, and from a camera file. */
+
+import type { RadianceField } from "../src/index.js";
+import type { Stage } from "../src/stage/stage.js";
+import { type Preset, presetViewpoint, readPresets, readViewpoint, type Viewpoint, viewpointText } from "../src/stage/viewpoint.js";
+import { page } from "./panel.js";
+
+/** The address is brought up to date after the view rests for so long. */
+const REST_MS = 300;
+
+let presets: Preset[] = [];
+let waiting = 0;
+
+/** The view that the page's address names. */
+export function addressedView(): Viewpoint | null {
+  const text = new URLSearchParams(location.hash.slice(1)).get("view");
+  return text === null ? null : readViewpoint(text);
+}
+
+/** Names the stage's view in the address, unless it is still the one of `framed`. */
+export function nameView(stage: Stage, framed: string): void {
+  clearTimeout(waiting);
+  waiting = window.setTimeout(() => {
+    const text = viewpointText(stage.viewpoint);
+    if (text === framed) return;
+    // Pages that are a file in a frame have no address of their own.
+    try {
+      history.replaceState(null, "", `#view=${text}`);
+    } catch {}
+  }, REST_MS);
+}
+
+/** Takes the name of a view out of the address: another file is shown. */
+export function forgetView(): void {
+  clearTimeout(waiting);
+  try {
+    if (location.hash) history.replaceState(null, "", location.pathname + location.search);
+  } catch {}
+}
+
+/** Offers the cameras of a file. */
+export async function openCameras(file: File): Promise<void> {
+  presets = readPresets(await file.text(), file.name);
+  page.views.replaceChildren(new Option("choose", ""), ...presets.map(({ name }, number) => new Option(name, String(number))));
+  page.views.parentElement!.hidden = false;
+}
+
+/** Goes to the camera that was chosen. */
+export function goToChosen(stage: Stage, field: RadianceField | null): void {
+  const preset = presets[Number(page.views.value)];
+  if (page.views.value === "" || !preset || !field) return;
+  field.updateWorldMatrix(true, false);
+  const box = field.visibleBounds.applyMatrix4(field.matrixWorld);
+  stage.viewpoint = presetViewpoint(preset, field.matrixWorld, box.getCenter(box.min.clone()));
+}

@@ -1,0 +1,122 @@
+/** `<mipvog-viewer src="scene.mipvog">`: a field in any page, without a line of script. */
+
+import { Color, SRGBColorSpace } from "three";
+import { FieldError } from "./errors.js";
+import type { RadianceField } from "./field.js";
+import { type Opened, openAddress, release, visibleBox } from "./stage/opened.js";
+import { Stage } from "./stage/stage.js";
+
+const STYLE = `
+:host { display: block; position: relative; width: 100%; aspect-ratio: 3 / 2; }
+:host([hidden]) { display: none; }
+canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; }
+p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff; background: #000c; }
+`;
+
+/**
+ * Attributes: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color in place of the one it was
+ * trained on; `alt`, what the picture shows. Events: `load` when the first level can be drawn, `error`, whose `detail` is a
+ * `FieldError`. An error is shown in the element, too.
+ */
+export class MipvogViewer extends HTMLElement {
+  static readonly observedAttributes = ["src", "background", "alt"];
+  /** Camera, renderer and scene; null while the element is in no page. */
+  stage: Stage | null = null;
+  private opened: Opened | null = null;
+  private readonly canvas = document.createElement("canvas");
+  private readonly message = document.createElement("p");
+  private number = 0;
+
+  constructor() {
+    super();
+    // Allowed by a content security policy without inline styles.
+    const style = new CSSStyleSheet();
+    style.replaceSync(STYLE);
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "application");
+    this.message.setAttribute("role", "alert");
+    this.message.hidden = true;
+    const root = this.attachShadow({ mode: "open" });
+    root.adoptedStyleSheets = [style];
+    root.append(this.canvas, this.message);
+  }
+
+  /** The fields that are shown. */
+  get fields(): RadianceField[] {
+    return this.opened?.fields ?? [];
+  }
+
+  connectedCallback(): void {
+    try {
+      this.stage = new Stage(this.canvas);
+      void this.load();
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  disconnectedCallback(): void {
+    this.close();
+    this.stage?.dispose();
+    this.stage = null;
+  }
+
+  attributeChangedCallback(name: string): void {
+    if (name === "alt") this.canvas.ariaLabel = this.getAttribute("alt");
+    if (!this.stage) return;
+    if (name === "background") this.paint();
+    else if (name === "src") void this.load();
+  }
+
+  private async load(): Promise<void> {
+    this.close();
+    const own = this.number;
+    const address = this.getAttribute("src");
+    if (!address) return;
+    try {
+      const made = await openAddress(new URL(address, document.baseURI).href);
+      if (own !== this.number || !this.stage) return release(made);
+      this.opened = made;
+      this.stage.scene.add(made.object);
+      for (const field of made.fields) {
+        field.addEventListener("change", () => {
+          if (field.finest === null) this.stage?.lookAt(visibleBox(made));
+          this.stage?.redraw();
+        });
+        field.addEventListener("failed", ({ error }) => own === this.number && this.fail(error));
+      }
+      await Promise.all(made.fields.map((field) => field.opened));
+      if (own !== this.number || !this.stage) return;
+      this.paint();
+      this.stage.lookAt(visibleBox(made));
+      this.dispatchEvent(new Event("load"));
+    } catch (error) {
+      if (own === this.number) this.fail(error);
+    }
+  }
+
+  private close(): void {
+    this.number++;
+    this.message.hidden = true;
+    if (!this.opened) return;
+    this.stage?.scene.remove(this.opened.object);
+    release(this.opened);
+    this.opened = null;
+  }
+
+  private paint(): void {
+    const own = this.getAttribute("background");
+    const trained = this.fields[0]?.metadata?.background ?? [1, 1, 1];
+    const color = own ? new Color(own) : new Color().setRGB(...trained, SRGBColorSpace);
+    this.stage?.setBackground(color);
+  }
+
+  private fail(cause: unknown): void {
+    const error = cause instanceof FieldError ? cause : new FieldError(cause instanceof Error ? cause.message : String(cause));
+    this.message.textContent = `${error.message} ${error.remedy}`;
+    this.message.hidden = false;
+    this.dispatchEvent(new CustomEvent("error", { detail: error }));
+  }
+}
+
+if (!customElements.get("mipvog-viewer")) customElements.define("mipvog-viewer", MipvogViewer);

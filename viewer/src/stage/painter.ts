@@ -1,0 +1,196 @@
+/**
+ * Pictures in draws that are all short. While something moves, whole pictures of fewer pixels; at rest, the full one in
+ * strips, over what was there. A veil shows the coarse picture where the full one is not drawn yet.
+ */
+
+import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
+
+/** A picture of what moves may take this long, in milliseconds. */
+const SMOOTH_MS = 40;
+/** Pixels along a side of what moves, of those of the screen, at least. */
+const COARSEST = 1 / 16;
+/** Without a move for this long, pictures are sharp again. */
+const REST_MS = 200;
+/** Rows and columns of the smallest part of a picture. */
+const CELL = 32;
+/** Draws may take so many more pixels than the one before. */
+const GROWTH = 4;
+
+/** Two objects, left and right of a line; `at` is its place, 0 to 1. */
+export interface Split {
+  left: Object3D;
+  right: Object3D;
+  at: number;
+}
+
+export class Painter {
+  /** The time that the last whole picture took, in milliseconds; null before. */
+  frameTime: number | null = null;
+  /** Called after each whole picture, coarse or full. */
+  drawn: () => void = () => {};
+  split: Split | null = null;
+  private readonly veil = document.createElement("canvas");
+  private size: [number, number] = [1, 1];
+  /** Pixels along a side, of those of the screen. */
+  private sharpness = 1;
+  private moved = -Infinity;
+  private isStale = true;
+  /** Whether the next picture has to show something at once. */
+  private isFresh = true;
+  private isBusy = false;
+  /** Where the next part of the full picture starts; null where it is whole. */
+  private cursor: [number, number] | null = null;
+  private spent = 0;
+  /** Pixels a millisecond of the last draws. */
+  private rate: number | null = null;
+
+  constructor(
+    private readonly renderer: WebGLRenderer,
+    private readonly canvas: HTMLCanvasElement,
+    private readonly scene: Scene,
+    private readonly camera: PerspectiveCamera,
+  ) {
+    // Nothing but a picture of the canvas, which has the name.
+    this.veil.setAttribute("aria-hidden", "true");
+    this.veil.style.cssText = "position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none";
+    this.veil.hidden = true;
+    canvas.after(this.veil);
+    renderer.setPixelRatio(1);
+    renderer.setScissorTest(true);
+  }
+
+  /** Whether the picture shows all there is, in full. */
+  get settled(): boolean {
+    return !this.isStale && !this.isBusy && this.cursor === null && this.sharpness === 1;
+  }
+
+  /** Draws again. `fresh` shows a coarse picture before the full one. */
+  redraw(fresh = false): void {
+    this.isStale = true;
+    this.isFresh ||= fresh;
+  }
+
+  /** Draws again because the camera moved. */
+  move(): void {
+    this.moved = performance.now();
+    this.isStale = true;
+  }
+
+  /** The canvas has another size, in pixels of the screen. */
+  resize(width: number, height: number): void {
+    if (width === this.size[0] && height === this.size[1]) return;
+    this.size = [width, height];
+    this.redraw(true);
+  }
+
+  /** Draws what is due; to be called every frame. */
+  draw(): void {
+    if (this.isBusy || this.renderer.getContext().isContextLost()) return;
+    const isMoving = performance.now() - this.moved < REST_MS;
+    if (this.isStale && (isMoving || this.isFresh)) this.drawCoarse();
+    else if (this.isStale || (!isMoving && this.sharpness < 1)) this.startFull();
+    else if (this.cursor && !isMoving) this.drawPart(this.cursor);
+  }
+
+  dispose(): void {
+    this.veil.remove();
+  }
+
+  private drawCoarse(): void {
+    [this.isStale, this.isFresh, this.cursor] = [false, false, null];
+    const [width, height] = this.size;
+    const affordable = Math.sqrt(((this.rate ?? 0) * SMOOTH_MS) / (width * height));
+    this.setSharpness(Math.min(1, Math.max(COARSEST, affordable)));
+    this.veil.hidden = true;
+    const { x, y } = this.renderer.getSize(new Vector2());
+    this.paint(0, 0, x, y, (time) => {
+      this.frameTime = time;
+      this.drawn();
+    });
+  }
+
+  private startFull(): void {
+    if (this.sharpness < 1) this.cover();
+    this.setSharpness(1);
+    [this.isStale, this.cursor, this.spent] = [false, [0, 0], 0];
+    this.drawPart(this.cursor);
+  }
+
+  /** Puts the coarse picture over the canvas, whose own is lost with its size. */
+  private cover(): void {
+    const [width, height] = this.size;
+    [this.veil.width, this.veil.height, this.veil.hidden] = [width, height, false];
+    this.veil.getContext("2d")?.drawImage(this.canvas, 0, 0, width, height);
+  }
+
+  /** Draws as many cells, from `cursor` on, as may be. */
+  private drawPart([x, y]: [number, number]): void {
+    const [width, height] = this.size;
+    const cells = Math.max(1, Math.floor(((this.rate ?? 0) * SMOOTH_MS) / CELL ** 2));
+    const rows = Math.floor(cells / Math.ceil(width / CELL));
+    const wide = x === 0 && rows > 0 ? width : Math.min(width - x, cells * CELL);
+    const high = Math.min(height - y, wide === width ? Math.max(1, rows) * CELL : CELL);
+    this.cursor = x + wide < width ? [x + wide, y] : y + high < height ? [0, y + high] : null;
+    const isLast = this.cursor === null;
+    this.paint(x, y, wide, high, (time) => {
+      this.spent += time;
+      if (!this.veil.hidden) this.veil.getContext("2d")?.clearRect(x, y, wide, high);
+      if (!isLast) return this.draw();
+      // A move may have begun anew meanwhile.
+      this.veil.hidden = true;
+      this.frameTime = this.spent;
+      this.drawn();
+    });
+  }
+
+  /** Draws a part of the picture; rows count from the top. */
+  private paint(x: number, y: number, width: number, height: number, then: (time: number) => void): void {
+    const start = performance.now();
+    const { x: whole, y: rows } = this.renderer.getSize(new Vector2());
+    const { split } = this;
+    const line = split ? Math.round(whole * split.at) : whole;
+    const side = (from: number, to: number) => {
+      const left = Math.max(x, from);
+      if (left >= Math.min(x + width, to)) return;
+      this.renderer.setScissor(left, rows - y - height, Math.min(x + width, to) - left, height);
+      this.renderer.render(this.scene, this.camera);
+    };
+    const show = (left: boolean, right: boolean) => split && ([split.left.visible, split.right.visible] = [left, right]);
+    show(true, false);
+    side(0, line);
+    show(false, true);
+    side(line, whole);
+    show(true, true);
+    this.isBusy = true;
+    this.whenDone(() => {
+      this.isBusy = false;
+      const time = performance.now() - start;
+      const rate = (width * height) / Math.max(time, 0.1);
+      this.rate = Math.min(rate, GROWTH * (this.rate ?? rate));
+      then(time);
+    });
+  }
+
+  private setSharpness(sharpness: number): void {
+    this.sharpness = sharpness;
+    const [width, height] = this.size.map((pixels) => Math.max(1, Math.round(pixels * sharpness)));
+    const now = this.renderer.getSize(new Vector2());
+    if (now.x !== width || now.y !== height) this.renderer.setSize(width, height, false);
+  }
+
+  /** Calls back when the device has done what it was told. */
+  private whenDone(then: () => void): void {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (fence && !gl.isContextLost() && gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) {
+        setTimeout(look, 1);
+        return;
+      }
+      gl.deleteSync(fence);
+      then();
+    };
+    setTimeout(look);
+  }
+}

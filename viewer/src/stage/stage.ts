@@ -1,0 +1,282 @@
+/** The canvas: camera, controls, and drawing when something has changed. */
+
+import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import type { RadianceField, Statistics } from "../field.js";
+import { Painter } from "./painter.js";
+import { FOVS, type Viewpoint } from "./viewpoint.js";
+import { Walk, type Way } from "./walk.js";
+
+/** The field of view along the shorter side, in degrees; the program's turntables have as much. */
+export const USUAL_FOV = 40;
+/** Of the picture, what the subject fills along the tighter side. */
+const FILLED = 0.9;
+/** Rays along the longer side of a picture that are counted. */
+const COUNTED_RAYS = 64;
+/** Radians that a key turns, and what it zooms by. */
+const [TURN, ZOOM] = [Math.PI / 24, 1.15];
+/** Of a move that goes on after the hand, what is left after a frame. */
+const DAMPING = 0.15;
+/** A flight to another place takes so many milliseconds. */
+const FLIGHT_MS = 400;
+
+export class Stage {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera();
+  readonly renderer: WebGLRenderer;
+  readonly painter: Painter;
+  readonly controls: OrbitControls;
+  private readonly walk: Walk;
+  private readonly calm = matchMedia("(prefers-reduced-motion: reduce)");
+  private readonly observer = new ResizeObserver(() => this.resize());
+  private angle = USUAL_FOV;
+  /** Where a flight goes, from where and when it began. */
+  private flight: { from: Vector3; to: Vector3; aside: Vector3; start: number } | null = null;
+  private before = performance.now();
+
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
+    this.painter = new Painter(this.renderer, canvas, this.scene, this.camera);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.dampingFactor = DAMPING;
+    this.controls.addEventListener("change", () => this.painter.move());
+    // A hand on the picture ends what moves by itself.
+    this.controls.addEventListener("start", () => (this.flight = null));
+    this.walk = new Walk(this.camera, canvas, () => this.painter.move());
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    canvas.addEventListener("webglcontextrestored", () => this.redraw(true));
+    this.observer.observe(canvas);
+    this.resize();
+    this.renderer.setAnimationLoop(() => this.frame());
+  }
+
+  /** Draws again as soon as may be; `fresh` shows something coarse at once. */
+  redraw(fresh = false): void {
+    this.painter.redraw(fresh);
+  }
+
+  /** Whether the picture shows all there is. */
+  get settled(): boolean {
+    return this.painter.settled && this.flight === null;
+  }
+
+  /** Degrees along the shorter side. */
+  get fov(): number {
+    return this.angle;
+  }
+
+  set fov(degrees: number) {
+    this.angle = Math.min(FOVS.most, Math.max(FOVS.least, degrees));
+    this.resize();
+    this.painter.move();
+  }
+
+  /** Null moves around what is looked at. */
+  get way(): Way | null {
+    return this.walk.way;
+  }
+
+  set way(way: Way | null) {
+    const reach = this.camera.position.distanceTo(this.controls.target);
+    this.walk.way = way;
+    this.walk.speed = reach / 2;
+    this.controls.enabled = way === null;
+    if (way) return;
+    const forward = new Vector3(0, 0, -1).applyQuaternion(this.camera.quaternion);
+    this.controls.target.copy(this.camera.position).addScaledVector(forward, reach);
+    this.controls.update();
+  }
+
+  /** Makes the shaders of an object that will be shown, without holding the page up. */
+  async prepare(object: Object3D): Promise<void> {
+    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
+  }
+
+  setBackground(color: Color): void {
+    this.scene.background = color;
+    this.redraw();
+  }
+
+  /** Looks at a box from 30 degrees above, all of it in the picture. */
+  lookAt(box: Box3): void {
+    if (box.isEmpty()) box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    const center = box.getCenter(new Vector3());
+    const radius = Math.max(box.getSize(new Vector3()).length() / 2, 1e-6);
+    const back = new Vector3(Math.cos(Math.PI / 6), Math.sin(Math.PI / 6), 0);
+    this.way = null;
+    this.flight = null;
+    this.camera.near = radius / 1000;
+    this.camera.far = radius * 100;
+    this.resize();
+    this.camera.position.copy(center).add(back);
+    this.camera.lookAt(center);
+    const high = FILLED * Math.tan((this.camera.fov * Math.PI) / 360);
+    const inverse = this.camera.quaternion.clone().invert();
+    let distance = radius / 50;
+    for (let corner = 0; corner < 8; corner++) {
+      const at = new Vector3(corner & 1 ? box.max.x : box.min.x, corner & 2 ? box.max.y : box.min.y, corner & 4 ? box.max.z : box.min.z);
+      const { x, y, z } = at.sub(center).applyQuaternion(inverse);
+      distance = Math.max(distance, z + Math.abs(x) / (high * this.camera.aspect), z + Math.abs(y) / high);
+    }
+    this.camera.position.copy(center).addScaledVector(back, distance);
+    this.controls.target.copy(center);
+    this.controls.minDistance = radius / 100;
+    this.controls.maxDistance = radius * 50;
+    this.controls.saveState();
+    this.controls.update();
+    this.redraw(true);
+  }
+
+  get viewpoint(): Viewpoint {
+    return { position: this.camera.position.clone(), target: this.controls.target.clone(), fov: this.angle };
+  }
+
+  /** Goes somewhere at once. */
+  set viewpoint({ position, target, fov }: Viewpoint) {
+    this.way = null;
+    this.flight = null;
+    if (fov !== null) this.fov = fov;
+    this.camera.position.copy(position);
+    this.controls.target.copy(target);
+    this.controls.update();
+    this.painter.move();
+  }
+
+  /** Starts over. */
+  reset(): void {
+    this.way = null;
+    this.flight = null;
+    this.controls.reset();
+  }
+
+  /** Turns around the picture's point at these pixels of the canvas from now on; false where nothing is there. */
+  focus(field: RadianceField, x: number, y: number): boolean {
+    const point = field.pick(this.renderer, this.camera, x / this.canvas.clientWidth, y / this.canvas.clientHeight);
+    if (!point) return false;
+    const { position } = this.camera;
+    const target = this.controls.target.clone();
+    this.flight = { from: target, to: point, aside: position.clone().sub(target), start: performance.now() };
+    return true;
+  }
+
+  /** Turns the camera around what it looks at, by radians to the right and up. */
+  orbit(right: number, up: number): void {
+    const { target } = this.controls;
+    const place = new Spherical().setFromVector3(this.camera.position.clone().sub(target));
+    place.theta += right;
+    place.phi = Math.min(Math.PI - 0.01, Math.max(0.01, place.phi - up));
+    this.camera.position.setFromSpherical(place).add(target);
+    this.controls.update();
+  }
+
+  /**
+   * The pixels, rows from the top, of a picture from a camera of `toWorld` (column by column) and a focal length in
+   * pixels. The stage is as before afterwards.
+   */
+  capture(width: number, height: number, toWorld: number[], focal: number): Uint8ClampedArray {
+    const size = this.renderer.getSize(new Vector2());
+    this.renderer.setSize(width, height, false);
+    this.renderer.setScissor(0, 0, width, height);
+    const camera = new PerspectiveCamera(1, 1, this.camera.near, this.camera.far);
+    camera.matrixWorldAutoUpdate = camera.matrixAutoUpdate = false;
+    camera.matrixWorld.fromArray(toWorld);
+    camera.matrixWorldInverse.copy(camera.matrixWorld).invert();
+    const [x, y] = [(width / 2 / focal) * camera.near, (height / 2 / focal) * camera.near];
+    camera.projectionMatrix.makePerspective(-x, x, y, -y, camera.near, camera.far);
+    camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
+    this.renderer.render(this.scene, camera);
+    const gl = this.renderer.getContext();
+    const rows = new Uint8ClampedArray(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    const pixels = new Uint8ClampedArray(rows.length);
+    for (let row = 0; row < height; row++) pixels.set(rows.subarray(4 * width * row, 4 * width * (row + 1)), 4 * width * (height - 1 - row));
+    this.renderer.setSize(size.x, size.y, false);
+    this.redraw(true);
+    return pixels;
+  }
+
+  /** Counts what the picture takes, from a few of its rays. */
+  count(field: RadianceField, skips: boolean): Statistics {
+    const [wide, high] = this.pixels();
+    const scale = Math.min(1, COUNTED_RAYS / Math.max(wide, high));
+    const [width, height] = [wide, high].map((pixels) => Math.max(1, Math.round(pixels * scale)));
+    return field.statistics(this.renderer, this.camera, width, height, high, skips);
+  }
+
+  dispose(): void {
+    this.renderer.setAnimationLoop(null);
+    this.observer.disconnect();
+    this.controls.dispose();
+    this.painter.dispose();
+    this.renderer.dispose();
+  }
+
+  /** Pixels of the full picture. */
+  private pixels(): [number, number] {
+    const ratio = Math.min(devicePixelRatio, 2);
+    return [Math.max(1, Math.round(this.canvas.clientWidth * ratio)), Math.max(1, Math.round(this.canvas.clientHeight * ratio))];
+  }
+
+  private resize(): void {
+    const [width, height] = this.pixels();
+    const aspect = width / height;
+    this.camera.aspect = aspect;
+    this.camera.fov = (360 / Math.PI) * Math.atan(Math.tan((this.angle * Math.PI) / 360) / Math.min(1, aspect));
+    this.camera.updateProjectionMatrix();
+    this.painter.resize(width, height);
+  }
+
+  private frame(): void {
+    if (this.renderer.xr.isPresenting) {
+      this.renderer.setScissorTest(false);
+      this.renderer.render(this.scene, this.camera);
+      this.renderer.setScissorTest(true);
+      return;
+    }
+    const now = performance.now();
+    // A frame after a pause is no leap.
+    this.walk.step(Math.min(0.1, (now - this.before) / 1000));
+    this.before = now;
+    if (this.flight) this.fly(now);
+    else if (this.controls.enabled) {
+      this.controls.enableDamping = !this.calm.matches;
+      this.controls.update();
+    }
+    this.painter.draw();
+  }
+
+  private fly(now: number): void {
+    const { from, to, aside, start } = this.flight!;
+    const share = this.calm.matches ? 1 : Math.min(1, (now - start) / FLIGHT_MS);
+    this.controls.target.lerpVectors(from, to, share * share * (3 - 2 * share));
+    this.camera.position.copy(this.controls.target).add(aside);
+    this.controls.update();
+    if (share === 1) this.flight = null;
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey || this.way) return;
+    const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const arrow = arrows[event.key];
+    if (arrow && event.shiftKey) this.pan(arrow);
+    else if (arrow) this.orbit(arrow[0] * TURN, arrow[1] * TURN);
+    else if (event.key === "+" || event.key === "=") this.zoom(1 / ZOOM);
+    else if (event.key === "-") this.zoom(ZOOM);
+    else return;
+    event.preventDefault();
+  }
+
+  private pan([right, up]: [number, number]): void {
+    const reach = this.camera.position.distanceTo(this.controls.target) * 0.05;
+    const by = new Vector3(right * reach, up * reach, 0).applyQuaternion(this.camera.quaternion);
+    this.camera.position.add(by);
+    this.controls.target.add(by);
+    this.controls.update();
+  }
+
+  private zoom(by: number): void {
+    const offset = this.camera.position.clone().sub(this.controls.target).multiplyScalar(by);
+    this.camera.position.copy(this.controls.target).add(offset);
+    this.controls.update();
+  }
+}

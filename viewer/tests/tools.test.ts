@@ -1,0 +1,208 @@
+/** The page's tools: links to views, pictures, ways to move, focus, comparison, keys, loading without long tasks. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { CountingServer, launch, newPage, ready, ROOT } from "./support.js";
+
+const TINY = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
+const OTHER = join(ROOT, "fixtures", "baked", "harmonics.mipvog");
+let server: CountingServer;
+let browser: Browser;
+let bytes: Buffer;
+
+before(async () => {
+  bytes = readFileSync(TINY);
+  server = new CountingServer();
+  await server.start();
+  browser = await launch();
+});
+
+after(async () => {
+  await browser.close();
+  server.stop();
+});
+
+async function open(more = "", reducedMotion: "reduce" | "no-preference" = "reduce"): Promise<{ page: Page; problems: string[] }> {
+  const made = await newPage(browser, { width: 480, height: 300 });
+  await made.page.emulateMedia({ reducedMotion });
+  await made.page.goto(server.page("tiny.mipvog", bytes) + more);
+  await ready(made.page);
+  await made.page.focus("#picture");
+  return made;
+}
+
+/** Position and target, rounded. */
+function view(page: Page): Promise<number[]> {
+  return page.evaluate(() => {
+    const { position, target } = window.__mipvog.stage.viewpoint;
+    return [...position.toArray(), ...target.toArray()].map((value) => Math.round(value * 1e3) / 1e3);
+  });
+}
+
+const distance = (a: number[], b: number[]) => Math.hypot(...a.map((value, axis) => value - b[axis]));
+
+test("the file has its own name, and a link leads to the same view", async () => {
+  const { page, problems } = await open("&name=lego%20house.mipvog");
+  assert.equal(await page.locator("#name").textContent(), "lego house.mipvog");
+  assert.match(await page.title(), /^lego house\.mipvog/);
+  assert.equal(new URL(page.url()).hash, "");
+  await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("+");
+  await page.evaluate(() => (window.__mipvog.stage.fov = 55));
+  await page.waitForFunction(() => location.hash.startsWith("#view=") && location.hash.endsWith(",55"));
+  const before = await view(page);
+  await page.reload();
+  await ready(page);
+  assert.ok(distance(await view(page), before) < 0.01);
+  assert.equal(await page.evaluate(() => window.__mipvog.stage.fov), 55);
+  await page.keyboard.press("r");
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a wrong file leaves the scene, its name and its view", async () => {
+  const { page } = await open();
+  const before = await view(page);
+  await page.evaluate(() => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File(["words, and no container at all"], "wrong.png"));
+    document.querySelector("#picture")!.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+  });
+  await page.waitForFunction(() => window.__mipvog.error);
+  await page.locator("#error button").click();
+  assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
+  assert.equal(await page.locator("#name").textContent(), "tiny.mipvog");
+  assert.deepEqual(await view(page), before);
+  await page.close();
+});
+
+test("pictures are saved, and keys are shown", async () => {
+  const { page, problems } = await open();
+  const [download] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("p")]);
+  assert.equal(download.suggestedFilename(), "tiny.png");
+  const picture = readFileSync(await download.path());
+  assert.deepEqual([picture.readUInt32BE(16), picture.readUInt32BE(20)], [480, 300]);
+  assert.ok(picture.length > 2000, `${picture.length} bytes`);
+  await page.keyboard.press("?");
+  assert.ok(await page.locator("#help").isVisible());
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("f");
+  await page.waitForFunction(() => document.fullscreenElement);
+  await page.keyboard.press("f");
+  await page.waitForFunction(() => !document.fullscreenElement);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("it turns by itself, flies and walks", async () => {
+  const { page, problems } = await open();
+  const start = await view(page);
+  await page.keyboard.press("t");
+  await page.waitForFunction((x) => Math.abs(window.__mipvog.stage.camera.position.z - x) > 0.01, start[2]);
+  await page.keyboard.press("t");
+  for (const way of ["Fly", "Walk"]) {
+    await page.keyboard.press("v");
+    assert.equal(await page.locator("#way").textContent(), way);
+    const before = await page.evaluate(() => window.__mipvog.stage.camera.position.toArray());
+    await page.keyboard.down("w");
+    await page.waitForFunction(([x]) => Math.abs(window.__mipvog.stage.camera.position.x - x) > 0.05, before);
+    await page.keyboard.up("w");
+    const after = await page.evaluate(() => window.__mipvog.stage.camera.position.toArray());
+    assert.equal(Math.abs(after[1] - before[1]) < 1e-6, way === "Walk", `${way}: ${before} to ${after}`);
+  }
+  await page.keyboard.press("v");
+  assert.equal(await page.locator("#way").textContent(), "Turn");
+  await page.keyboard.press("r");
+  assert.ok(distance(await view(page), start) < 0.01);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a double click turns around what is there, and the hand's move goes on unless motion is unwanted", async () => {
+  const { page } = await open();
+  const before = await view(page);
+  await page.mouse.dblclick(225, 140);
+  await page.waitForFunction(([x, y, z]) => window.__mipvog.stage.viewpoint.target.distanceTo({ x, y, z } as never) > 1e-3, before.slice(3));
+  const box = await page.evaluate(() => {
+    const { field, stage } = window.__mipvog;
+    const { min, max } = field!.bounds.applyMatrix4(field!.matrixWorld);
+    return { min: min.toArray(), max: max.toArray(), at: stage.viewpoint.target.toArray() };
+  });
+  box.at.forEach((value, axis) => assert.ok(value > box.min[axis] - 0.01 && value < box.max[axis] + 0.01, JSON.stringify(box)));
+  assert.equal(await page.evaluate(() => window.__mipvog.stage.controls.enableDamping), false);
+  await page.emulateMedia({ reducedMotion: "no-preference" });
+  await page.waitForFunction(() => window.__mipvog.stage.controls.enableDamping);
+  await page.close();
+});
+
+test("cameras of a file are offered, and the ground and the legend follow", async () => {
+  const { page, problems } = await open();
+  const choose = async (button: string, name: string, content: Buffer) => {
+    const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.evaluate((button) => document.querySelector<HTMLElement>(button)!.click(), button)]);
+    await chooser.setFiles({ name, mimeType: "", buffer: content });
+  };
+  const frame = { file_path: "./test/r_7", transform_matrix: [[0, -0.5, 0.866, 3.5], [1, 0, 0, 0], [0, 0.866, 0.5, 2.2], [0, 0, 0, 1]] };
+  await choose("#cameras", "cameras.json", Buffer.from(JSON.stringify({ camera_angle_x: 0.7, frames: [frame] })));
+  await page.locator("#panel > summary").click();
+  await page.locator("#views").selectOption({ label: "r_7" });
+  const [x, y, z] = await view(page);
+  // Training's z is the world's y.
+  assert.ok(distance([x, y, z], [3.5, 2.2, 0]) < 0.01, `${[x, y, z]}`);
+  await page.locator("#background").fill("#336699");
+  await page.waitForFunction(() => window.__mipvog.ready);
+  assert.equal(await page.evaluate(() => `#${(window.__mipvog.stage.scene.background as unknown as { getHexString(): string }).getHexString()}`), "#336699");
+  await page.locator("#colors").check();
+  assert.match((await page.locator("#legend").textContent())!, /Level 0, the finest/);
+  await choose("#cameras", "cameras.json", Buffer.from("{}"));
+  await page.waitForFunction(() => /no list frames/.test(window.__mipvog.error ?? ""));
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("two files share a picture, each on its side", async () => {
+  server.offer("other.mipvog", readFileSync(OTHER));
+  const { page, problems } = await open("&compare=other.mipvog");
+  await page.waitForFunction(() => window.__mipvog.stage.painter.split !== null && window.__mipvog.ready);
+  /** The picture's left and right half. */
+  const halves = async (at: number) => {
+    await page.evaluate((at) => {
+      const slider = document.querySelector<HTMLInputElement>("#at")!;
+      slider.value = String(at);
+      slider.dispatchEvent(new Event("input"));
+    }, at);
+    await ready(page);
+    return page.evaluate(() => {
+      const gl = window.__mipvog.stage.renderer.getContext();
+      const [width, height] = [gl.drawingBufferWidth / 2, gl.drawingBufferHeight];
+      return [0, width].map((x) => {
+        const pixels = new Uint8Array(4 * width * height);
+        gl.readPixels(x, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        return Array.from(pixels).join();
+      });
+    });
+  };
+  const [first, second, both] = [await halves(1000), await halves(0), await halves(500)];
+  assert.ok(first[0] !== second[0] && first[1] !== second[1]);
+  assert.ok(both[0] === first[0] && both[1] === second[1]);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("no task is long while a scene loads and is drawn in full", async () => {
+  const longest: number[] = [];
+  for (let load = 0; load < 5 && !longest.some((time) => time <= 250); load++) {
+    const { page } = await newPage(browser, { width: 640, height: 400 });
+    await page.addInitScript(() => {
+      const found: number[] = ((window as unknown as { longTasks: number[] }).longTasks = []);
+      new PerformanceObserver((list) => found.push(...list.getEntries().map(({ duration }) => duration))).observe({ type: "longtask", buffered: true });
+    });
+    await page.goto(server.page("tiny.mipvog", bytes));
+    await ready(page);
+    longest.push(Math.max(0, ...(await page.evaluate(() => (window as unknown as { longTasks: number[] }).longTasks))));
+    await page.close();
+  }
+  assert.ok(Math.min(...longest) <= 250, `${longest} ms`);
+});
