@@ -275,8 +275,7 @@ impl Arguments {
         }
         let options = self.scene.settings(&self.field, cameras, limits)?.options;
         let source = input::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
-        let mut bake = BakeOptions::default();
-        bake.limits = limits.clone();
+        let bake = BakeOptions { limits: limits.clone(), ..BakeOptions::default() };
         Baker::new(bake).to_vec(&source)
     }
 }
