@@ -120,7 +120,7 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
     let served = Served::start(&file);
     assert_schema("view", &served.report);
     assert_eq!(served.report["kind"], "container");
-    let url = format!("http://127.0.0.1:{}/?file=field.mipvog", served.port);
+    let url = format!("http://127.0.0.1:{}/?file=field.mipvog&name=tiny.rate.mipvog", served.port);
     assert_eq!(served.report["url"], url);
 
     for (name, start) in [("/", "<!doctype html>"), ("/?file=field.mipvog", "<!doctype html>")] {

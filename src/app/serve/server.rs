@@ -50,9 +50,10 @@ impl Server {
         self.address
     }
 
-    /// The page's address with the file to open.
+    /// The page's address with the file to open, and the name that people know it by.
     pub fn url(&self) -> String {
-        format!("http://{}/?file={}", self.address, self.site.kind().name())
+        let name = escaped(&self.site.file_name());
+        format!("http://{}/?file={}&name={name}", self.address, self.site.kind().name())
     }
 
     /// Answers for ever. A connection that breaks is its own affair.
@@ -80,6 +81,17 @@ impl Server {
             std::thread::Builder::new().spawn(work).ok();
         }
     }
+}
+
+/// A text as a value of a query, RFC 3986 section 2: all but unreserved letters as bytes in hex.
+fn escaped(text: &str) -> String {
+    let escape = |byte: u8| match byte {
+        b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => {
+            char::from(byte).to_string()
+        }
+        _ => format!("%{byte:02X}"),
+    };
+    text.bytes().map(escape).collect()
 }
 
 /// A connection that is counted until it ends.

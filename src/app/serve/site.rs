@@ -106,6 +106,12 @@ impl Site {
         self.kind
     }
 
+    /// The file's own name, without its folders.
+    pub fn file_name(&self) -> String {
+        let name = self.file.path().file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    }
+
     /// The resource under a path, which must be exactly one of a handful.
     pub fn get(&self, path: &str) -> Option<Resource> {
         if path.strip_prefix('/') == Some(self.kind.name()) {

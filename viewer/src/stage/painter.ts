@@ -56,7 +56,6 @@ export class Painter {
     this.veil.hidden = true;
     canvas.after(this.veil);
     renderer.setPixelRatio(1);
-    renderer.setScissorTest(true);
   }
 
   /** Whether the picture shows all there is, in full. */
@@ -156,11 +155,13 @@ export class Painter {
       this.renderer.render(this.scene, this.camera);
     };
     const show = (left: boolean, right: boolean) => split && ([split.left.visible, split.right.visible] = [left, right]);
+    this.renderer.setScissorTest(true);
     show(true, false);
     side(0, line);
     show(false, true);
     side(line, whole);
     show(true, true);
+    this.renderer.setScissorTest(false);
     this.isBusy = true;
     this.whenDone(() => {
       this.isBusy = false;

@@ -176,7 +176,6 @@ export class Stage {
   capture(width: number, height: number, toWorld: number[], focal: number): Uint8ClampedArray {
     const size = this.renderer.getSize(new Vector2());
     this.renderer.setSize(width, height, false);
-    this.renderer.setScissor(0, 0, width, height);
     const camera = new PerspectiveCamera(1, 1, this.camera.near, this.camera.far);
     camera.matrixWorldAutoUpdate = camera.matrixAutoUpdate = false;
     camera.matrixWorld.fromArray(toWorld);
@@ -228,9 +227,7 @@ export class Stage {
 
   private frame(): void {
     if (this.renderer.xr.isPresenting) {
-      this.renderer.setScissorTest(false);
       this.renderer.render(this.scene, this.camera);
-      this.renderer.setScissorTest(true);
       return;
     }
     const now = performance.now();
