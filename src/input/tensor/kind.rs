@@ -12,7 +12,8 @@ use crate::base::error::Result;
 /// If its start cannot be read.
 pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     let start = start(file)?;
-    let known = is_zip(&start) || is_safetensors(&start) || packing(&start).is_some() || is_vdb(&start);
+    let known =
+        is_zip(&start) || is_safetensors(&start) || packing(&start).is_some() || is_vdb(&start);
     Ok(known || is_parameters(file)?)
 }
 

@@ -99,9 +99,7 @@ pub fn write_volume(
     let colored = |leaf: &Leaf| leaf.colored;
     let features: Vec<_> = (0..volume.features)
         .map(|channel| {
-            move |leaf: &Leaf, point: usize| {
-                [leaf.features[channel * POINTS + point], 0.0, 0.0]
-            }
+            move |leaf: &Leaf, point: usize| [leaf.features[channel * POINTS + point], 0.0, 0.0]
         })
         .collect();
     let mut density_metadata = Vec::new();
