@@ -76,6 +76,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "grids" | "models" | "snapshot" | "snerg" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
+        "vdb" => &["vdb"],
         "cameras" => &["json"],
         "settings" => &["json", "toml"],
         _ => &["png"],

@@ -29,7 +29,7 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 16] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
@@ -38,6 +38,7 @@ pub const TARGETS: [Target; 15] = [
     ("models", models),
     ("snapshot", snapshot),
     ("snerg", snerg),
+    ("vdb", vdb),
     ("container", container),
     ("render", render),
     ("repack", repack),
@@ -140,6 +141,11 @@ pub fn snerg(bytes: &[u8]) {
         check_file(file, &CheckOptions::default(), &limits()).ok();
     }
     std::fs::remove_dir_all(&folder).ok();
+}
+
+/// An OpenVDB file, as it is: all its trees and values, and read as a bake reads it.
+pub fn vdb(bytes: &[u8]) {
+    model(&file(bytes.to_vec()));
 }
 
 /// The files of a SNeRG folder of one block.

@@ -79,7 +79,7 @@ impl MeanColors {
                 let inside = [i / EDGE / EDGE, i / EDGE % EDGE, i % EDGE];
                 let node: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
                 if (0..3).all(|axis| node[axis] < nodes.0[axis]) && is_near(node) {
-                    let [red, green, blue] = field.mean_color_at(share(node), level, directions);
+                    let [red, green, blue] = field.mean_color(share(node), level, directions);
                     *color = [red, green, blue, 1.0];
                 }
             }

@@ -2,7 +2,7 @@
 //!
 //! 1. Densities at the points of a lattice, leaf by leaf; a leaf without matter goes.
 //! 2. Colours where there is matter: the mean over directions, turned to linear light.
-//! 3. Points beside matter get the mean colour of their neighbours with matter. Programs
+//! 3. Points beside matter get the colour of their nearest neighbour with matter. Programs
 //!    interpolate colours without regard to density: without these points colours would fade to
 //!    black at every surface.
 
@@ -20,10 +20,14 @@ use crate::view::Lattice;
 use crate::view::render::{Directions, Renderer};
 
 /// Matter that takes less than this share of light over the distance of two points is none: a ray
-/// through 1000 such points loses a hundredth.
-const LEAST_OPACITY: f64 = 1e-5;
+/// through 30 such points loses a hundredth.
+const LEAST_OPACITY: f64 = 3e-4;
 /// Directions that a colour is averaged over.
 const DIRECTIONS: usize = 32;
+
+/// Steps of a mean colour from 0 to 1, display-referred. They are finer than those of the pictures
+/// that fields are trained on, and equal neighbours compress.
+const MEAN_STEPS: f64 = 511.0;
 
 /// The values that a volume is made of.
 #[derive(Debug, Clone, Copy)]
@@ -104,6 +108,7 @@ impl SparseVolume {
     ) -> Result<()> {
         let (lattice, level, features) = (&self.lattice, options.level, self.features);
         let directions = Directions::spread(DIRECTIONS);
+        let is_mean = field.is_model() || field.view().view_dependence.is_some();
         let nodes = Nodes(level_nodes(field, level));
         let dense = lattice.counts().iter().zip(nodes.0).all(|(&count, nodes)| count > nodes);
         // A network a point would take minutes: it is asked at nodes.
@@ -122,9 +127,13 @@ impl SparseVolume {
                 let share = lattice.share(place(leaf.at, point));
                 let color = match &means {
                     Some(means) => means.at(share),
-                    None => field.mean_color_at(share, level, &directions),
+                    None => field.mean_color(share, level, &directions),
                 };
-                leaf.color[point] = color.map(|value| linear(value.into()) as f32);
+                leaf.color[point] = color.map(|value| {
+                    let value = f64::from(value);
+                    let rounded = (value * MEAN_STEPS).round() / MEAN_STEPS;
+                    linear(if is_mean { rounded } else { value }) as f32
+                });
                 if features > 0 {
                     let sample = field.sample_at(share, level);
                     let own = sample.features.iter().chain(sample.coefficients.iter().skip(3));
@@ -138,18 +147,19 @@ impl SparseVolume {
         .map(|_| ())
     }
 
-    /// Gives points beside matter the mean colour of their neighbours that have matter.
+    /// Gives points beside matter the colour of their nearest neighbour that has matter. Of equally
+    /// near ones it is one along z, whose value is stored beside: such bytes compress.
     fn color_neighbours(&mut self, budget: &mut Budget) -> Result<()> {
         let by_place: HashMap<[i32; 3], usize> =
             self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
-        let mut sums: HashMap<[i32; 3], Vec<[f32; 4]>> = HashMap::new();
+        let steps = neighbours();
+        let mut nearest: HashMap<[i32; 3], Vec<(usize, [f32; 3])>> = HashMap::new();
         let counts = self.lattice.counts().map(|count| count as i32);
         for leaf in &self.leaves {
             for point in points(&leaf.matter) {
                 let own = place(leaf.at, point).map(|at| at as i32);
-                for step in 0..27 {
-                    let steps = [step / 9 - 1, step / 3 % 3 - 1, step % 3 - 1];
-                    let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + steps[axis]);
+                for (rank, step) in steps.iter().enumerate() {
+                    let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + step[axis]);
                     if (0..3).any(|axis| at[axis] < 0 || at[axis] >= counts[axis]) {
                         continue;
                     }
@@ -158,16 +168,15 @@ impl SparseVolume {
                     if there.is_some_and(|leaf| contains(&leaf.matter, inside)) {
                         continue;
                     }
-                    let sums = sums.entry(home).or_insert_with(|| vec![[0.0; 4]; POINTS]);
-                    let sum = &mut sums[inside];
-                    let [red, green, blue] = leaf.color[point];
-                    for (sum, value) in sum.iter_mut().zip([red, green, blue, 1.0]) {
-                        *sum += value;
+                    let places = nearest.entry(home);
+                    let places = places.or_insert_with(|| vec![(usize::MAX, [0.0; 3]); POINTS]);
+                    if rank < places[inside].0 {
+                        places[inside] = (rank, leaf.color[point]);
                     }
                 }
             }
         }
-        for (at, sums) in sums {
+        for (at, places) in nearest {
             let number = by_place.get(&at).copied().unwrap_or_else(|| {
                 let mut leaf = Leaf::empty(at);
                 leaf.color = vec![[0.0; 3]; POINTS];
@@ -176,10 +185,10 @@ impl SparseVolume {
                 self.leaves.len() - 1
             });
             let leaf = &mut self.leaves[number];
-            for (point, &[red, green, blue, count]) in sums.iter().enumerate() {
-                if count > 0.0 {
+            for (point, &(rank, color)) in places.iter().enumerate() {
+                if rank != usize::MAX {
                     insert(&mut leaf.colored, point);
-                    leaf.color[point] = [red, green, blue].map(|sum| sum / count);
+                    leaf.color[point] = color;
                 }
             }
         }
@@ -189,6 +198,15 @@ impl SparseVolume {
         self.leaves.sort_by_key(|leaf| leaf.at);
         Ok(())
     }
+}
+
+/// Steps to the 26 neighbours of a point, nearest first, and of equally near ones along z first.
+fn neighbours() -> Vec<[i32; 3]> {
+    let step = |number: i32| [number / 9 - 1, number / 3 % 3 - 1, number % 3 - 1];
+    let mut steps: Vec<[i32; 3]> = (0..27).filter(|&number| number != 13).map(step).collect();
+    let length = |step: &[i32; 3]| step.iter().map(|along| along.abs()).sum::<i32>();
+    steps.sort_by_key(|step| (length(step), -step[2].abs()));
+    steps
 }
 
 /// Nodes of a level along each axis.

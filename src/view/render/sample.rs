@@ -12,6 +12,13 @@ use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::RAYS;
 use crate::view::sample::{Macro, Sample as Values};
 
+/// Voxels before a point that are looked at for matter that hides it.
+const BEFORE: u32 = 4;
+/// A point that is seen less than this from everywhere lies in matter.
+const HIDDEN: f64 = 1e-3;
+/// Directions with less than this share of the freest one's light do not count.
+const FAINTEST: f64 = 1e-2;
+
 /// A field's activated values at a point of one level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -117,46 +124,58 @@ impl Renderer {
         })
     }
 
-    /// The mean of a sample's colours over directions, each limited to 0 to 1; its diffuse colour
-    /// where no colour depends on the direction. `directions` are as [`Directions`] has them.
-    pub(crate) fn mean_color(&self, sample: &Sample, directions: &Directions) -> [f32; 3] {
-        let mut sum = [0.0f64; 3];
-        let mut add = |color: [f32; 3]| {
-            sum.iter_mut().zip(color).for_each(|(sum, c)| *sum += f64::from(c.clamp(0.0, 1.0)));
-        };
-        match &self.view().view_dependence {
-            None => return sample.color,
-            Some(ViewDependence::Harmonics(rules)) => {
-                directions.bases.iter().for_each(|b| add(rules.color(b, &sample.coefficients)));
-            }
-            Some(ViewDependence::Network(network)) => {
-                let values = [&sample.color[..], &sample.features].concat();
-                for directions in directions.vectors.chunks(RAYS) {
-                    let added = network.colors(directions, &vec![&values[..]; directions.len()]);
-                    for added in &added[..directions.len()] {
-                        add([0, 1, 2].map(|channel| sample.color[channel] + added[channel]));
-                    }
-                }
-            }
-        }
-        sum.map(|sum| (sum / directions.vectors.len() as f64) as f32)
-    }
-
-    /// As [`Self::mean_color`], at a place in shares of the box.
-    pub(crate) fn mean_color_at(
+    /// The mean of a place's colours over directions, each limited to 0 to 1; its diffuse colour
+    /// where no colour depends on the direction. A direction counts as far as light passes the
+    /// nearest matter towards the eye: nobody has trained what walls look like from inside. `share`
+    /// is a place in shares of the box.
+    pub(crate) fn mean_color(
         &self,
         share: [f64; 3],
         level: usize,
         directions: &Directions,
     ) -> [f32; 3] {
-        let Content::Model(model) = self.content() else {
-            return self.mean_color(&self.sample_at(share, level), directions);
+        let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
+        let mut add = |weight: f64, color: [f32; 3]| {
+            let shown = color.map(|channel| f64::from(channel.clamp(0.0, 1.0)));
+            sum.iter_mut().zip(shown).for_each(|(sum, value)| *sum += weight * value);
+            weights += weight;
         };
-        let colors = model.colors(world_of(self.view(), share), &directions.vectors);
-        [0, 1, 2].map(|channel| {
-            let sum: f64 = colors.iter().map(|c| f64::from(c[channel].clamp(0.0, 1.0))).sum();
-            (sum / colors.len().max(1) as f64) as f32
-        })
+        let seen = || directions.seen_from(self, share, level);
+        let model = match self.content() {
+            Content::Model(model) => Some(&**model),
+            Content::Values(_) => None,
+        };
+        if let Some(model) = model {
+            let seen = seen();
+            let vectors: Vec<[f64; 3]> = seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
+            let colors = model.colors(world_of(self.view(), share), &vectors);
+            seen.iter().zip(colors).for_each(|(&(_, weight), color)| add(weight, color));
+            return sum.map(|sum| (sum / weights) as f32);
+        }
+        let sample = self.sample_at(share, level);
+        match &self.view().view_dependence {
+            None => return sample.color,
+            Some(ViewDependence::Harmonics(rules)) => {
+                for (i, weight) in seen() {
+                    add(weight, rules.color(&directions.bases[i], &sample.coefficients));
+                }
+            }
+            Some(ViewDependence::Network(network)) => {
+                let values = [&sample.color[..], &sample.features].concat();
+                for seen in seen().chunks(RAYS) {
+                    let vectors: Vec<[f64; 3]> =
+                        seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
+                    let added = network.colors(&vectors, &vec![&values[..]; vectors.len()]);
+                    for (&(_, weight), added) in seen.iter().zip(added) {
+                        add(
+                            weight,
+                            [0, 1, 2].map(|channel| sample.color[channel] + added[channel]),
+                        );
+                    }
+                }
+            }
+        }
+        sum.map(|sum| (sum / weights) as f32)
     }
 
     /// True if colours of a point come from a network, which takes time.
@@ -187,6 +206,27 @@ impl Directions {
             .collect();
         let bases = vectors.iter().map(|&vector| basis(vector)).collect();
         Self { vectors, bases }
+    }
+
+    /// The directions along which a place is seen, by their numbers, and the share of light that
+    /// passes the matter before it. All of them count the same where none is free.
+    fn seen_from(&self, field: &Renderer, share: [f64; 3], level: usize) -> Vec<(usize, f64)> {
+        let extent = field.view().bounds.extent();
+        let step = f64::from(field.view().march.voxel_size);
+        let seen = self.vectors.iter().enumerate().map(|(number, vector)| {
+            let depth = (1..=BEFORE).map(|steps| {
+                let back = f64::from(steps) * step;
+                let at = [0, 1, 2].map(|axis| share[axis] - back * vector[axis] / extent[axis]);
+                f64::from(field.density_at(at, level)) * step
+            });
+            (number, libm::exp(-depth.sum::<f64>()))
+        });
+        let seen: Vec<(usize, f64)> = seen.collect();
+        let most = seen.iter().fold(0.0, |most: f64, (_, weight)| most.max(*weight));
+        if most < HIDDEN {
+            return seen.into_iter().map(|(number, _)| (number, 1.0)).collect();
+        }
+        seen.into_iter().filter(|(_, weight)| *weight > FAINTEST * most).collect()
     }
 }
 
