@@ -48,7 +48,7 @@ impl Texels<'_> {
                 };
                 let share = self.grid.share(voxel);
                 let seen = match self.directions {
-                    Some(directions) => self.field.mean_color_at(share, self.level, directions),
+                    Some(directions) => self.field.mean_color(share, self.level, directions),
                     None => {
                         let sample = self.field.sample_at(share, self.level);
                         for (to, feature) in specular.iter_mut().zip(sample.features) {

@@ -19,6 +19,9 @@ const BACKGROUND: u8 = 0;
 /// The compressor's level: the slowest makes the smallest files.
 const LEVEL: u8 = 10;
 
+/// The leaves below each child of a node, by the child's place.
+type Children<'a> = BTreeMap<usize, Vec<&'a (&'a Leaf, LeafMask)>>;
+
 /// What a grid stores of a leaf.
 pub struct GridContent<'a> {
     /// Numbers of a value: 1 or 3.
@@ -73,9 +76,7 @@ impl<'a> Ordered<'a> {
     pub fn topology(&self, content: &GridContent) -> Vec<u8> {
         let mut bytes = 1u32.to_le_bytes().to_vec();
         bytes.extend(vec![0; 4 * content.width]);
-        // The leaves of each node below the root, of each node below that.
-        let mut roots: BTreeMap<[i32; 3], BTreeMap<usize, Vec<&(&Leaf, LeafMask)>>> =
-            BTreeMap::new();
+        let mut roots: BTreeMap<[i32; 3], Children> = BTreeMap::new();
         for leaf in &self.leaves {
             let nodes = roots.entry(root(leaf.0)).or_default();
             nodes.entry(offset(leaf.0, 4, 31)).or_default().push(leaf);
