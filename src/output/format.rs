@@ -9,8 +9,11 @@ use super::export_files::{ExportFiles, WrittenFiles};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
+#[cfg(doc)]
+use crate::base::progress::Step;
+use crate::model::camera::Camera;
 use crate::model::grid::Bounds;
-use crate::view::render::Renderer;
+use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// A format that `export` writes.
 ///
@@ -60,7 +63,25 @@ pub trait ExportFormat: Sync {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer>;
+    ) -> Result<Box<dyn Shown>>;
+}
+
+/// An export that was read back, as programs of its format show it.
+pub trait Shown {
+    /// The colours of a camera's picture over the background, row by row, one ray a pixel.
+    /// [`Step::Render`] advances by tiles.
+    ///
+    /// # Errors
+    ///
+    /// Those of rendering, and a request to stop.
+    fn picture(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<[f32; 3]>>;
+}
+
+impl Shown for Renderer {
+    fn picture(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<[f32; 3]>> {
+        let options = FrameOptions { levels: LevelChoice::Fixed(0), supersample: 1 };
+        Ok(render(self, camera, &options, progress)?.color)
+    }
 }
 
 /// The field that an export is made of.
@@ -101,6 +122,10 @@ pub struct ExportOptions {
     pub normalize_density: bool,
     /// Writes the features of a view network, or coefficients of harmonics. Default: false
     pub features: bool,
+    /// Gaussian splats, at most. Default: 100,000
+    pub splats: Option<usize>,
+    /// Cameras that an export may be fitted to. Default: none, so the format makes its own
+    pub cameras: Vec<Camera>,
     /// Bounds on sizes and memory.
     pub limits: Limits,
 }
@@ -117,6 +142,8 @@ impl Default for ExportOptions {
             float32: false,
             normalize_density: false,
             features: false,
+            splats: None,
+            cameras: Vec::new(),
             limits: Limits::default(),
         }
     }

@@ -16,11 +16,12 @@ use super::flipbook::Flipbook;
 use super::format::ExportFormat;
 use super::html::Html;
 use super::snerg::Snerg;
+use super::splat::Splat;
 use super::usd::Usd;
 use super::vdb::Vdb;
 
 /// Every format, in the order of `--help`.
-pub static FORMATS: [&dyn ExportFormat; 5] = [&Vdb, &Usd, &Snerg, &Flipbook, &Html];
+pub static FORMATS: [&dyn ExportFormat; 6] = [&Vdb, &Usd, &Snerg, &Flipbook, &Splat, &Html];
 
 /// A format by its name.
 pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {

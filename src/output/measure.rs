@@ -3,6 +3,7 @@
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
+use crate::output::format::Shown;
 use crate::view::compare::metrics::psnr;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render, tiles};
 
@@ -14,7 +15,7 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, render, tiles};
 /// Those of rendering, and a request to stop.
 pub fn export_psnr(
     source: &Renderer,
-    exported: &Renderer,
+    exported: &dyn Shown,
     cameras: &[Camera],
     level: usize,
     progress: &dyn Progress,
@@ -23,12 +24,12 @@ pub fn export_psnr(
     progress.begin(Step::Render, work);
     let mut sum = 0.0;
     for camera in cameras {
-        let picture = |field: &Renderer, level| -> Result<Vec<f32>> {
-            let options = FrameOptions { levels: LevelChoice::Fixed(level), supersample: 1 };
-            let frame = render(field, camera, &options, progress)?;
-            Ok(frame.color.as_flattened().iter().map(|value| value.clamp(0.0, 1.0)).collect())
+        let options = FrameOptions { levels: LevelChoice::Fixed(level), supersample: 1 };
+        let frame = render(source, camera, &options, progress)?;
+        let shown = |color: &[[f32; 3]]| -> Vec<f32> {
+            color.as_flattened().iter().map(|value| value.clamp(0.0, 1.0)).collect()
         };
-        sum += psnr(&picture(source, level)?, &picture(exported, 0)?);
+        sum += psnr(&shown(&frame.color), &shown(&exported.picture(camera, progress)?));
     }
     Ok(sum / cameras.len().max(1) as f64)
 }

@@ -11,6 +11,7 @@ pub mod gltf;
 pub mod html;
 pub mod measure;
 pub mod snerg;
+pub mod splat;
 pub mod usd;
 pub mod vdb;
 pub mod volume;

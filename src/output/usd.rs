@@ -7,13 +7,12 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::export_files::{ExportFiles, WrittenFiles};
-use super::format::{ExportFormat, ExportOptions, ExportSource, Exported, UpAxis};
+use super::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown, UpAxis};
 use super::vdb::{Vdb, check_volume, write_volume};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::output::volume::SparseVolume;
-use crate::view::render::Renderer;
 
 /// A scene of USD as text, and the OpenVDB file that it names.
 #[derive(Debug)]
@@ -59,7 +58,7 @@ impl ExportFormat for Usd {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer> {
+    ) -> Result<Box<dyn Shown>> {
         Vdb.read_back(source, files, limits)
     }
 }

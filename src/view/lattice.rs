@@ -70,6 +70,11 @@ impl Lattice {
         [0, 1, 2].map(|axis| self.shares[axis][at[axis]])
     }
 
+    /// The place of a point in the world.
+    pub fn world(&self, at: [usize; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.first[axis] + at[axis] as f64 * self.spacing[axis])
+    }
+
     /// Leaves the points in a box, of which there are at least two along each axis.
     ///
     /// # Errors

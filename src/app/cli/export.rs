@@ -80,6 +80,9 @@ pub struct Arguments {
     /// Write features of a view network, or harmonics, as grids feature_0 and on
     #[arg(long, help_heading = "OpenVDB and USD")]
     features: bool,
+    /// Gaussian splats, at most: those that show most stay [default: 100000]
+    #[arg(long, value_name = "N", help_heading = "Splats")]
+    splats: Option<usize>,
     /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
     /// is below this
     #[arg(long, value_name = "DB")]
@@ -136,9 +139,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let format = format_named(&arguments.to);
     let format = format.ok_or_else(|| Error::usage(format!("--to {}", arguments.to)))?;
     arguments.check_options(format)?;
-    let options = arguments.options(common);
+    let mut options = arguments.options(common);
     let bar = Bar::new(common);
-    bar.plan(vec![(Step::Encode, 1.0), (Step::Write, 0.3), (Step::Render, 1.0)]);
+    bar.plan(vec![
+        (Step::Encode, 1.0),
+        (Step::Targets, 1.0),
+        (Step::Fit, 5.0),
+        (Step::Write, 0.3),
+        (Step::Render, 1.0),
+    ]);
     let source = arguments.source(format, &options, common)?;
     let levels = source.field.levels();
     let expected = format!("a level below {levels}");
@@ -148,6 +157,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         false => Vec::new(),
     };
     check_memory(&cameras, 1, &options.limits)?;
+    options.cameras.clone_from(&cameras);
     format.check(&source, &options, &arguments.output)?;
     let mut files = ExportFiles::new(&arguments.output, arguments.force);
     let exported = format.write(&source, &options, &mut files, &bar)?;
@@ -157,7 +167,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let written = files.written();
     let shown = format.read_back(&source, &written, &options.limits)?;
-    let psnr = export_psnr(&source.field, &shown, &cameras, options.level, &bar)?;
+    let psnr = export_psnr(&source.field, &*shown, &cameras, options.level, &bar)?;
     drop(shown);
     let passed = arguments.require_psnr.is_none_or(|least| psnr >= least);
     let reports = if passed { written.report()? } else { Vec::new() };
@@ -201,6 +211,7 @@ impl Arguments {
             ("float32", self.float32),
             ("normalize_density", self.normalize_density),
             ("features", self.features),
+            ("splats", self.splats.is_some()),
         ];
         let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
         match refused {
@@ -228,6 +239,7 @@ impl Arguments {
             float32: self.float32,
             normalize_density: self.normalize_density,
             features: self.features,
+            splats: self.splats,
             limits,
             ..ExportOptions::default()
         }

@@ -12,7 +12,7 @@ use crate::base::picture::{self, Samples};
 use crate::base::progress::{Progress, Step};
 use crate::base::srgb::display;
 use crate::output::export_files::{ExportFiles, WrittenFiles};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 use crate::output::volume::{SparseVolume, VolumeModel, lattice, lost, place_of, points, volume};
 use crate::view::Lattice;
 use crate::view::render::Renderer;
@@ -127,9 +127,9 @@ impl ExportFormat for Flipbook {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer> {
+    ) -> Result<Box<dyn Shown>> {
         let model = VolumeModel::new(&read(files, limits)?, limits)?;
-        Ok(Renderer::of_model(source.field.view(), Box::new(model)))
+        Ok(Box::new(Renderer::of_model(source.field.view(), Box::new(model))))
     }
 }
 

@@ -15,7 +15,7 @@ use crate::base::picture;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
 use crate::output::export_files::{ExportFiles, WrittenFiles};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 use crate::view::overview;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
@@ -113,7 +113,7 @@ impl ExportFormat for Html {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer> {
+    ) -> Result<Box<dyn Shown>> {
         let name = container_name(source);
         let container = match files.named(&name) {
             Some(path) => Container::open(Arc::new(SourceFile::open(path)?), limits)?,
@@ -130,7 +130,7 @@ impl ExportFormat for Html {
         let (view, own) = (source.field.view(), field.view_mut());
         (own.march.near, own.march.far) = (view.march.near, view.march.far);
         own.background = view.background;
-        Ok(field)
+        Ok(Box::new(field))
     }
 }
 

@@ -19,7 +19,7 @@ use crate::model::snerg::{EMPTY, INDICES, PARAMETERS};
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 use crate::output::export_files::{ExportFiles, WrittenFiles};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 use crate::view::render::{Directions, Renderer};
 
 /// Voxels for the finest spacing of nodes.
@@ -126,8 +126,8 @@ impl ExportFormat for Snerg {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer> {
-        read_back(source.field.view(), files, limits)
+    ) -> Result<Box<dyn Shown>> {
+        Ok(Box::new(read_back(source.field.view(), files, limits)?))
     }
 }
 

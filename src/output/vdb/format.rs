@@ -13,7 +13,7 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Step};
 use crate::output::export_files::{ExportFiles, WrittenFiles};
-use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, UpAxis};
+use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown, UpAxis};
 use crate::output::volume::{Leaf, POINTS, SparseVolume, VolumeModel, lattice, lost, volume};
 use crate::view::render::Renderer;
 
@@ -60,10 +60,10 @@ impl ExportFormat for Vdb {
         source: &ExportSource,
         files: &WrittenFiles,
         limits: &Limits,
-    ) -> Result<Renderer> {
+    ) -> Result<Box<dyn Shown>> {
         let points = points_of(read_points(files, limits)?, limits)?;
         let model = VolumeModel::new(&points, limits)?;
-        Ok(Renderer::of_model(source.field.view(), Box::new(model)))
+        Ok(Box::new(Renderer::of_model(source.field.view(), Box::new(model))))
     }
 }
 
