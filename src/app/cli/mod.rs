@@ -5,6 +5,7 @@
 mod animation;
 mod attach;
 mod bake;
+mod call;
 mod cameras;
 mod common;
 mod compare;
@@ -46,4 +47,5 @@ mod view;
 mod view_report;
 mod viewpoints;
 
-pub use program::main;
+pub use call::{Call, Failure, SharedWatcher, Watcher};
+pub use program::{call, main, main_of, option_names};
