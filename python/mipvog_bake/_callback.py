@@ -62,8 +62,8 @@ class Callback:
             with torch.no_grad():
                 found = self._function(*(torch.from_numpy(row).to(device) for row in rows))
             return found.detach().cpu().numpy() if isinstance(found, torch.Tensor) else found
-        except RuntimeError as error:
-            if "device" not in str(error) and "CUDA" not in str(error):
+        except (RuntimeError, AssertionError) as error:
+            if not any(word in str(error) for word in ("device", "CUDA", "meta tensor")):
                 raise
             raise Error(
                 f"{self._name}: found a model that does not work with tensors on {device} "
