@@ -5,8 +5,9 @@ python from_numpy.py ball.mipvog
 
 import sys
 
-import mipvog_bake
 import numpy as np
+
+import mipvog_bake
 
 BOX = ((-1, -1, -1), (1, 1, 1))
 

@@ -2,15 +2,16 @@
 
     python nerf_pytorch.py checkpoint199999.ckpt lego.mipvog --resolution 192
 
-The number of layers, their widths and the octaves of both encodings follow from the weights. The box
-is that of its synthetic scenes unless `--bounds` gives another.
+The number of layers, their widths and the octaves of both encodings follow from the weights. The
+box is that of its synthetic scenes unless `--bounds` gives another.
 """
 
 import argparse
 
-import mipvog_bake
 import torch
 from torch.nn.functional import linear
+
+import mipvog_bake
 
 # All of the scenes' objects are within this of the origin.
 HALF_SIDE = 1.5
@@ -60,7 +61,9 @@ class Nerf:
 
 def encode(values, octaves):
     """The numbers, then the sines and the cosines of each octave."""
-    waves = [wave(2.0**octave * values) for octave in range(octaves) for wave in (torch.sin, torch.cos)]
+    waves = [
+        wave(2.0**octave * values) for octave in range(octaves) for wave in (torch.sin, torch.cos)
+    ]
     return torch.cat([values, *waves], dim=1)
 
 

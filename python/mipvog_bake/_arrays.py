@@ -127,7 +127,7 @@ def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
             kind="malformed",
             file="arrays",
             exit_code=3,
-            help="give density [X, Y, Z], aabb [2, 3], and color [X, Y, Z, 3] or sh [X, Y, Z, 3, B]",
+            help="give density [X, Y, Z], aabb [2, 3], and color [..., 3] or sh [..., 3, B]",
         )
     return _native.Arrays(tensors, texts)
 
@@ -180,7 +180,7 @@ def from_arrays(
     if grid.ndim != 3:
         help = "drop axes of one element with density.reshape(X, Y, Z)"
         raise bad_array("density", f"shape {grid.shape}", "[X, Y, Z]", help)
-    for name, array in zip(("diffuse", "features"), colors):
+    for name, array in zip(("diffuse", "features"), colors, strict=False):
         own = "3" if name == "diffuse" else "F"
         fits = array.ndim == 4 and array.shape[1:] == grid.shape
         if not fits or (name == "diffuse" and array.shape[0] != 3):

@@ -16,8 +16,8 @@ from ._arrays import open_door
 from ._error import Error
 from ._field import Field, PathName, Progress
 
-# Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and of
-# their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
+# Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and
+# of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
 _MODEL_ERROR, _MODEL_THRESHOLD = "1e-4:1e-3:1e-3", 1e-4
 # Options that say how large errors may be.
 _PRECISION = ("bits", "max_error", "max_bytes", "preset")
@@ -44,8 +44,8 @@ def bake(
     `max_error="1e-4:1e-3:1e-3"` unless `bits` or `max_bytes` is given; a `preset` sets both.
 
     `progress` is called with the step and the share of the work that is done, 0 to 1, on the thread
-    that called; what it raises ends the work. True shows a bar of tqdm where that is installed, else
-    lines. Ctrl-C ends the work, and leaves no output.
+    that called; what it raises ends the work. True shows a bar of tqdm where that is installed,
+    else lines. Ctrl-C ends the work, and leaves no output.
     """
     if isinstance(input, Field) and input.report is not None:
         if all(options.get(name) is None for name in _PRECISION):

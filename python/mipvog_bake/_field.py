@@ -51,9 +51,7 @@ class Field:
         self._report = report
 
     @classmethod
-    def of_arrays(
-        cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None
-    ) -> Field:
+    def of_arrays(cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None) -> Field:
         """A field whose file is made of arrays."""
         return cls(_native.NativeField.of_arrays(arrays), arrays=arrays, report=report)
 

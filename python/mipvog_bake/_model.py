@@ -118,12 +118,12 @@ def from_model(
     at_once = max(1, points // NODES)
     for start in range(0, len(blocks), at_once):
         end = min(start + at_once, len(blocks))
-        near = neighbours.near_matter(matter, start, end)
+        near, shifts = neighbours.shifts(mean, shift, lattice.faint, start, end)
         own = nodes_of(blocks[start:end])
         rows = np.argwhere(near & (own < lattice.counts).all(axis=-1))
         for first in range(0, len(rows), nodes_at_once):
             block, node = rows[first : first + nodes_at_once].T
-            places_of = own[block, node] + shift[start + block, node]
+            places_of = own[block, node] + shifts[block, node]
             asked = np.ascontiguousarray(own[block, node])
             colors = _colors(lattice, ask_color, places_of, *fit.directions(asked))
             found = fit.coefficients(asked, colors.reshape(-1))

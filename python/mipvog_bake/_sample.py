@@ -2,7 +2,13 @@
 
 A block is 8 nodes a side. Every node is looked at once; a block is kept if one of its nodes or of
 their neighbours holds matter. In kept blocks the density of a node is the mean over its voxel, of
-8 samples, and its `shift` is the middle of the matter among them, where colours are asked for.
+8 samples:
+
+    density = -log(mean of exp(-h d)) / h        h the node spacing, d the samples' densities
+
+That is the one through which as much light passes. Where matter is faint it is the mean of `d`; at
+a hard surface a voxel that is half empty stays half transparent. The `shift` of a node leads to the
+middle of the matter around it, where its colour is asked for.
 """
 
 from __future__ import annotations
@@ -60,7 +66,7 @@ class Lattice:
 
     def place(self, nodes: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
         """The places of nodes, which may be fractions; none is outside of the box."""
-        places = self.low + nodes * self.spacing
+        places: Doubles = self.low + nodes * self.spacing
         return np.clip(places, self.low, self.high).astype(np.float32)
 
     @property
@@ -69,9 +75,7 @@ class Lattice:
         return FAINT / float(self.spacing.min())
 
 
-def occupied_blocks(
-    lattice: Lattice, density: Callback, points: int
-) -> npt.NDArray[np.int64]:
+def occupied_blocks(lattice: Lattice, density: Callback, points: int) -> npt.NDArray[np.int64]:
     """The blocks with matter in them or beside them, `[n, 3]`, in order."""
     blocks = lattice.blocks
     kept = np.zeros(blocks, dtype=bool)
@@ -87,7 +91,7 @@ def occupied_blocks(
             places = lattice.place(np.stack([x + first, y, z], axis=-1))
             flat[index] = density(places) > lattice.faint
         matter[:, :ny, :nz] = flat.reshape(count, ny, nz)
-        kept[layer] |= _blocks_near(matter.any(axis=0))
+        kept[layer] |= _blocks_near(np.asarray(matter.any(axis=0)))
         if layer > 0:
             kept[layer - 1] |= _blocks_near(matter[0])
         if layer + 1 < blocks[0]:
@@ -95,13 +99,12 @@ def occupied_blocks(
     return np.argwhere(kept)
 
 
-def _blocks_near(plane: Bools) -> Bools:
+def _blocks_near(plane: npt.NDArray[Any]) -> Bools:
     """Blocks of a plane with a node that is set, or beside one."""
-    for axis in (0, 1):
-        plane = _grown(plane, axis)
-    ny, nz = plane.shape
-    blocks = plane.reshape(ny // EDGE, EDGE, nz // EDGE, EDGE)
-    near: Bools = blocks.any(axis=(1, 3))
+    grown = _grown(_grown(plane, 0), 1)
+    ny, nz = grown.shape
+    blocks = grown.reshape(ny // EDGE, EDGE, nz // EDGE, EDGE)
+    near: Bools = np.asarray(blocks.any(axis=(1, 3)))
     return near
 
 
@@ -135,15 +138,17 @@ def fill_density(
     for start in range(0, len(blocks), chunk):
         nodes = nodes_of(blocks[start : start + chunk])
         samples = (nodes[:, :, None] + SUBSAMPLES).reshape(-1, 3)
-        found = np.concatenate(
-            [density(lattice.place(part)) for part in _parts(samples, points)]
-        )
+        found = np.concatenate([density(lattice.place(part)) for part in _parts(samples, points)])
         found = np.maximum(found, 0).reshape(*nodes.shape[:2], len(SUBSAMPLES))
         found[(nodes >= lattice.counts).any(axis=-1)] = 0
+        spacing = float(lattice.spacing.min())
+        least = found.min(axis=-1)
+        # Without the least density, which all samples share, no exponential is too small.
+        light = np.exp(-spacing * (found - least[..., None]), dtype=np.float64).mean(axis=-1)
         total = found.sum(axis=-1, keepdims=True)
         weights = np.divide(found, total, out=np.zeros_like(found), where=total > 0)
         end = start + len(nodes)
-        mean[start:end] = found.mean(axis=-1)
+        mean[start:end] = least - np.log(light) / spacing
         shift[start:end] = weights @ SUBSAMPLES
         yield end
 
@@ -154,7 +159,7 @@ def _parts(rows: npt.NDArray[Any], count: int) -> Iterator[npt.NDArray[Any]]:
 
 
 class Neighbours:
-    """Finds nodes with matter or beside some, across the borders of blocks."""
+    """Looks from the nodes of blocks at the nodes around them, across the borders of blocks."""
 
     def __init__(self, lattice: Lattice, blocks: npt.NDArray[np.int64]) -> None:
         self._blocks = blocks
@@ -162,20 +167,47 @@ class Neighbours:
         self._numbers = np.full(lattice.blocks + 2, -1, dtype=np.int64)
         self._numbers[tuple((blocks + 1).T)] = np.arange(len(blocks))
 
-    def near_matter(self, matter: Bools, start: int, end: int) -> Bools:
-        """Of blocks `start` to `end`, `[n, 512]`; `matter` is that of all, `[n, 512]`."""
-        own = self._blocks[start:end]
-        padded = np.zeros((len(own), EDGE + 2, EDGE + 2, EDGE + 2), dtype=bool)
+    def shifts(
+        self,
+        mean: npt.NDArray[np.float32],
+        shift: npt.NDArray[np.float16],
+        faint: float,
+        start: int,
+        end: int,
+    ) -> tuple[Bools, npt.NDArray[np.float16]]:
+        """Of blocks `start` to `end`: the nodes with matter or beside some, `[n, 512]`, and the
+        shifts to it, `[n, 512, 3]`. A node without matter has none of its own: its shift leads to
+        the middle of what its neighbours hold."""
+        density = self._padded(mean, start, end)
+        matter = density > faint
+        near = matter
+        for axis in (1, 2, 3):
+            near = _grown(near, axis)
+        places = self._padded(shift, start, end).astype(np.float32)
+        weights = np.where(matter, density, 0)[..., None]
+        total = np.zeros((end - start, EDGE, EDGE, EDGE, 1), dtype=np.float32)
+        sums = np.zeros((end - start, EDGE, EDGE, EDGE, 3), dtype=np.float32)
+        for way in product((-1, 0, 1), repeat=3):
+            window = (slice(None), *(slice(1 + step, 1 + step + EDGE) for step in way))
+            total += weights[window]
+            sums += weights[window] * (places[window] + np.array(way, dtype=np.float32))
+        inner = (slice(None), *[slice(1, -1)] * 3)
+        around = np.divide(sums, total, out=np.zeros_like(sums), where=total > 0)
+        found = np.where(matter[inner][..., None], places[inner], around).astype(np.float16)
+        return near[inner].reshape(-1, NODES), found.reshape(-1, NODES, 3)
+
+    def _padded(self, values: npt.NDArray[Any], start: int, end: int) -> npt.NDArray[Any]:
+        """Values of blocks `start` to `end` with those of one node around each block, 0 where there
+        is no block: `[n, 10, 10, 10, ...]` of `[n, 512, ...]`."""
+        own, rest = self._blocks[start:end], values.shape[2:]
+        padded = np.zeros((len(own), *(EDGE + 2,) * 3, *rest), dtype=values.dtype)
         # Of the block before only its last node, of the one behind only its first.
         to = {-1: slice(0, 1), 0: slice(1, -1), 1: slice(-1, None)}
         of = {-1: slice(-1, None), 0: slice(None), 1: slice(0, 1)}
         for way in product((-1, 0, 1), repeat=3):
             numbers = self._numbers[tuple((own + 1 + way).T)]
             there = numbers >= 0
-            blocks = matter[numbers[there]].reshape(-1, EDGE, EDGE, EDGE)
+            blocks = values[numbers[there]].reshape(-1, EDGE, EDGE, EDGE, *rest)
             target = (there, *(to[step] for step in way))
             padded[target] = blocks[(slice(None), *(of[step] for step in way))]
-        for axis in (1, 2, 3):
-            padded = _grown(padded, axis)
-        near: Bools = padded[:, 1:-1, 1:-1, 1:-1].reshape(len(own), NODES)
-        return near
+        return padded

@@ -66,7 +66,7 @@ def crop_box(
         inside = all(abs(value) <= 1 for value in corners)
     else:
         inner = "the inner sphere of radius 1"
-        inside = math.hypot(*(max(abs(a), abs(b)) for a, b in zip(*box))) <= 1
+        inside = math.hypot(*(max(abs(a), abs(b)) for a, b in zip(*box, strict=True))) <= 1
     if not inside:
         source = "--bounds" if given else "the scene"
         raise Error(
@@ -134,7 +134,7 @@ def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str
     _, pipeline, _, _ = eval_setup(known.config)
     model = pipeline.model
     field = getattr(model, "field", None) or getattr(model, "field_fine", None)
-    if not hasattr(field, "get_density"):
+    if field is None or not hasattr(field, "get_density"):
         raise Error(
             f"{known.config}: found a model {type(model).__name__} without a field of densities, "
             "expected a radiance field such as nerfacto",

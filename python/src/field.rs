@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
+use mipvog_bake::unstable::bake::level_reports;
 use mipvog_bake::unstable::base::bytes::SourceFile;
 use mipvog_bake::unstable::base::error::{Error, Result};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::bake::level_reports;
 use mipvog_bake::unstable::codec::container::{Container, is_container};
 use mipvog_bake::unstable::codec::unpack::read_tensors;
 use mipvog_bake::unstable::input::{self, Source, SourceOptions, tensor};
@@ -167,9 +167,9 @@ impl NativeField {
             )),
         })?;
         let tensors = found.map_err(|error| raised(py, &error))?;
-        let tensors = tensors.into_iter().map(|(row, bytes)| {
-            (row.name, row.dtype, row.shape, PyArray1::from_vec(py, bytes))
-        });
+        let tensors = tensors
+            .into_iter()
+            .map(|(row, bytes)| (row.name, row.dtype, row.shape, PyArray1::from_vec(py, bytes)));
         Ok(tensors.collect())
     }
 

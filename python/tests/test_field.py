@@ -3,10 +3,11 @@
 import pickle
 import struct
 
-import mipvog_bake
 import numpy as np
 import pytest
 from scenes import BOX, ball, camera, open_door
+
+import mipvog_bake
 
 
 @pytest.fixture(scope="module")

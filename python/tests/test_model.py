@@ -3,10 +3,11 @@
 import json
 import tracemalloc
 
-import mipvog_bake
 import numpy as np
 import pytest
 from scenes import camera, psnr
+
+import mipvog_bake
 
 BOX = ((-1, -1, -1), (1, 1, 1))
 LIGHT = np.array([0.48, -0.6, 0.64])
@@ -112,9 +113,7 @@ def test_cameras_decide_the_directions_of_the_fit(tmp_path):
         return color(points, directions)
 
     for cameras in (path, np.array(eyes), np.array([camera(eye) for eye in eyes])):
-        field = mipvog_bake.from_model(
-            density, asked, bounds=BOX, resolution=16, cameras=cameras
-        )
+        field = mipvog_bake.from_model(density, asked, bounds=BOX, resolution=16, cameras=cameras)
         assert field.report["view"]["held_out_psnr"] > 30
     # All cameras are above, but nodes that few of them see are asked for all around.
     assert len(seen) > 0

@@ -1,8 +1,9 @@
 """The script of the book's page: arrays to a container and back, and a picture of it."""
 
-import mipvog_bake
 import numpy as np
 from scenes import BOX, ball, camera
+
+import mipvog_bake
 
 
 def test_arrays_come_back_within_the_stated_error(tmp_path):

@@ -7,11 +7,12 @@ import types
 import warnings
 from pathlib import Path
 
-import mipvog_bake
 import numpy as np
 import pytest
-from mipvog_bake import nerfstudio as command
 from scenes import BOX, psnr
+
+import mipvog_bake
+from mipvog_bake import nerfstudio as command
 
 torch = pytest.importorskip("torch")
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -165,9 +166,7 @@ def fields():
         average_init_density=3.0,
         **small,
     )
-    encodings = [
-        NeRFEncoding(3, count, 0, count - 1, include_input=True) for count in (3, 2)
-    ]
+    encodings = [NeRFEncoding(3, count, 0, count - 1, include_input=True) for count in (3, 2)]
     vanilla = NeRFField(*encodings, base_mlp_num_layers=3, base_mlp_layer_width=32)
     return {"nerfacto": nerfacto.eval(), "vanilla": vanilla.eval()}
 
