@@ -13,6 +13,9 @@ use pyo3::prelude::*;
 /// The name of arrays in messages and reports.
 const NAME: &str = "arrays";
 
+/// A name, an element type as safetensors names it, a shape, and bytes in one piece or several.
+type PyTensor<'py> = (String, String, Vec<usize>, Vec<Bound<'py, PyArray1<u8>>>);
+
 /// Arrays and texts under the names of a safetensors file.
 #[pyclass(frozen, module = "mipvog_bake._native")]
 #[derive(Debug)]
@@ -72,13 +75,9 @@ impl HeldBytes for Held {
 
 #[pymethods]
 impl Arrays {
-    /// Of tensors, each a name, an element type as safetensors names it, a shape, and its bytes in
-    /// one piece or several; and of texts.
+    /// Of tensors and texts.
     #[new]
-    fn new(
-        tensors: Vec<(String, String, Vec<usize>, Vec<Bound<'_, PyArray1<u8>>>)>,
-        texts: BTreeMap<String, String>,
-    ) -> Self {
+    fn new(tensors: Vec<PyTensor<'_>>, texts: BTreeMap<String, String>) -> Self {
         let (mut rows, mut parts, mut at) = (Vec::new(), Vec::new(), 0);
         for (name, dtype, shape, pieces) in tensors {
             let bytes = pieces.iter().map(|piece| piece.len() as u64).sum();

@@ -63,9 +63,9 @@ pub struct Failure {
 
 impl Failure {
     /// Of an error.
-    pub fn of(error: &Error) -> Self {
+    pub fn of(error: &Error) -> Box<Self> {
         let place = Some(error.place()).filter(|place| **place != Place::File);
-        Self {
+        Box::new(Self {
             kind: error.kind().name(),
             message: message(error),
             remedy: remedy(error).into_owned(),
@@ -73,21 +73,22 @@ impl Failure {
             file: error.file().map(Path::to_string_lossy).map(Into::into),
             exit_code: exit_code(error.kind()),
             report: None,
-        }
+        })
     }
 
     /// Of arguments that cannot be parsed, by the parser's words.
-    pub(super) fn of_arguments(words: &str) -> Self {
+    pub(super) fn of_arguments(words: &str) -> Box<Self> {
         let words = words.trim();
         let message = words.split("\n\nUsage:").next().unwrap_or(words);
         let message = message.trim_start_matches("error: ").to_owned();
-        Self { message, ..Self::of(&Error::usage("")) }
+        Box::new(Self { message, ..*Self::of(&Error::usage("")) })
     }
 
     /// Of a gate that is missed.
-    pub(super) fn of_gate(reason: String, report: Value) -> Self {
+    pub(super) fn of_gate(reason: String, report: Value) -> Box<Self> {
         let remedy = "lower the gate, or raise the quality".to_owned();
         let (kind, report) = ("gate", Some(report));
-        Self { kind, message: reason, remedy, place: None, file: None, exit_code: 1, report }
+        let (message, place, file) = (reason, None, None);
+        Box::new(Self { kind, message, remedy, place, file, exit_code: 1, report })
     }
 }

@@ -113,7 +113,7 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
 ///
 /// # Errors
 /// Arguments that the verb does not have, the errors of the verb, and gates that are missed.
-pub fn call(call: Call) -> std::result::Result<serde_json::Value, Failure> {
+pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> {
     let name = OsString::from("mipvog-bake");
     let arguments = std::iter::once(name).chain(call.arguments);
     let parsed = Cli::command().color(ColorChoice::Never).try_get_matches_from(arguments);
