@@ -2,13 +2,13 @@
 //! gives, and what it is told when a verb fails.
 
 use std::ffi::OsString;
-use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
 
 use super::failure::{exit_code, message, remedy};
+use super::watcher::SharedWatcher;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place};
 
@@ -21,25 +21,6 @@ pub struct Call {
     pub input: Option<Arc<SourceFile>>,
     /// The watcher of the work.
     pub watcher: Option<SharedWatcher>,
-}
-
-/// A program that watches the work.
-pub trait Watcher: Send + Sync {
-    /// The current step in words, and the share of all work that is done. Called from any thread.
-    fn shows(&self, step: &str, share: f64);
-
-    /// True if the work should end.
-    fn ends(&self) -> bool;
-}
-
-/// A watcher that all threads share.
-#[derive(Clone)]
-pub struct SharedWatcher(pub Arc<dyn Watcher>);
-
-impl fmt::Debug for SharedWatcher {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("SharedWatcher")
-    }
 }
 
 /// A verb that failed, in the words of the program.

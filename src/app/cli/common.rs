@@ -2,8 +2,8 @@
 
 use clap::{Args, ValueEnum};
 
-use super::call::SharedWatcher;
 use super::values;
+use super::watcher::SharedWatcher;
 use crate::base::limits::Limits;
 
 /// Options that all verbs share.

@@ -46,6 +46,8 @@ mod values;
 mod view;
 mod view_report;
 mod viewpoints;
+mod watcher;
 
-pub use call::{Call, Failure, SharedWatcher, Watcher};
+pub use call::{Call, Failure};
 pub use program::{call, main, main_of, option_names};
+pub use watcher::{SharedWatcher, Watcher};

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use super::call::SharedWatcher;
 use super::common::{Common, When};
 use super::interrupt::Work;
 use super::outcome::{drawn, say};
 use super::plan::Plan;
+use super::watcher::SharedWatcher;
 use crate::base::error::{Error, Result};
 use crate::base::progress::{Progress, Step};
 
