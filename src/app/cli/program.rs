@@ -90,6 +90,10 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
     };
     let common = &cli.common;
     interrupt::watch();
+    #[cfg(feature = "network")]
+    if common.allow_network {
+        crate::base::bytes::allow_network();
+    }
     let names = FileNames::of(&matches);
     let printed = outcome(&cli, &names).and_then(|outcome| {
         let Some(outcome) = outcome else { return Ok(0) };

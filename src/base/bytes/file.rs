@@ -9,6 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::guard::Guard;
+#[cfg(feature = "network")]
+use super::remote::RemoteFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
 
@@ -30,6 +32,9 @@ enum Bytes {
     Memory(Arc<[u8]>),
     /// From byte `start` of what another program holds.
     Held { bytes: Arc<dyn HeldBytes>, start: u64 },
+    /// From byte `start` of a file at an address.
+    #[cfg(feature = "network")]
+    Remote { file: Arc<RemoteFile>, start: u64 },
 }
 
 /// Bytes that belong to the program which holds this library: arrays that an input is made of. They
@@ -53,8 +58,15 @@ struct OpenFile {
 }
 
 impl SourceFile {
-    /// Opens a regular file.
+    /// Opens a regular file, or one at an address where that is [allowed](super::allow_network).
     pub fn open(path: &Path) -> Result<Self> {
+        #[cfg(feature = "network")]
+        if let Some(address) = super::remote::address(path) {
+            let file = Arc::new(RemoteFile::open(address)?);
+            let length = file.length();
+            let bytes = Bytes::Remote { file, start: 0 };
+            return Ok(Self::new(bytes, &super::remote::shown(address), length));
+        }
         let io = |error| Error::io(error, path);
         // This test comes before opening: the opening of a pipe waits for a writer.
         let found = std::fs::metadata(path).map_err(io)?;
@@ -107,6 +119,10 @@ impl SourceFile {
             Bytes::Held { bytes, start } => {
                 Bytes::Held { bytes: Arc::clone(bytes), start: start + range.start }
             }
+            #[cfg(feature = "network")]
+            Bytes::Remote { file, start } => {
+                Bytes::Remote { file: Arc::clone(file), start: start + range.start }
+            }
             Bytes::Memory(bytes) => {
                 let part = bytes.get(range.start as usize..range.end as usize);
                 Bytes::Memory(part.unwrap_or_default().into())
@@ -150,6 +166,12 @@ impl SourceFile {
             Bytes::Held { bytes, start } => {
                 let read = bytes.read_into(start + offset, out);
                 read.map_err(|error| Error::io(error, &self.path))?;
+                self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
+                return Ok(());
+            }
+            #[cfg(feature = "network")]
+            Bytes::Remote { file, start } => {
+                file.read_into(start + offset, out)?;
                 self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
                 return Ok(());
             }

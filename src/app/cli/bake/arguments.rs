@@ -29,8 +29,8 @@ Examples:
   mipvog-bake bake fine_last.tar -o scene.mipvog --cameras transforms.json --require-psnr 40
   mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run")]
 pub struct Arguments {
-    /// A Mip-VoG or DirectVoxGO checkpoint, a .safetensors or .npz file of the same names, a
-    /// container (unpacked or not), or a glTF asset with one; - is the standard input
+    /// A trained model of any known system (a file, or a folder of SNeRG or MERF), a container
+    /// (unpacked or not), or a glTF asset with one; - is the standard input
     pub input: PathBuf,
     /// The container to write; - is the standard output
     #[arg(short, long, value_name = "OUT.mipvog")]
