@@ -264,6 +264,29 @@ impl Error {
     }
 }
 
+impl ErrorKind {
+    /// Its name for programs, in snake case.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Io(_) => "io",
+            Self::Cancelled => "cancelled",
+            Self::Truncated { .. } => "truncated",
+            Self::OverLimit { .. } => "over_limit",
+            Self::TooLittleMemory { .. } => "too_little_memory",
+            Self::Overflow { .. } => "overflow",
+            Self::Checksum { .. } => "checksum",
+            Self::Malformed { .. } => "malformed",
+            Self::WrongKind { .. } => "wrong_kind",
+            Self::Unsupported { .. } => "unsupported",
+            Self::NonFinite { .. } => "non_finite",
+            Self::Usage { .. } => "usage",
+            Self::InvalidOption { .. } => "invalid_option",
+            Self::Exists => "exists",
+            Self::IsInput => "is_input",
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(file) = self.file() {

@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use super::values;
+use super::watcher::SharedWatcher;
 use crate::base::limits::Limits;
 
 /// Options that all verbs share.
@@ -36,6 +37,9 @@ pub(super) struct Common {
     /// Progress bars on stderr; auto is on a terminal only
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     pub(super) progress: When,
+    /// The program that holds this library and watches the work.
+    #[arg(skip)]
+    pub(super) watcher: Option<SharedWatcher>,
 }
 
 impl Common {

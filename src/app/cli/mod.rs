@@ -5,6 +5,7 @@
 mod animation;
 mod attach;
 mod bake;
+mod call;
 mod cameras;
 mod common;
 mod compare;
@@ -45,5 +46,8 @@ mod values;
 mod view;
 mod view_report;
 mod viewpoints;
+mod watcher;
 
-pub use program::main;
+pub use call::{Call, Failure};
+pub use program::{call, main, main_of, option_names};
+pub use watcher::{SharedWatcher, Watcher};

@@ -4,8 +4,11 @@ use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{
+    ArgAction, ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand,
+};
 
+use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
 use super::failure::{exit_code, message, remedy};
 use super::inputs::guards;
@@ -70,13 +73,19 @@ enum Verb {
 /// findings, a gate missed or a setting that failed, 2 wrong usage, 3 malformed input, 4 unknown
 /// version or feature, 5 input or output failed, 6 over a limit, 7 the output exists.
 pub fn main() -> ExitCode {
-    let (cli, matches) = match parse() {
+    ExitCode::from(main_of(std::env::args_os().collect()))
+}
+
+/// [`main`] for a process whose command line is not the program's own. The first argument is the
+/// program's name.
+pub fn main_of(arguments: Vec<OsString>) -> u8 {
+    let (cli, matches) = match parse(arguments) {
         Ok(parsed) => parsed,
         Err(error) => {
             // Help and version are no errors; a closed pipe under them is none either.
             let code = if error.use_stderr() { 2 } else { 0 };
             error.print().ok();
-            return ExitCode::from(code);
+            return code;
         }
     };
     let common = &cli.common;
@@ -86,29 +95,67 @@ pub fn main() -> ExitCode {
         crate::base::bytes::allow_network();
     }
     let names = FileNames::of(&matches);
-    let outcome = names
-        .check()
-        .and_then(|()| parallel::with_threads(common.threads.into(), || run(&cli.verb, common)));
-    let printed = outcome.and_then(|outcome| outcome).and_then(|outcome| {
-        let Some(outcome) = outcome else { return Ok(ExitCode::SUCCESS) };
+    let printed = outcome(&cli, &names).and_then(|outcome| {
+        let Some(outcome) = outcome else { return Ok(0) };
         // The standard output holds the file then.
         print(&outcome, common, names.to_stdout)?;
-        let Some(reason) = &outcome.failure else { return Ok(ExitCode::SUCCESS) };
+        let Some(reason) = &outcome.failure else { return Ok(0) };
         say(&format!("{} {reason}", error_label(is_colored(common.color))));
-        Ok(ExitCode::FAILURE)
+        Ok(1)
     });
     let code = printed.unwrap_or_else(|error| {
         let label = error_label(is_colored(common.color));
         say(&format!("{label} {}\n  help: {}", message(&error), remedy(&error)));
-        ExitCode::from(exit_code(error.kind()))
+        exit_code(error.kind())
     });
     stdin::remove_copy();
     code
 }
 
-fn parse() -> std::result::Result<(Cli, ArgMatches), clap::Error> {
+/// Runs a verb for the program that holds this library: its arguments, an input that is no file, and
+/// the watcher of the work. The report of a verb without one is null.
+///
+/// # Errors
+/// Arguments that the verb does not have, the errors of the verb, and gates that are missed.
+pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> {
+    let name = OsString::from("mipvog-bake");
+    let arguments = std::iter::once(name).chain(call.arguments);
+    let parsed = Cli::command().color(ColorChoice::Never).try_get_matches_from(arguments);
+    let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let (mut cli, matches) = parsed.map_err(|error| Failure::of_arguments(&error.to_string()))?;
+    cli.common.watcher = call.watcher;
+    if let (Verb::Bake(arguments), Some(input)) = (&mut cli.verb, call.input) {
+        arguments.held = Some(input);
+    }
+    let found = outcome(&cli, &FileNames::of(&matches));
+    stdin::remove_copy();
+    match found.map_err(|error| Failure::of(&error))? {
+        None => Ok(serde_json::Value::Null),
+        Some(Outcome { failure: Some(reason), json, .. }) => Err(Failure::of_gate(reason, json)),
+        Some(outcome) => Ok(outcome.json),
+    }
+}
+
+/// The long names of a verb's options, and whether one can be given again.
+pub fn option_names(verb: &str) -> Vec<(String, bool)> {
+    let program = Cli::command();
+    let Some(verb) = program.find_subcommand(verb) else { return Vec::new() };
+    let own = verb.get_arguments().chain(program.get_arguments());
+    let named = own.filter_map(|argument| {
+        let again = matches!(argument.get_action(), ArgAction::Append)
+            && argument.get_value_delimiter().is_none();
+        Some((argument.get_long()?.to_owned(), again))
+    });
+    named.collect()
+}
+
+fn outcome(cli: &Cli, names: &FileNames) -> Result<Option<Outcome>> {
+    names.check()?;
+    parallel::with_threads(cli.common.threads.into(), || run(&cli.verb, &cli.common))?
+}
+
+fn parse(arguments: Vec<OsString>) -> std::result::Result<(Cli, ArgMatches), clap::Error> {
     // Errors of parsing are coloured before `--color` is parsed.
-    let arguments: Vec<OsString> = std::env::args_os().collect();
     let asked = |word: &str| {
         let joined = format!("--color={word}");
         let apart = |pair: &[OsString]| pair[0] == "--color" && pair[1] == *word;

@@ -11,6 +11,7 @@ use super::common::{Common, When};
 use super::interrupt::Work;
 use super::outcome::{drawn, say};
 use super::plan::Plan;
+use super::watcher::SharedWatcher;
 use crate::base::error::{Error, Result};
 use crate::base::progress::{Progress, Step};
 
@@ -27,6 +28,7 @@ pub struct Bar {
     /// True if progress is wanted, but there is no terminal to draw on.
     lines: bool,
     quiet: bool,
+    watcher: Option<SharedWatcher>,
 }
 
 /// The current step.
@@ -82,7 +84,8 @@ impl Bar {
             told: false,
         };
         let (current, work) = (Mutex::new(current), Work::begin());
-        Self { bar, current, work, lines, quiet: common.quiet }
+        let watcher = common.watcher.clone();
+        Self { bar, current, work, lines, quiet: common.quiet, watcher }
     }
 
     /// The steps that will come, with their costs in any unit. Without a plan each step takes half
@@ -107,6 +110,9 @@ impl Bar {
     fn show(&self, current: &mut Current, new: bool) {
         let share = current.plan.share(current.done, current.total);
         self.bar.set_position((share * LENGTH as f64) as u64);
+        if let Some(SharedWatcher(watcher)) = &self.watcher {
+            watcher.shows(&current.label(), share);
+        }
         let due = current.last_line.is_none_or(|last| last.elapsed() >= BETWEEN_LINES);
         if self.lines && (new || due) {
             let left = left(current.start.elapsed(), share);
@@ -182,7 +188,8 @@ impl Progress for Bar {
     }
 
     fn cancelled(&self) -> bool {
-        let cancelled = self.work.is_cancelled();
+        let unwanted = self.watcher.as_ref().is_some_and(|SharedWatcher(watcher)| watcher.ends());
+        let cancelled = unwanted || self.work.is_cancelled();
         if cancelled && self.current().step == Some(Step::Targets) {
             self.tell(
                 "interrupted before the fit's first step: nothing is fitted, nothing written",

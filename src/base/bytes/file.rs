@@ -1,6 +1,7 @@
 //! Files are read by position, never mapped: a file that shrinks under a map kills the process,
 //! one that shrinks under a positioned read is an error with an offset.
 
+use std::fmt::Debug;
 use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -29,9 +30,24 @@ enum Bytes {
     File { file: Arc<OpenFile>, start: u64 },
     /// That had to be decoded.
     Memory(Arc<[u8]>),
+    /// From byte `start` of what another program holds.
+    Held { bytes: Arc<dyn HeldBytes>, start: u64 },
     /// From byte `start` of a file at an address.
     #[cfg(feature = "network")]
     Remote { file: Arc<RemoteFile>, start: u64 },
+}
+
+/// Bytes that belong to the program which holds this library: arrays that an input is made of. They
+/// are read piece by piece, as a file is, and never copied whole.
+pub trait HeldBytes: Debug + Send + Sync {
+    /// Bytes in all.
+    fn length(&self) -> u64;
+
+    /// Fills `out` from `offset`. Both are within the length.
+    ///
+    /// # Errors
+    /// Those of the program.
+    fn read_into(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()>;
 }
 
 #[derive(Debug)]
@@ -82,6 +98,12 @@ impl SourceFile {
         Self::new(Bytes::Memory(bytes.into()), path, length)
     }
 
+    /// Bytes that another program holds, under the name `path` in messages.
+    pub fn held(bytes: Arc<dyn HeldBytes>, path: &Path) -> Self {
+        let length = bytes.length();
+        Self::new(Bytes::Held { bytes, start: 0 }, path, length)
+    }
+
     /// A part of the file as a file of its own, whose offsets count from the part's start.
     pub fn part(&self, range: Range<u64>) -> Result<Self> {
         let wanted = range.end.saturating_sub(range.start);
@@ -93,6 +115,9 @@ impl SourceFile {
         let bytes = match &self.bytes {
             Bytes::File { file, start } => {
                 Bytes::File { file: Arc::clone(file), start: start + range.start }
+            }
+            Bytes::Held { bytes, start } => {
+                Bytes::Held { bytes: Arc::clone(bytes), start: start + range.start }
             }
             #[cfg(feature = "network")]
             Bytes::Remote { file, start } => {
@@ -138,6 +163,12 @@ impl SourceFile {
         }
         let (file, start) = match &self.bytes {
             Bytes::File { file, start } => (file, start),
+            Bytes::Held { bytes, start } => {
+                let read = bytes.read_into(start + offset, out);
+                read.map_err(|error| Error::io(error, &self.path))?;
+                self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
+                return Ok(());
+            }
             #[cfg(feature = "network")]
             Bytes::Remote { file, start } => {
                 file.read_into(start + offset, out)?;

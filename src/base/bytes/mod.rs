@@ -18,7 +18,7 @@ mod storage;
 mod unfinished;
 
 pub use digest::{hex, sha256};
-pub use file::SourceFile;
+pub use file::{HeldBytes, SourceFile};
 pub use guard::{Guard, is_guarded};
 pub use output::Output;
 pub use provisional::Provisional;

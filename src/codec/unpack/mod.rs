@@ -19,4 +19,4 @@ use planes::check_levels;
 pub(crate) use planes::fill_plane;
 pub use read::metadata_text;
 pub use slices::{SliceFormat, write_slices};
-pub use tensors::{TensorFormat, write_tensors};
+pub use tensors::{TensorFormat, read_tensors, write_tensors};

@@ -13,11 +13,13 @@
 //! provenance.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use super::npz::NpzSink;
 use super::{check_levels, fill_plane};
 use crate::base::bytes::{ByteSink, Output};
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
@@ -66,6 +68,61 @@ pub fn write_tensors(
             append_all(container, head, levels, &mut archive, progress)?;
             archive.finish()
         }
+    }
+}
+
+/// The levels in `levels` (all if empty) in memory: tensors, each with its bytes, little-endian.
+///
+/// # Errors
+///
+/// As [`write_tensors`], and more memory than the container's limits allow.
+pub fn read_tensors(
+    container: &Container,
+    levels: &[usize],
+    progress: &dyn Progress,
+) -> Result<Vec<(Row, Vec<u8>)>> {
+    check_levels(container, levels)?;
+    let head = container.read_head()?;
+    let rows = rows(container.metadata(), levels, head.0.as_ref(), head.1.as_ref())?;
+    let mut budget = Budget::new(container.limits());
+    for row in &rows {
+        budget.spend(row.bytes, "bytes of tensors", &Place::Tensor(row.name.clone()))?;
+    }
+    let tensors = rows.into_iter().map(|row| (row, Vec::new())).collect();
+    let mut sink = TensorSink { tensors, current: 0, length: 0 };
+    append_all(container, head, levels, &mut sink, progress)?;
+    Ok(sink.tensors)
+}
+
+/// Appended bytes, tensor by tensor.
+struct TensorSink {
+    tensors: Vec<(Row, Vec<u8>)>,
+    current: usize,
+    length: u64,
+}
+
+impl ByteSink for TensorSink {
+    fn append(&mut self, mut bytes: &[u8]) -> Result<()> {
+        self.length += bytes.len() as u64;
+        while let Some((row, own)) = self.tensors.get_mut(self.current) {
+            own.reserve_exact(row.bytes as usize - own.len());
+            let (here, rest) = bytes.split_at(bytes.len().min(row.bytes as usize - own.len()));
+            own.extend_from_slice(here);
+            bytes = rest;
+            if bytes.is_empty() && own.len() < row.bytes as usize {
+                break;
+            }
+            self.current += 1;
+        }
+        Ok(())
+    }
+
+    fn length(&self) -> u64 {
+        self.length
+    }
+
+    fn folder(&self) -> PathBuf {
+        std::env::temp_dir()
     }
 }
 

@@ -1,15 +1,15 @@
 //! Harmonics at nodes, fitted to a network along the directions from which each is seen.
 //!
-//! Directions are those of the node's cell of [`Seen`]: the middle of the cell stands for all of
+//! Directions are those of the node's cell of [`CellViews`]: the middle of the cell stands for all of
 //! its nodes, so that the fit, and what the network needs of directions, are prepared once for all
 //! of them. The network is asked along these very directions, so no error comes of that.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use super::cell_views::{CellViews, most};
 use super::fit::Fit;
 use super::planes::PlaneCache;
-use super::seen::Seen;
 use super::views::Views;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -18,14 +18,8 @@ use crate::model::field::{NodeValues, RadianceField};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 
-/// Directions of a fit, at most: of functions up to degree 2, and of more.
-const MOST: [usize; 2] = [32, 48];
 /// Planes that threads fill at once, at most.
 const AT_ONCE: u64 = 8;
-/// A cell that fewer views see is hidden, and its colour hardly matters.
-const LEAST: usize = 6;
-/// Directions, all around, of a hidden cell.
-const HIDDEN: usize = 16;
 
 /// Red, green and blue along directions.
 pub type Colors = [Vec<f64>; 3];
@@ -98,7 +92,7 @@ pub struct FittedColors<N: NodeColors> {
 #[derive(Debug)]
 struct Prepared<Network> {
     network: Arc<Network>,
-    seen: Seen,
+    cells: CellViews,
 }
 
 /// All that the nodes of a cell have in common.
@@ -129,22 +123,9 @@ impl<N: NodeColors> FittedColors<N> {
         Self { harmonics: Harmonics { degree: 0, ..self.harmonics }, is_plain: true, ..self }
     }
 
-    /// Directions of a fit, at most.
-    const fn most(&self) -> usize {
-        if self.harmonics.degree > 2 { MOST[1] } else { MOST[0] }
-    }
-
     /// The fit of a cell's nodes.
     fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
-        let mut views = prepared.seen.views(at);
-        let mut most = self.most();
-        if views.len() < LEAST {
-            (views, most) = ((0..self.views.count()).collect(), HIDDEN);
-        }
-        let count = views.len().min(most);
-        let middle = prepared.seen.middle(at);
-        let chosen = (0..count).filter_map(|number| views.get(number * views.len() / count));
-        let directions: Vec<[f64; 3]> = chosen.map(|&view| self.views.at(view, middle).0).collect();
+        let directions = prepared.cells.directions(at);
         let fit = Fit::new(&directions, self.harmonics.functions());
         Cell { at, fit, along: self.colors.along(&prepared.network, &directions) }
     }
@@ -153,8 +134,13 @@ impl<N: NodeColors> FittedColors<N> {
     #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
     fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
         let prepared = self.prepared.get(|| {
-            let seen = Seen::find(&self.matter, &self.views, &self.limits)?;
-            Ok(Prepared { network: self.colors.load()?, seen })
+            let cells = CellViews::find(
+                &self.matter,
+                self.views.clone(),
+                self.harmonics.degree,
+                &self.limits,
+            )?;
+            Ok(Prepared { network: self.colors.load()?, cells })
         })?;
         let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
@@ -162,7 +148,7 @@ impl<N: NodeColors> FittedColors<N> {
         let mut cells: Vec<Cell<N::Along>> = Vec::new();
         let mut colors = [(); 3].map(|()| Vec::new());
         self.colors.visit(&prepared.network, x, region, &mut |[y, z], find| {
-            let at = prepared.seen.cell([x, y, z]);
+            let at = prepared.cells.cell([x, y, z]);
             if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
                 cells.clear();
             }
@@ -199,8 +185,8 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
 
     fn memory_bytes(&self) -> u64 {
         let planes = self.planes.bytes(self.nodes(), self.channels());
-        let [plane, all] = self.colors.memory_bytes(self.most());
-        planes + Seen::memory_bytes(&self.views) + AT_ONCE * plane + all
+        let [plane, all] = self.colors.memory_bytes(most(self.harmonics.degree));
+        planes + CellViews::memory_bytes(&self.views) + AT_ONCE * plane + all
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {

@@ -5,6 +5,7 @@
 
 mod assumption;
 mod batch;
+mod cell_views;
 mod fit;
 mod fitted;
 mod planes;
@@ -14,6 +15,8 @@ mod stored;
 mod views;
 
 pub use assumption::fit_assumption;
+pub use cell_views::CellViews;
+pub use fit::Fit;
 pub use fitted::{Colors, FindColors, FittedColors, NodeColors, SeeNode};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};

@@ -159,7 +159,7 @@ impl Renderer {
     /// # Errors
     /// `InvalidOption` for a box that is none, or that misses the field's, and `Usage` for a model
     /// with rules of its own.
-    pub(crate) fn crop(&mut self, crop: &Bounds) -> Result<()> {
+    pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
         if self.is_model() {
             let message = "--crop works on values at nodes, and this model is evaluated by its own \
                            rules: bake it first";

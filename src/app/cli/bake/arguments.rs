@@ -58,6 +58,9 @@ pub struct Arguments {
     pub gltf: GltfArguments,
     #[command(flatten, next_help_heading = "Incremental builds")]
     pub incremental: IncrementalArguments,
+    /// The input, where it is no file.
+    #[arg(skip)]
+    pub held: Option<Arc<SourceFile>>,
 }
 
 /// The content of an input.
@@ -94,13 +97,18 @@ impl Arguments {
     /// Opens the input, by its content.
     pub fn open(&self, limits: &Limits) -> Result<Input> {
         self.which.check(&[&self.input])?;
-        if let Some(container) = self.which.container(&self.input, limits)? {
+        if self.held.is_none()
+            && let Some(container) = self.which.container(&self.input, limits)?
+        {
             let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
             let file = container.file();
             let container_bytes = [file.length(), file.bytes_read()];
             return Ok(Input { content, container_bytes, file: None });
         }
-        let tensors = tensor::open(&stdin::resolve(&self.input)?, limits)?;
+        let tensors = match &self.held {
+            Some(held) => tensor::open_file(held, limits)?,
+            None => tensor::open(&stdin::resolve(&self.input)?, limits)?,
+        };
         let file = Some(Arc::clone(&tensors.file));
         let content = match metadata_text(&tensors) {
             Some(_) => Content::Stored(Box::new(Unpacked::open(&tensors, limits)?)),

@@ -95,7 +95,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         warn(&format!("{count} values were not finite and became empty"), common);
     }
     let work = Work {
-        input: &arguments.input,
+        input: arguments.held.as_ref().map_or(&arguments.input, |held| held.path()),
         output: &arguments.output,
         seconds: clock.elapsed().as_secs_f64(),
         input_bytes: input.length(),

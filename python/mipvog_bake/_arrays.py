@@ -1,0 +1,212 @@
+"""Arrays of Python as fields: borrowed where their memory has the right order and type."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from ._error import Error, bad_array
+from ._field import Field
+
+# Element types by the names of safetensors.
+_FLOATS = {np.dtype(np.float32): "F32", np.dtype(np.float16): "F16"}
+_WHOLE = {np.dtype(np.int32): "I32", np.dtype(np.int64): "I64"}
+# Settings of the open door.
+_SETTINGS = ("offset", "clamp", "stepsize", "background", "block_size", "dimensions")
+_ARRAYS = ("density", "aabb", "sh", "color", "blocks")
+
+Network = Union[Mapping[str, Any], Sequence[tuple[Any, Any]]]
+# Name, element type, shape, and bytes in pieces.
+Tensor = tuple[str, str, list[int], list[npt.NDArray[np.uint8]]]
+
+
+def as_array(name: str, value: Any) -> npt.NDArray[Any]:
+    """A value as an array in memory: of NumPy, or of any program that lends its arrays."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, RuntimeError, ValueError) as error:
+        raise bad_array(
+            name,
+            f"{type(value).__name__} that NumPy cannot read ({error})",
+            "an array in the memory of the processor",
+            "of a torch tensor pass tensor.detach().cpu().numpy()",
+        ) from error
+    if any(stride < 0 for stride in array.strides):
+        raise bad_array(
+            name,
+            f"strides {array.strides}",
+            "none below 0",
+            f"pass numpy.ascontiguousarray({name})",
+        )
+    return array
+
+
+def pieces(name: str, arrays: Sequence[Any], shape: Sequence[int]) -> Tensor:
+    """Float arrays one behind the other as one tensor of a shape. Float32 and float16 in C order
+    are borrowed, all else is converted to float32."""
+    found = [as_array(name, array) for array in arrays]
+    half = all(array.dtype == np.float16 for array in found)
+    target = np.dtype(np.float16 if half else np.float32)
+    parts = []
+    for array in found:
+        if array.dtype.kind != "f":
+            raise bad_array(
+                name,
+                f"dtype {array.dtype}",
+                "float32, float16 or float64",
+                f"pass {name}.astype(numpy.float32) if the numbers mean what they should",
+            )
+        part = np.ascontiguousarray(array, dtype=target)
+        parts.append(part.reshape(-1).view(np.uint8))
+    return name, _FLOATS[target], list(shape), parts
+
+
+def _whole(name: str, value: Any) -> Tensor:
+    array = as_array(name, value)
+    if array.dtype.kind not in "iu":
+        expected, help = "int32 or int64", f"pass {name}.astype(numpy.int32)"
+        raise bad_array(name, f"dtype {array.dtype}", expected, help)
+    array = np.ascontiguousarray(array, dtype=array.dtype if array.dtype in _WHOLE else np.int64)
+    return name, _WHOLE[array.dtype], list(array.shape), [array.reshape(-1).view(np.uint8)]
+
+
+def corners(name: str, value: Any) -> npt.NDArray[np.float32]:
+    """The two corners of a box, `[2, 3]`."""
+    array = as_array(name, value)
+    if array.dtype.kind not in "fiu" or array.size != 6:
+        found = f"dtype {array.dtype} of shape {array.shape}"
+        help = "pass ((x, y, z), (x, y, z)), the lowest corner first"
+        raise bad_array(name, found, "two corners of three numbers", help)
+    return array.astype(np.float32).reshape(2, 3)
+
+
+def _text(name: str, value: Any) -> str:
+    """A setting as the file's text."""
+    if isinstance(value, str):
+        return value
+    numbers = np.asarray(value, dtype=np.float64).reshape(-1)
+    return ",".join(repr(float(number)) for number in numbers)
+
+
+def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
+    """A dictionary of arrays as the open door names them."""
+    known = _ARRAYS + _SETTINGS
+    unknown = [name for name in arrays if name not in known]
+    if unknown:
+        raise Error(
+            f"arrays: found {', '.join(map(repr, unknown))}, expected names of the open door",
+            kind="malformed",
+            file="arrays",
+            exit_code=3,
+            help=f"it knows {', '.join(known)}",
+        )
+    tensors: list[Tensor] = []
+    texts: dict[str, str] = {}
+    for name, value in arrays.items():
+        if value is None:
+            continue
+        if name in _SETTINGS:
+            texts[name] = _text(name, value)
+        elif name == "blocks":
+            tensors.append(_whole(name, value))
+        elif name == "aabb":
+            tensors.append(pieces(name, [corners(name, value)], (2, 3)))
+        else:
+            array = as_array(name, value)
+            tensors.append(pieces(name, [array], array.shape))
+    missing = [name for name in ("density", "aabb") if arrays.get(name) is None]
+    if arrays.get("sh") is None and arrays.get("color") is None:
+        missing.append("sh or color")
+    if missing:
+        raise Error(
+            f"arrays: found no {' and no '.join(missing)}",
+            kind="malformed",
+            file="arrays",
+            exit_code=3,
+            help="give density [X, Y, Z], aabb [2, 3], and color [..., 3] or sh [..., 3, B]",
+        )
+    return _native.Arrays(tensors, texts)
+
+
+def _layers(network: Network) -> list[Tensor]:
+    """Weights and biases under the checkpoint's names."""
+    if isinstance(network, Mapping):
+        named = {name.split("rgbnet.")[-1]: value for name, value in network.items()}
+    else:
+        named = {}
+        for number, (weight, bias) in enumerate(network):
+            named[f"{2 * number}.weight"], named[f"{2 * number}.bias"] = weight, bias
+    layers = []
+    for name, value in named.items():
+        array = as_array(f"network {name}", value)
+        layers.append(pieces(f"rgbnet.{name}", [array], array.shape))
+    return layers
+
+
+def from_arrays(
+    density: Any,
+    *,
+    diffuse: Any,
+    features: Any = None,
+    network: Optional[Network] = None,
+    bounds: Any,
+    shift: float = 0.0,
+    interval: Optional[float] = None,
+    stepsize: float = 0.5,
+    near: float = 0.0,
+    far: Optional[float] = None,
+    background: Sequence[float] = (1.0, 1.0, 1.0),
+    color_threshold: Optional[float] = None,
+    frequencies: int = 4,
+) -> Field:
+    """A trained field of arrays: raw values at nodes, as DirectVoxGO and Mip-VoG train them.
+
+    `density` is `[X, Y, Z]`, raw; opacity over one step is `1 - exp(-softplus(raw + shift) *
+    interval)`. `diffuse` is `[3, X, Y, Z]`, logits of colour. `features` is `[4, X, Y, Z]` beside a
+    `network`: pairs of weight `[out, in]` and bias `[out]`, layer by layer, or a dictionary by the
+    checkpoint's names; it runs once a ray, on features and `frequencies` octaves of the direction.
+    `bounds` are two corners in world units; nodes 0 and N - 1 lie on the faces of the box.
+    `stepsize` is the distance of samples in voxels, and `interval` is it too unless given.
+
+    Arrays of float32 in C order are borrowed, not copied: do not change them before the bake.
+    """
+    grid, colors = as_array("density", density), [as_array("diffuse", diffuse)]
+    if features is not None:
+        colors.append(as_array("features", features))
+    if grid.ndim != 3:
+        help = "drop axes of one element with density.reshape(X, Y, Z)"
+        raise bad_array("density", f"shape {grid.shape}", "[X, Y, Z]", help)
+    for name, array in zip(("diffuse", "features"), colors, strict=False):
+        own = "3" if name == "diffuse" else "F"
+        fits = array.ndim == 4 and array.shape[1:] == grid.shape
+        if not fits or (name == "diffuse" and array.shape[0] != 3):
+            expected = f"[{own}, {', '.join(map(str, grid.shape))}]"
+            help = "channels come first, and the nodes are those of density"
+            raise bad_array(name, f"shape {array.shape}", expected, help)
+    low, high = corners("bounds", bounds)
+    channels = sum(array.shape[0] for array in colors)
+    tensors = [
+        pieces("density", [grid], (1, 1, *grid.shape)),
+        pieces("k0", colors, (1, channels, *grid.shape)),
+        pieces("xyz_min", [low], (3,)),
+        pieces("xyz_max", [high], (3,)),
+        ("act_shift", "F64", [1], [np.array([shift], dtype=np.float64).view(np.uint8)]),
+    ]
+    tensors += _layers(network) if network is not None else []
+    texts = {
+        "stepsize": repr(float(stepsize)),
+        "near": repr(float(near)),
+        "background": "[" + ",".join(repr(float(value)) for value in background) + "]",
+        "num_voxels": str(grid.size),
+        "voxel_size_ratio": repr(1.0 if interval is None else float(interval) / float(stepsize)),
+        "viewbase_pe": str(frequencies),
+    }
+    if far is not None:
+        texts["far"] = repr(float(far))
+    if color_threshold is not None:
+        texts["fast_color_thres"] = repr(float(color_threshold))
+    return Field.of_arrays(_native.Arrays(tensors, texts))

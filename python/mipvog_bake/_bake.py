@@ -1,0 +1,154 @@
+"""`bake`: the program's verb as a function."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Optional, Union
+
+import numpy as np
+
+from . import _native
+from ._arrays import open_door
+from ._error import Error
+from ._field import Field, PathName, Progress
+
+# Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and
+# of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
+_MODEL_ERROR, _MODEL_THRESHOLD = "1e-4:1e-3:1e-3", 1e-4
+# Options that say how large errors may be.
+_PRECISION = ("bits", "max_error", "max_bytes", "preset")
+# Options of the program that a function has no use for.
+_NONE_OF = ("help", "version", "output", "format", "quiet", "verbose", "color")
+
+
+def bake(
+    input: Union[PathName, Field, Mapping[str, Any]],
+    output: PathName,
+    *,
+    progress: Union[None, bool, Progress] = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Bakes `input` into the container `output`, and gives the report of `mipvog-bake bake`.
+
+    `input` is the path of a checkpoint, a container or a glTF asset, a `Field`, or a dictionary of
+    arrays as the open door has them: `density` `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z,
+    3]` or `sh` `[X, Y, Z, 3, B]`.
+
+    Options are the program's long ones with underscores: `bits=12`, `preset="web"`,
+    `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. An option that is None or
+    False is not given. A field of `from_model` has `alpha_threshold=1e-4`, and
+    `max_error="1e-4:1e-3:1e-3"` unless `bits` or `max_bytes` is given; a `preset` sets both.
+
+    `progress` is called with the step and the share of the work that is done, 0 to 1, on the thread
+    that called; what it raises ends the work. True shows a bar of tqdm where that is installed,
+    else lines. Ctrl-C ends the work, and leaves no output.
+    """
+    if isinstance(input, Field) and input.report is not None:
+        if all(options.get(name) is None for name in _PRECISION):
+            options["max_error"] = _MODEL_ERROR
+        if options.get("preset") is None:
+            options.setdefault("alpha_threshold", _MODEL_THRESHOLD)
+    arguments = ["bake", "--quiet", "--progress=never", *_arguments(options)]
+    arguments.append(f"--output={os.fspath(output)}")
+    arrays = None
+    if isinstance(input, Field) and input._arrays is not None:
+        arrays = input._arrays
+    elif isinstance(input, Mapping):
+        arrays = open_door(input)
+    if arrays is not None:
+        source = "-"
+    else:
+        source = input._path or "" if isinstance(input, Field) else _path(input)
+    arguments += ["--", source]
+    with _shown(progress) as callback:
+        report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback))
+    if isinstance(input, Field) and input.report is not None:
+        # The fit was made before the bake, which sees coefficients.
+        report["view"] |= input.report["view"]
+        report["model"] = input.report
+    return report
+
+
+def _path(input: Any) -> str:
+    try:
+        path = os.fspath(input)
+    except TypeError as error:
+        found = type(input).__name__
+        raise Error(f"input: found {found}, expected a path, a Field or arrays by name") from error
+    if path == "-":
+        raise Error("input: found the standard input, expected a path, a Field or arrays by name")
+    return str(path)
+
+
+def _arguments(options: Mapping[str, Any]) -> Iterator[str]:
+    again = dict(_native.option_names("bake"))
+    for name, value in options.items():
+        option = name.replace("_", "-")
+        if option in _NONE_OF:
+            raise Error(f"found option {name}, expected one that a function has a use for")
+        if value is None or value is False:
+            continue
+        if value is True:
+            yield f"--{option}"
+        elif again.get(option):
+            for one in _several(value):
+                yield f"--{option}={one}"
+        elif isinstance(value, (list, tuple, np.ndarray)):
+            yield f"--{option}={','.join(_word(one) for one in value)}"
+        else:
+            yield f"--{option}={_word(value)}"
+
+
+def _several(value: Any) -> Iterator[str]:
+    if isinstance(value, Mapping):
+        yield from (f"{key}={_word(one)}" for key, one in value.items())
+    elif isinstance(value, (list, tuple)):
+        yield from map(_word, value)
+    else:
+        yield _word(value)
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.item()
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
+@contextmanager
+def _shown(progress: Union[None, bool, Progress]) -> Iterator[Optional[Progress]]:
+    """A callback for what the user wants to see."""
+    if progress is None or progress is False:
+        yield None
+        return
+    if progress is not True:
+        yield progress
+        return
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        yield _lines()
+        return
+    with tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed}<{remaining}") as bar:
+
+        def show(step: str, share: float) -> None:
+            bar.set_description(step, refresh=False)
+            bar.update(100 * share - bar.n)
+
+        yield show
+
+
+def _lines() -> Callable[[str, float], None]:
+    """Lines on the standard error, one a step."""
+    last = None
+
+    def show(step: str, share: float) -> None:
+        nonlocal last
+        if step != last:
+            print(f"{step}, {100 * share:.0f} %", file=sys.stderr)
+        last = step
+
+    return show

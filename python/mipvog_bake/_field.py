@@ -1,0 +1,231 @@
+"""Open fields: what is in them, and how they look."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from ._error import Error
+
+PathName = Union[str, "os.PathLike[str]"]
+Floats = npt.NDArray[np.float32]
+Progress = Callable[[str, float], Any]
+
+_ELEMENTS = {"F32": np.float32, "F64": np.float64, "U8": np.uint8}
+# Angle of view along x of a camera that is a bare matrix, in radians.
+_ANGLE = 0.6911112
+# Pixels along a side of the picture that notebooks show.
+_SHOWN = 320
+
+
+class Bounds(NamedTuple):
+    """A box in world units."""
+
+    min: tuple[float, float, float]
+    max: tuple[float, float, float]
+
+
+class Field:
+    """A field that is open: a container, or a trained input that is not baked yet.
+
+    `open`, `from_arrays` and `from_model` make one. Values are read when something asks for them.
+    """
+
+    def __init__(
+        self,
+        native: _native.NativeField,
+        path: Optional[str] = None,
+        arrays: Optional[_native.Arrays] = None,
+        report: Optional[dict[str, Any]] = None,
+    ) -> None:
+        self._native = native
+        self._path = path
+        self._arrays = arrays
+        self._description: dict[str, Any] = json.loads(native.description())
+        self._report = report
+
+    @classmethod
+    def of_arrays(cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None) -> Field:
+        """A field whose file is made of arrays."""
+        return cls(_native.NativeField.of_arrays(arrays), arrays=arrays, report=report)
+
+    @property
+    def dimensions(self) -> tuple[int, int, int]:
+        """Nodes along x, y and z of the finest level."""
+        x, y, z = self._description["dimensions"]
+        return x, y, z
+
+    @property
+    def bounds(self) -> Bounds:
+        """The box, in world units. Nodes 0 and N - 1 lie on its faces."""
+        found = self._description["bounds"]
+        return Bounds(tuple(found["min"]), tuple(found["max"]))
+
+    @property
+    def levels(self) -> list[dict[str, Any]]:
+        """The levels, fine to coarse, as `inspect` states them."""
+        levels: list[dict[str, Any]] = self._description["levels"]
+        return levels
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """The container's metadata; of a field that is not baked, the settings of its rays."""
+        metadata: dict[str, Any] = self._description["metadata"]
+        return metadata
+
+    @property
+    def model(self) -> str:
+        """`baked`, or the family of a trained input, as `inspect` states it."""
+        model: str = self._description["model"]
+        return model
+
+    @property
+    def report(self) -> Optional[dict[str, Any]]:
+        """Of a field that `from_model` made: samples, bytes and the error of its fit."""
+        return self._report
+
+    def unpack(self, levels: Union[None, int, Sequence[int]] = None) -> dict[str, Any]:
+        """The stored values of a container's levels as arrays, before any activation.
+
+        Names and shapes are those of `mipvog-bake unpack`: `level0.density` is `[X, Y, Z]`,
+        `level0.diffuse` `[3, X, Y, Z]`, and so on.
+        """
+        if levels is None:
+            chosen: list[int] = []
+        else:
+            chosen = [levels] if isinstance(levels, int) else [int(level) for level in levels]
+        return {
+            name: bytes_.view(_ELEMENTS[dtype]).reshape(shape)
+            for name, dtype, shape, bytes_ in self._native.unpack(chosen)
+        }
+
+    def probe(
+        self, origins: Any, directions: Any, level: Optional[int] = None
+    ) -> tuple[Floats, Floats, Floats]:
+        """The light along rays: `rgb` `[n, 3]` over the background and not clamped,
+        `transmittance` `[n]` and `depth` `[n]`. Directions need no unit length. All samples are of
+        one level, the finest unless `level` says another."""
+        starts, ways = _rows("origins", origins), _rows("directions", directions)
+        if len(starts) != len(ways):
+            raise Error(
+                f"found {len(starts)} origins and {len(ways)} directions, expected as many of each"
+            )
+        lengths = np.linalg.norm(ways, axis=1, keepdims=True)
+        if not (lengths > 0).all():
+            raise Error("directions: found one of length 0, expected directions")
+        rgb, left, depth = self._native.probe(starts, ways / lengths, _level(level))
+        return rgb.reshape(-1, 3), left, depth
+
+    def sample(self, positions: Any, level: int = 0) -> dict[str, Floats]:
+        """Values at points of the world: `density` `[n]`, optical depth per world unit; `opacity`
+        `[n]` over one interval; `color` `[n, 3]`, that of all directions; and, where the field has
+        them, `features` `[n, F]` and `coefficients` `[n, B, 3]` of harmonics."""
+        points = _rows("positions", positions)
+        found = self._native.sample(points, _level(level))
+        density, opacity, color, features, coefficients = found
+        values = {"density": density, "opacity": opacity, "color": color.reshape(-1, 3)}
+        if features.size:
+            values["features"] = features.reshape(len(points), -1)
+        if coefficients.size:
+            values["coefficients"] = coefficients.reshape(len(points), -1, 3)
+        return values
+
+    def render(
+        self,
+        camera: Any,
+        size: Union[int, tuple[int, int]],
+        *,
+        frame: Union[None, int, str] = None,
+        progress: Optional[Progress] = None,
+    ) -> Floats:
+        """A picture, `[height, width, 3]`, over the background and not clamped.
+
+        `camera` is the path of a camera file, of which `frame` names or numbers a frame; a
+        dictionary of such a file or of one of its frames (`transform_matrix`, and `camera_angle_x`
+        or `fl_x`); a matrix from camera to world, whose angle of view along x is 0.691 radians; or
+        None for a view of all that is visible. `size` is width and height in pixels, or one number
+        for both.
+        """
+        width, height = (size, size) if isinstance(size, (int, np.integer)) else size
+        if not (0 < int(width) <= 1 << 15 and 0 < int(height) <= 1 << 15):
+            raise Error(f"size: found {size}, expected 1 to 32768 pixels along each side")
+        text, path = None, None
+        if isinstance(camera, (str, os.PathLike)):
+            path = os.fspath(camera)
+        elif camera is not None:
+            text = json.dumps(_camera(camera))
+        name = None if frame is None else str(frame)
+        pixels = self._native.render(text, path, name, (int(width), int(height)), progress)
+        return pixels.reshape(int(height), int(width), 3)
+
+    def __repr__(self) -> str:
+        x, y, z = self.dimensions
+        place = f" of {self._path}" if self._path else ""
+        count = len(self.levels)
+        levels = f", {count} level{'s' * (count != 1)}" if self.model == "baked" else ""
+        return f"<mipvog_bake.Field{place}: {self.model}, {x} x {y} x {z} nodes{levels}>"
+
+    def _repr_png_(self) -> bytes:
+        pixels = self.render(None, _SHOWN)
+        values = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+        return _native.png(_SHOWN, _SHOWN, values.tobytes())
+
+
+def open(path: PathName) -> Field:
+    """Opens a container, a glTF asset with one, or anything that can be baked."""
+    name = os.fspath(path)
+    return Field(_native.NativeField.open(name), path=os.path.abspath(name))
+
+
+def _level(level: Optional[int]) -> int:
+    if level is not None and (not isinstance(level, (int, np.integer)) or level < 0):
+        raise Error(f"level: found {level!r}, expected a whole number from 0")
+    return 0 if level is None else int(level)
+
+
+def _rows(name: str, value: Any) -> npt.NDArray[np.float64]:
+    rows = np.ascontiguousarray(value, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise Error(f"{name}: found shape {rows.shape}, expected [n, 3]")
+    if not np.isfinite(rows).all():
+        raise Error(f"{name}: found numbers that are not finite, expected finite ones")
+    return rows
+
+
+def _camera(camera: Any) -> dict[str, Any]:
+    """A camera as a camera file has it."""
+    if isinstance(camera, Mapping):
+        found = {key: _plain(value) for key, value in camera.items()}
+        if "frames" in found:
+            return found
+        if "transform_matrix" not in found:
+            raise Error(
+                f"camera: found a dictionary of {', '.join(map(repr, found))}, expected "
+                "transform_matrix, and camera_angle_x or fl_x"
+            )
+        found["transform_matrix"] = _matrix(found["transform_matrix"])
+        return {"frames": [found]}
+    return {"camera_angle_x": _ANGLE, "frames": [{"transform_matrix": _matrix(camera)}]}
+
+
+def _matrix(value: Any) -> list[list[float]]:
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise Error(f"camera: found {type(value).__name__}, expected a matrix") from error
+    if matrix.shape not in ((3, 4), (4, 4)):
+        raise Error(f"camera: found a matrix of shape {matrix.shape}, expected 3 x 4 or 4 x 4")
+    if not np.isfinite(matrix).all():
+        raise Error("camera: found numbers that are not finite, expected finite ones")
+    rows: list[list[float]] = matrix[:3].tolist()
+    return [*rows, [0.0, 0.0, 0.0, 1.0]]
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

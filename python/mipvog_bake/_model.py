@@ -1,0 +1,252 @@
+"""`from_model`: a field of samples of anybody's model."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from ._arrays import pieces
+from ._callback import Callback
+from ._error import Error
+from ._field import Field, Progress
+from ._sample import (
+    EDGE,
+    LEAST_POINTS,
+    MOST_POINTS,
+    NODES,
+    POINT_BYTES,
+    Lattice,
+    Neighbours,
+    fill_density,
+    nodes_of,
+    occupied_blocks,
+)
+
+# Directions that colours of a node are fitted along, at most.
+_MOST_DIRECTIONS = 48
+# Nodes whose colours judge the fit, at most.
+_JUDGED = 4096
+# What the fit's own tables take: the views of 64 cells a side, twice.
+_FIT_BYTES = 24 << 20
+
+
+def from_model(
+    density: Callable[..., Any],
+    color: Callable[..., Any],
+    *,
+    bounds: Any,
+    resolution: Union[int, Sequence[int]],
+    background: Sequence[float] = (1.0, 1.0, 1.0),
+    sh_degree: int = 2,
+    device: Any = None,
+    max_memory: Optional[int] = None,
+    cameras: Any = None,
+    progress: Optional[Progress] = None,
+) -> Field:
+    """Samples a model, and gives a field that `bake` takes.
+
+    `density(positions[n, 3])` gives `[n]`, optical depth per world unit. `color(positions[n, 3],
+    directions[n, 3])` gives `[n, 3]`, 0 to 1, of matter seen along unit directions that point into
+    the scene. Both get float32 arrays of NumPy, or tensors of torch on `device`; both may give
+    either.
+
+    `bounds` are two corners of a box in world units. `resolution` is the number of nodes along its
+    longest axis, or along each. Occupied blocks are found first; densities are means over voxels,
+    and colours harmonics of `sh_degree`, 0 to 3, that are fitted along the directions from which a
+    node is seen: from `cameras` (a camera file, places `[n, 3]`, or matrices from camera to world),
+    or from all around without at least 16.
+
+    `max_memory` bounds the bytes that this function takes beside the model itself; less than what
+    the samples need is refused. `progress` is called with the step and the share of it.
+
+    The field's `report` has the number of samples, the bytes and the error of the fit along
+    directions that no fit has seen, `view.held_out_psnr`.
+    """
+    clock = time.perf_counter()
+    if sh_degree not in (0, 1, 2, 3):
+        raise Error(f"sh_degree: found {sh_degree!r}, expected 0, 1, 2 or 3")
+    lattice = Lattice(bounds, resolution)
+    behind = np.broadcast_to(np.asarray(background, dtype=np.float64), (3,))
+    if not ((behind >= 0) & (behind <= 1)).all():
+        raise Error(f"background: found {background}, expected three numbers from 0 to 1")
+    places = _places(cameras)
+    ask_density = Callback("density", density, 1, device)
+    ask_color = Callback("color", color, 3, device)
+    points = _points(max_memory)
+    tell = progress or (lambda step, share: None)
+
+    tell("find matter", 0.0)
+    blocks = occupied_blocks(lattice, ask_density, points)
+    if len(blocks) == 0:
+        raise Error(
+            f"density: found no matter in the box {lattice.low.tolist()} to "
+            f"{lattice.high.tolist()}, expected some",
+            kind="malformed",
+            exit_code=3,
+            help="check bounds, and that density is per world unit",
+        )
+    functions = (sh_degree + 1) ** 2
+    held = len(blocks) * NODES * (4 + 6 + 6 * functions) + _FIT_BYTES
+    needed = held + points * POINT_BYTES
+    if max_memory is not None and needed > max_memory:
+        raise Error(
+            f"from_model needs {needed} bytes for {len(blocks)} occupied blocks, the bound is "
+            f"{max_memory}",
+            kind="too_little_memory",
+            exit_code=6,
+            help=f"allow max_memory={needed} or more, or lower resolution",
+        )
+    mean = np.zeros((len(blocks), NODES), dtype=np.float32)
+    shift = np.zeros((len(blocks), NODES, 3), dtype=np.float16)
+    for done in fill_density(lattice, ask_density, blocks, points, mean, shift):
+        tell("sample density", done / len(blocks))
+
+    sh = np.zeros((len(blocks), NODES, 3, functions), dtype=np.float16)
+    arrays = _arrays(lattice, blocks, mean, sh, behind)
+    fit = _native.NativeFit(arrays, sh_degree, places)
+    matter = mean > lattice.faint
+    neighbours = Neighbours(lattice, blocks)
+    nodes_at_once = max(1, points // _MOST_DIRECTIONS)
+    at_once = max(1, points // NODES)
+    for start in range(0, len(blocks), at_once):
+        end = min(start + at_once, len(blocks))
+        near, shifts = neighbours.shifts(mean, shift, lattice.faint, start, end)
+        own = nodes_of(blocks[start:end])
+        rows = np.argwhere(near & (own < lattice.counts).all(axis=-1))
+        for first in range(0, len(rows), nodes_at_once):
+            block, node = rows[first : first + nodes_at_once].T
+            places_of = own[block, node] + shifts[block, node]
+            asked = np.ascontiguousarray(own[block, node])
+            colors = _colors(lattice, ask_color, places_of, *fit.directions(asked))
+            found = fit.coefficients(asked, colors.reshape(-1))
+            sh[start + block, node] = found.reshape(-1, 3, functions)
+        tell("fit colours", end / len(blocks))
+    psnr = _held_out(lattice, ask_color, fit, blocks, (mean, shift, sh))
+    report = {
+        "density_samples": ask_density.rows,
+        "color_samples": ask_color.rows,
+        "nodes": int(np.count_nonzero(matter)),
+        "blocks": len(blocks),
+        "blocks_total": int(lattice.blocks.prod()),
+        "bytes": needed,
+        "points_at_once": points,
+        "seconds": time.perf_counter() - clock,
+        "view": {"fitted": True, "held_out_psnr": psnr},
+    }
+    return Field.of_arrays(arrays, report)
+
+
+def _points(max_memory: Optional[int]) -> int:
+    """Points of a chunk: an eighth of the memory, within limits."""
+    if max_memory is None:
+        return MOST_POINTS
+    if not isinstance(max_memory, (int, np.integer)) or max_memory <= 0:
+        raise Error(f"max_memory: found {max_memory!r}, expected a number of bytes above 0")
+    return int(min(MOST_POINTS, max(LEAST_POINTS, max_memory // 8 // POINT_BYTES)))
+
+
+def _arrays(
+    lattice: Lattice,
+    blocks: npt.NDArray[np.int64],
+    mean: npt.NDArray[np.float32],
+    sh: npt.NDArray[np.float16],
+    background: npt.NDArray[np.float64],
+) -> _native.Arrays:
+    """The samples as the open door has them. Arrays are borrowed, and may still be filled."""
+    count, cube, functions = len(blocks), (EDGE,) * 3, sh.shape[-1]
+    corners = np.array([lattice.low, lattice.high], dtype=np.float32)
+    small = blocks.astype(np.int32)
+    tensors = [
+        pieces("density", [mean], (count, *cube)),
+        pieces("sh", [sh], (count, *cube, 3, functions)),
+        pieces("aabb", [corners], (2, 3)),
+        ("blocks", "I32", [count, 3], [small.reshape(-1).view(np.uint8)]),
+    ]
+    texts = {
+        "block_size": str(EDGE),
+        "dimensions": ",".join(map(str, lattice.counts.tolist())),
+        "background": ",".join(repr(float(value)) for value in background),
+        "offset": "0.5",
+        "clamp": "zero",
+    }
+    return _native.Arrays(tensors, texts)
+
+
+def _colors(
+    lattice: Lattice,
+    color: Callback,
+    nodes: npt.NDArray[Any],
+    directions: npt.NDArray[np.float32],
+    counts: npt.NDArray[np.int64],
+) -> npt.NDArray[np.float32]:
+    """Colours of nodes along directions, `counts` of them for each."""
+    return color(np.repeat(lattice.place(nodes), counts, axis=0), directions.reshape(-1, 3))
+
+
+def _held_out(
+    lattice: Lattice,
+    color: Callback,
+    fit: _native.NativeFit,
+    blocks: npt.NDArray[np.int64],
+    values: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+) -> float:
+    """PSNR of fitted colours, weighted by opacity, along directions that no fit has seen."""
+    mean, shift, sh = values
+    rows = np.argwhere(mean > lattice.faint)
+    rows = rows[np.linspace(0, len(rows) - 1, min(_JUDGED, len(rows))).astype(np.int64)]
+    square, total = 0.0, 0.0
+    for block, node in (part.T for part in np.array_split(rows, -(-len(rows) // 256))):
+        own = np.ascontiguousarray(nodes_of(blocks[block])[np.arange(len(node)), node])
+        directions, counts = fit.judges(own)
+        true = _colors(lattice, color, own + shift[block, node], directions, counts)
+        functions = sh.shape[-1]
+        basis = _native.harmonics(directions.reshape(-1, 3), functions).reshape(-1, functions)
+        coefficients = np.repeat(sh[block, node].astype(np.float32), counts, axis=0)
+        fitted = np.maximum(0.5 + np.einsum("kcb,kb->kc", coefficients, basis), 0)
+        opacity = 1 - np.exp(-mean[block, node].astype(np.float64) * lattice.spacing.min())
+        weights = np.repeat(opacity, counts)
+        square += float((weights * ((fitted - true) ** 2).mean(axis=1)).sum())
+        total += float(weights.sum())
+    error = square / max(total, 1e-30)
+    return min(200.0, -10 * math.log10(max(error, 1e-30)))
+
+
+def _places(cameras: Any) -> list[list[float]]:
+    """The places of cameras."""
+    if cameras is None:
+        return []
+    if isinstance(cameras, (str, os.PathLike)):
+        name = os.fspath(cameras)
+        try:
+            with open(name, encoding="utf-8") as file:
+                frames = json.load(file)["frames"]
+            cameras = [frame["transform_matrix"] for frame in frames]
+        except OSError as error:
+            raise Error(
+                f"{name}: {error.strerror}", "io", name, None, 5, "check the path"
+            ) from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise Error(
+                f"{name}: found no camera file ({error}), expected frames with transform_matrix",
+                kind="wrong_kind",
+                file=name,
+                exit_code=3,
+            ) from error
+    found = np.asarray(cameras, dtype=np.float64)
+    if found.ndim == 3 and found.shape[1:] in ((3, 4), (4, 4)):
+        found = found[:, :3, 3]
+    if found.ndim != 2 or found.shape[1] != 3 or not np.isfinite(found).all():
+        raise Error(
+            f"cameras: found shape {found.shape}, expected finite places [n, 3] or matrices "
+            "[n, 4, 4]"
+        )
+    rows: list[list[float]] = found.tolist()
+    return rows

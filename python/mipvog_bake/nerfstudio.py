@@ -1,0 +1,185 @@
+"""Bakes a trained nerfstudio scene.
+
+    python -m mipvog_bake.nerfstudio outputs/chair/nerfacto/2026-01-01/config.yml -o chair.mipvog
+
+The box is the scene's own, or `--bounds`. A contracted scene is baked inside of the part that
+contraction leaves as it is, and refused beyond. Options of `mipvog-bake bake` may follow.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Optional
+
+from ._bake import bake
+from ._error import Error
+from ._model import from_model
+
+# Nodes along the longest axis.
+_RESOLUTION = 256
+
+
+def functions(field: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The density and colour functions of a `nerfstudio.fields.base_field.Field`, as `from_model`
+    takes them: of tensors on the field's device."""
+    import torch
+    from nerfstudio.cameras.rays import Frustums, RaySamples
+    from nerfstudio.field_components.field_heads import FieldHeadNames
+
+    def samples(positions: Any, directions: Any) -> Any:
+        # Points are frustums without length.
+        zero = torch.zeros_like(positions[:, :1])
+        one = torch.ones_like(zero)
+        frustums = Frustums(positions, directions, starts=zero, ends=zero, pixel_area=one)
+        cameras = torch.zeros_like(zero, dtype=torch.long)
+        return RaySamples(frustums=frustums, camera_indices=cameras)
+
+    def density(positions: Any) -> Any:
+        down = torch.zeros_like(positions)
+        down[:, 2] = -1
+        return field.get_density(samples(positions, down))[0]
+
+    def color(positions: Any, directions: Any) -> Any:
+        return field(samples(positions, directions))[FieldHeadNames.RGB]
+
+    return density, color
+
+
+def crop_box(
+    field: Any, scene_box: Any, bounds: Optional[Sequence[float]] = None
+) -> list[list[float]]:
+    """The box to bake: that of the scene, or the one that is given. Refuses one that reaches into
+    contracted space."""
+    given = bounds is not None
+    corners = list(bounds) if bounds is not None else scene_box.aabb.reshape(-1).tolist()
+    box = [[float(value) for value in corners[:3]], [float(value) for value in corners[3:]]]
+    distortion = getattr(field, "spatial_distortion", None)
+    if distortion is None:
+        return box
+    order = getattr(distortion, "order", None)
+    if order == math.inf:
+        inner = f"the inner cube from {-1.0} to {1.0}"
+        inside = all(abs(value) <= 1 for value in corners)
+    else:
+        inner = "the inner sphere of radius 1"
+        inside = math.hypot(*(max(abs(a), abs(b)) for a, b in zip(*box, strict=True))) <= 1
+    if not inside:
+        source = "--bounds" if given else "the scene"
+        raise Error(
+            f"found the box {box} of {source}, and the scene is contracted outside of {inner}",
+            kind="unsupported",
+            exit_code=4,
+            help="pass --bounds with a box inside of it: a container holds no contracted space",
+        )
+    return box
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Runs the command, and gives its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m mipvog_bake.nerfstudio",
+        description="Bakes a trained nerfstudio scene; options of mipvog-bake bake may follow.",
+    )
+    parser.add_argument("config", type=Path, help="the config.yml of a training")
+    parser.add_argument("-o", "--output", required=True, help="the container to write")
+    parser.add_argument("--resolution", type=int, default=_RESOLUTION, help="[default: 256]")
+    parser.add_argument(
+        "--bounds",
+        type=float,
+        nargs=6,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="the box to bake, in the units of training [default: the scene's box]",
+    )
+    parser.add_argument("--sh-degree", type=int, default=2, help="0 to 3 [default: 2]")
+    parser.add_argument("--max-memory", type=int, help="bytes, beside the model's own")
+    known, others = parser.parse_known_args(arguments)
+    try:
+        report = _bake_config(known, _options(others))
+    except Error as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+    psnr = report["view"]["held_out_psnr"]
+    print(
+        f"{known.output}: {report['output_bytes']} bytes, colours {psnr:.2f} dB along directions "
+        "that no fit has seen"
+    )
+    return 0
+
+
+def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str, Any]:
+    if not known.config.is_file():
+        name = str(known.config)
+        raise Error(f"{name}: found no such file", "io", name, None, 5, "check the path")
+    if Path(known.output).exists() and not options.get("force"):
+        raise Error(
+            f"{known.output}: the output exists already",
+            kind="exists",
+            file=str(known.output),
+            exit_code=7,
+            help="pass --force to replace it",
+        )
+    try:
+        from nerfstudio.utils.eval_utils import eval_setup
+    except ImportError as error:
+        raise Error(
+            f"found no nerfstudio ({error}), expected it to be installed",
+            help="run this where ns-train runs",
+        ) from error
+    _, pipeline, _, _ = eval_setup(known.config)
+    model = pipeline.model
+    field = getattr(model, "field", None) or getattr(model, "field_fine", None)
+    if field is None or not hasattr(field, "get_density"):
+        raise Error(
+            f"{known.config}: found a model {type(model).__name__} without a field of densities, "
+            "expected a radiance field such as nerfacto",
+            kind="unsupported",
+            exit_code=4,
+            help="methods of splats and of surfaces have none",
+        )
+    field.eval()
+    density, color = functions(field)
+    sampled = from_model(
+        density,
+        color,
+        bounds=crop_box(field, model.scene_box, known.bounds),
+        resolution=known.resolution,
+        sh_degree=known.sh_degree,
+        device=next(field.parameters()).device,
+        max_memory=known.max_memory,
+        cameras=_cameras(pipeline),
+    )
+    return bake(sampled, known.output, **options)
+
+
+def _cameras(pipeline: Any) -> Any:
+    """The matrices of the training's cameras, if it still knows them."""
+    dataset = getattr(getattr(pipeline, "datamanager", None), "train_dataset", None)
+    cameras = getattr(dataset, "cameras", None)
+    return None if cameras is None else cameras.camera_to_worlds.detach().cpu().numpy()
+
+
+def _options(words: Sequence[str]) -> dict[str, Any]:
+    """`--name value`, `--name=value` and `--name` as keywords."""
+    options: dict[str, Any] = {}
+    left = list(words)
+    while left:
+        word = left.pop(0)
+        if not word.startswith("--"):
+            raise Error(f"found {word!r}, expected an option of mipvog-bake bake")
+        name, equals, value = word[2:].partition("=")
+        if not equals:
+            is_flag = not left or left[0].startswith("--")
+            options[name.replace("-", "_")] = True if is_flag else left.pop(0)
+        else:
+            options[name.replace("-", "_")] = value
+    return options
+
+
+if __name__ == "__main__":
+    sys.exit(main())

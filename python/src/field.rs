@@ -1,0 +1,265 @@
+//! A field that is open: a container, or a trained input that is not baked yet.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::DVec3;
+use mipvog_bake::unstable::bake::level_reports;
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::{Error, Result};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::picture;
+use mipvog_bake::unstable::codec::container::{Container, is_container};
+use mipvog_bake::unstable::codec::unpack::read_tensors;
+use mipvog_bake::unstable::input::{self, Source, SourceOptions, tensor};
+use mipvog_bake::unstable::model::camera::{self, Camera, Ray};
+use mipvog_bake::unstable::output::gltf::asset::{Asset, is_asset};
+use mipvog_bake::unstable::view::overview;
+use mipvog_bake::unstable::view::render::{FrameOptions, Renderer, render};
+use numpy::{PyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde_json::{Value, json};
+
+use crate::arrays::Arrays;
+use crate::error::raised;
+use crate::watch::{Watch, watched};
+
+/// Flat values of a picture or of rays, whose shape Python gives back.
+type Floats<'py> = Bound<'py, PyArray1<f32>>;
+/// Name, element type, shape and bytes of a tensor.
+type PyTensor<'py> = (String, &'static str, Vec<usize>, Bound<'py, PyArray1<u8>>);
+
+/// An open field.
+#[pyclass(frozen, module = "mipvog_bake._native")]
+pub struct NativeField {
+    content: Content,
+    /// The values in memory, once something looked at them.
+    renderer: Mutex<Option<Arc<Renderer>>>,
+}
+
+enum Content {
+    Baked(Box<Container>),
+    Trained(Box<Source>),
+}
+
+impl NativeField {
+    fn new(content: Content) -> Self {
+        Self { content, renderer: Mutex::default() }
+    }
+
+    fn renderer(&self) -> Result<Arc<Renderer>> {
+        let mut kept = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(renderer) = &*kept {
+            return Ok(Arc::clone(renderer));
+        }
+        let renderer = Arc::new(match &self.content {
+            Content::Baked(container) => Renderer::of_container(container)?,
+            Content::Trained(source) => Renderer::of_source(source, None, &Limits::default())?,
+        });
+        *kept = Some(Arc::clone(&renderer));
+        Ok(renderer)
+    }
+
+    /// Dimensions, box, levels and metadata.
+    fn describe(&self) -> Result<Value> {
+        Ok(match &self.content {
+            Content::Baked(container) => {
+                let metadata = container.metadata();
+                json!({
+                    "model": "baked",
+                    "dimensions": metadata.levels.first().map(|level| level.dimensions),
+                    "bounds": metadata.bounds,
+                    "levels": level_reports(metadata, container.entries()),
+                    "metadata": metadata,
+                    "provenance": container.provenance()?,
+                })
+            }
+            Content::Trained(source) => {
+                let scene = &source.field.scene;
+                json!({
+                    "model": source.family,
+                    "dimensions": scene.nodes.0,
+                    "bounds": scene.bounds,
+                    "levels": [{ "level": 0, "dimensions": scene.nodes.0 }],
+                    "metadata": {
+                        "activation": scene.activation,
+                        "march": scene.march,
+                        "background": scene.background,
+                    },
+                    "provenance": null,
+                })
+            }
+        })
+    }
+}
+
+/// Opens a container, the first field of a glTF asset, or anything that can be baked.
+fn open(path: &Path) -> Result<Content> {
+    let limits = Limits::default();
+    let resolved = input::file_of(path);
+    let file = Arc::new(SourceFile::open(&resolved)?);
+    if is_container(&file) {
+        return Ok(Content::Baked(Box::new(Container::open(file, &limits)?)));
+    }
+    if is_asset(&file) {
+        let container = Asset::open(file, &limits)?.open_field(0)?;
+        return Ok(Content::Baked(Box::new(container)));
+    }
+    let source = input::open_with(&resolved, &SourceOptions::default(), &limits)?;
+    Ok(Content::Trained(Box::new(source)))
+}
+
+/// The camera that Python describes: the text of a camera file, or its path; the overview without.
+fn camera(
+    field: &Renderer,
+    text: Option<&str>,
+    path: Option<&Path>,
+    frame: Option<String>,
+    size: [usize; 2],
+    watch: &Watch,
+) -> Result<Camera> {
+    let cameras = match (text, path) {
+        (Some(text), _) => camera::parse(text, PathBuf::new(), Some(size))?,
+        (None, Some(path)) => camera::read(path, Some(size), &Limits::default())?,
+        (None, None) => return overview(field, size, watch),
+    };
+    let frame = frame.unwrap_or_else(|| "0".to_owned());
+    let picked = camera::pick(cameras.cameras, &[frame])?.into_iter().next();
+    picked.ok_or_else(|| Error::usage("the camera has no frames"))
+}
+
+#[pymethods]
+impl NativeField {
+    /// Opens a file.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let content = watched(py, None, |_| open(&path).map_err(|error| error.in_file(&path)))?;
+        content.map(Self::new).map_err(|error| raised(py, &error))
+    }
+
+    /// A field of arrays.
+    #[staticmethod]
+    fn of_arrays(py: Python<'_>, arrays: &Bound<'_, Arrays>) -> PyResult<Self> {
+        let file = arrays.get().file();
+        let source = watched(py, None, |_| {
+            let limits = Limits::default();
+            let tensors = tensor::open_file(&file, &limits)?;
+            let source = input::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
+            source.field.check().map_err(|error| error.in_file(file.path()))?;
+            Ok(source)
+        })?;
+        let source = source.map_err(|error| raised(py, &error))?;
+        Ok(Self::new(Content::Trained(Box::new(source))))
+    }
+
+    /// Dimensions, box, levels and metadata as JSON.
+    fn description(&self, py: Python<'_>) -> PyResult<String> {
+        self.describe().map(|found| found.to_string()).map_err(|error| raised(py, &error))
+    }
+
+    /// The tensors of some levels, all if none is given.
+    fn unpack<'py>(&self, py: Python<'py>, levels: Vec<usize>) -> PyResult<Vec<PyTensor<'py>>> {
+        let found = watched(py, None, |watch| match &self.content {
+            Content::Baked(container) => read_tensors(container, &levels, &**watch),
+            Content::Trained(_) => Err(Error::usage(
+                "unpack() takes a container apart, and this field is not baked: bake it first",
+            )),
+        })?;
+        let tensors = found.map_err(|error| raised(py, &error))?;
+        let tensors = tensors
+            .into_iter()
+            .map(|(row, bytes)| (row.name, row.dtype, row.shape, PyArray1::from_vec(py, bytes)));
+        Ok(tensors.collect())
+    }
+
+    /// Colours, transmittances and depths of rays, `n` each; directions have unit length.
+    fn probe<'py>(
+        &self,
+        py: Python<'py>,
+        origins: PyReadonlyArray2<'py, f64>,
+        directions: PyReadonlyArray2<'py, f64>,
+        level: usize,
+    ) -> PyResult<[Floats<'py>; 3]> {
+        let (origins, directions) = (points(&origins)?, points(&directions)?);
+        let found = watched(py, None, |watch| {
+            let vector = DVec3::from_array;
+            let rays = origins.iter().zip(&directions);
+            let rays: Vec<Ray> = rays
+                .map(|(&from, &along)| Ray { origin: vector(from), direction: vector(along) })
+                .collect();
+            self.renderer()?.ray_colors(&rays, level, &**watch)
+        })?;
+        let rays = found.map_err(|error| raised(py, &error))?;
+        Ok([
+            PyArray1::from_iter(py, rays.iter().flat_map(|ray| ray.color)),
+            PyArray1::from_iter(py, rays.iter().map(|ray| ray.transmittance)),
+            PyArray1::from_iter(py, rays.iter().map(|ray| ray.distance)),
+        ])
+    }
+
+    /// Density, opacity, colour, features and coefficients at points, each flat.
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        positions: PyReadonlyArray2<'py, f64>,
+        level: usize,
+    ) -> PyResult<[Floats<'py>; 5]> {
+        let positions = points(&positions)?;
+        let found = watched(py, None, |watch| {
+            let field = self.renderer()?;
+            let samples = positions.iter().enumerate().map(|(number, position)| {
+                if number % 4096 == 0 && mipvog_bake::Progress::cancelled(&**watch) {
+                    return Err(Error::cancelled());
+                }
+                field.sample(*position, level)
+            });
+            samples.collect::<Result<Vec<_>>>()
+        })?;
+        let samples = found.map_err(|error| raised(py, &error))?;
+        Ok([
+            PyArray1::from_iter(py, samples.iter().map(|sample| sample.density)),
+            PyArray1::from_iter(py, samples.iter().map(|sample| sample.opacity)),
+            PyArray1::from_iter(py, samples.iter().flat_map(|sample| sample.color)),
+            PyArray1::from_iter(py, samples.iter().flat_map(|sample| sample.features.clone())),
+            PyArray1::from_iter(py, samples.iter().flat_map(|sample| sample.coefficients.clone())),
+        ])
+    }
+
+    /// A picture, `height * width * 3` values over the background, not clamped.
+    #[pyo3(signature = (text, path, frame, size, progress=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        text: Option<String>,
+        path: Option<PathBuf>,
+        frame: Option<String>,
+        size: [usize; 2],
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Floats<'py>> {
+        let found = watched(py, progress, |watch| {
+            let field = self.renderer()?;
+            let camera = camera(&field, text.as_deref(), path.as_deref(), frame, size, watch)?;
+            render(&field, &camera, &FrameOptions::default(), &**watch)
+        })?;
+        let frame = found.map_err(|error| raised(py, &error))?;
+        Ok(PyArray1::from_vec(py, frame.color.into_flattened()))
+    }
+}
+
+/// Rows of three numbers.
+fn points(rows: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
+    Ok(rows.as_slice()?.as_chunks::<3>().0.to_vec())
+}
+
+/// A PNG of 8-bit values, 3 or 4 a pixel.
+#[pyfunction]
+pub fn png<'py>(
+    py: Python<'py>,
+    width: usize,
+    height: usize,
+    values: &[u8],
+) -> PyResult<Bound<'py, PyBytes>> {
+    let bytes = picture::png(width, height, values).map_err(|error| raised(py, &error))?;
+    Ok(PyBytes::new(py, &bytes))
+}

@@ -1,0 +1,40 @@
+//! The program, and its verbs as functions.
+
+use std::ffi::OsString;
+use std::sync::Arc;
+
+use mipvog_bake::unstable::app::cli::{self, Call, SharedWatcher};
+use pyo3::prelude::*;
+
+use crate::arrays::Arrays;
+use crate::error::exception;
+use crate::watch::watched;
+
+/// Runs the program with these arguments, the first of which is its name; gives its exit code.
+#[pyfunction]
+pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| cli::main_of(arguments))
+}
+
+/// Runs a verb and gives its report as JSON. `arrays` are the input of a bake whose argument is `-`.
+#[pyfunction]
+#[pyo3(signature = (arguments, arrays=None, progress=None))]
+pub fn call(
+    py: Python<'_>,
+    arguments: Vec<OsString>,
+    arrays: Option<&Bound<'_, Arrays>>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let input = arrays.map(|arrays| arrays.get().file());
+    let report = watched(py, progress, |watch| {
+        let watcher = Some(SharedWatcher(Arc::clone(watch) as _));
+        cli::call(Call { arguments, input, watcher })
+    })?;
+    report.map(|report| report.to_string()).map_err(|failure| exception(py, &failure))
+}
+
+/// The long names of a verb's options, and whether one can be given again.
+#[pyfunction]
+pub fn option_names(verb: &str) -> Vec<(String, bool)> {
+    cli::option_names(verb)
+}

@@ -1,0 +1,75 @@
+//! Verbs as functions of a program that holds this library, such as the Python module: what it
+//! gives, and what it is told when a verb fails.
+
+use std::ffi::OsString;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::failure::{exit_code, message, remedy};
+use super::watcher::SharedWatcher;
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Place};
+
+/// A verb to run.
+#[derive(Debug, Default)]
+pub struct Call {
+    /// The verb and its arguments, without the program's name.
+    pub arguments: Vec<OsString>,
+    /// The input of a bake whose argument is the standard input, `-`: bytes that are no file.
+    pub input: Option<Arc<SourceFile>>,
+    /// The watcher of the work.
+    pub watcher: Option<SharedWatcher>,
+}
+
+/// A verb that failed, in the words of the program.
+#[derive(Debug)]
+pub struct Failure {
+    /// Its kind in snake case: that of the error, or `gate` for a gate that is missed.
+    pub kind: &'static str,
+    /// The file, the place, the thing found and the thing expected.
+    pub message: String,
+    /// The remedy, in a sentence.
+    pub remedy: String,
+    /// The place in the file, unless the error is about all of it.
+    pub place: Option<String>,
+    /// The file, if the error is about one.
+    pub file: Option<String>,
+    /// The exit code that the program would have.
+    pub exit_code: u8,
+    /// The report of a verb that did its work, but missed a gate.
+    pub report: Option<Value>,
+}
+
+impl Failure {
+    /// Of an error.
+    pub fn of(error: &Error) -> Box<Self> {
+        let place = Some(error.place()).filter(|place| **place != Place::File);
+        Box::new(Self {
+            kind: error.kind().name(),
+            message: message(error),
+            remedy: remedy(error).into_owned(),
+            place: place.map(ToString::to_string),
+            file: error.file().map(Path::to_string_lossy).map(Into::into),
+            exit_code: exit_code(error.kind()),
+            report: None,
+        })
+    }
+
+    /// Of arguments that cannot be parsed, by the parser's words.
+    pub(super) fn of_arguments(words: &str) -> Box<Self> {
+        let words = words.trim();
+        let message = words.split("\n\nUsage:").next().unwrap_or(words);
+        let message = message.trim_start_matches("error: ").to_owned();
+        Box::new(Self { message, ..*Self::of(&Error::usage("")) })
+    }
+
+    /// Of a gate that is missed.
+    pub(super) fn of_gate(reason: String, report: Value) -> Box<Self> {
+        let remedy = "lower the gate, or raise the quality".to_owned();
+        let (kind, report) = ("gate", Some(report));
+        let (message, place, file) = (reason, None, None);
+        Box::new(Self { kind, message, remedy, place, file, exit_code: 1, report })
+    }
+}

@@ -1,0 +1,98 @@
+//! The directions that colours of a cell's nodes are fitted along, or judged along.
+
+use super::fit::Fit;
+use super::seen::Seen;
+use super::views::{Views, judging_eyes};
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::model::field::RadianceField;
+
+/// Directions of a fit, at most: of functions up to degree 2, and of more.
+const MOST: [usize; 2] = [32, 48];
+/// A cell that fewer views see is hidden, and its colour hardly matters.
+const LEAST: usize = 6;
+/// Directions, all around, of a hidden cell.
+const HIDDEN: usize = 16;
+
+/// Directions of a fit of a degree, at most.
+pub const fn most(degree: usize) -> usize {
+    if degree > 2 { MOST[1] } else { MOST[0] }
+}
+
+/// The directions along which each cell of a field is seen.
+#[derive(Debug)]
+pub struct CellViews {
+    seen: Seen,
+    views: Views,
+    /// Directions of a cell, at most.
+    most: usize,
+}
+
+impl CellViews {
+    /// Of the cameras that a fit of a degree uses; from all around if they are few. `matter` is the
+    /// field, whose colours do not count.
+    ///
+    /// # Errors
+    /// Those of reading density.
+    pub fn of_fit(
+        matter: &RadianceField,
+        degree: usize,
+        cameras: &[[f64; 3]],
+        limits: &Limits,
+    ) -> Result<Self> {
+        Self::find(matter, Views::new(cameras), degree, limits)
+    }
+
+    /// Of the eyes that judge a fit to these cameras.
+    ///
+    /// # Errors
+    /// Those of reading density.
+    pub fn of_judges(
+        matter: &RadianceField,
+        cameras: &[[f64; 3]],
+        limits: &Limits,
+    ) -> Result<Self> {
+        let eyes = judging_eyes(cameras, &matter.scene.bounds);
+        Self::find(matter, Views::Cameras(eyes), 0, limits)
+    }
+
+    /// Of all views that see a cell, as many as a fit of a degree takes.
+    ///
+    /// # Errors
+    /// Those of reading density.
+    pub(super) fn find(
+        matter: &RadianceField,
+        views: Views,
+        degree: usize,
+        limits: &Limits,
+    ) -> Result<Self> {
+        Ok(Self { seen: Seen::find(matter, &views, limits)?, views, most: most(degree) })
+    }
+
+    /// Bytes that it takes while it is found, at most.
+    pub(super) fn memory_bytes(views: &Views) -> u64 {
+        Seen::memory_bytes(views)
+    }
+
+    /// The cell of a node.
+    pub fn cell(&self, node: [usize; 3]) -> [usize; 3] {
+        self.seen.cell(node)
+    }
+
+    /// Unit directions into the scene along which the middle of a cell is seen.
+    pub fn directions(&self, cell: [usize; 3]) -> Vec<[f64; 3]> {
+        let (mut views, mut most) = (self.seen.views(cell), self.most);
+        if views.len() < LEAST {
+            (views, most) = ((0..self.views.count()).collect(), HIDDEN);
+        }
+        let count = views.len().min(most);
+        let middle = self.seen.middle(cell);
+        let chosen = (0..count).filter_map(|number| views.get(number * views.len() / count));
+        chosen.map(|&view| self.views.at(view, middle).0).collect()
+    }
+
+    /// The fit of so many functions to the colours along a cell's directions.
+    pub fn fit(&self, cell: [usize; 3], functions: usize) -> Fit {
+        Fit::new(&self.directions(cell), functions)
+    }
+}
