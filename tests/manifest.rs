@@ -7,7 +7,7 @@ mod common;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::{assert_schema, fixture, folder, program};
+use common::{assert_follows, assert_schema, fixture, folder, program};
 use serde_json::{Value, json};
 
 fn run(here: &Path, arguments: &[&str]) -> Output {
@@ -26,7 +26,7 @@ fn words(output: &Output) -> String {
 fn results(output: &Output) -> Vec<Value> {
     let text = String::from_utf8(output.stdout.clone()).expect("text");
     let results = text.lines().map(|line| serde_json::from_str(line).expect("a line of JSON"));
-    results.inspect(|result| assert_schema("scene-result", result)).collect()
+    results.inspect(|result| assert_follows("scene-result", result)).collect()
 }
 
 fn write(path: &Path, lines: &[Value]) {

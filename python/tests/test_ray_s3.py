@@ -101,7 +101,7 @@ def proxy(monkeypatch: pytest.MonkeyPatch) -> Iterator[Proxy]:
 
     # A store of a former test has another address.
     s3fs.S3FileSystem.clear_instance_cache()
-    s3fs.S3FileSystem().mkdir("s3://scenes")
+    s3fs.S3FileSystem().makedirs("s3://scenes", exist_ok=True)
     yield proxy
     ray.shutdown()
     proxy.shutdown()

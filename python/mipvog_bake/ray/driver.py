@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Optional, Union
 
 import ray
-from ray.exceptions import RayError
+from ray.exceptions import RayError, RayTaskError
 
 from . import manifest, store, task
 from .failure import INPUT_OUTPUT, LIMIT, Failure
@@ -109,28 +109,26 @@ def _no_cluster(address: str) -> str:
 
 
 def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
-    small = _remote(task.bake, memory=_MEMORY)
+    bake = _remote(task.bake, memory=_MEMORY)
     flying: dict[Any, Job] = {}
     failed, most, looked = 0, _LEAST_IN_FLIGHT, 0.0
-    waiting: Optional[Job] = None
     while True:
         if time.monotonic() - looked > _LOOK:
             looked = time.monotonic()
             cores = ray.cluster_resources().get("CPU", 1)
             most = max(_LEAST_IN_FLIGHT, int(_IN_FLIGHT * cores))
-        while len(flying) < most and (waiting := next(jobs, None)) is not None:
-            flying[small.remote(waiting)] = waiting
+        while len(flying) < most and (job := next(jobs, None)) is not None:
+            flying[bake.remote(job)] = job
         if not flying:
             return failed
         # One by one would be a round trip each: all that are ready are taken.
         ray.wait(list(flying), num_returns=1, timeout=_LOOK, fetch_local=False)
         ready, _ = ray.wait(list(flying), num_returns=len(flying), timeout=0, fetch_local=False)
         for reference in ready:
-            job = flying.pop(reference)
-            found = _result(reference, job)
+            found = _result(reference, flying.pop(reference))
             if isinstance(found, Job):
-                resources = {"num_cpus": found.threads, "memory": found.memory}
-                flying[_remote(task.bake, **resources).remote(found)] = found
+                larger = bake.options(num_cpus=found.threads, memory=found.memory)
+                flying[larger.remote(found)] = found
                 continue
             failed += found["status"] == "failed"
             tell(found)
@@ -142,6 +140,9 @@ def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
         found = ray.get(reference)
         if isinstance(found, Needs):
             return _larger(job, found)
+    except RayTaskError as error:
+        message = f"the worker failed: {error.cause!r}; report this"
+        found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
     except RayError as error:
         words = str(error).split("\n", 1)[0]
         message = f"its worker was lost {_RETRIES + 1} times ({words}); run again"

@@ -18,18 +18,17 @@ pub struct ManifestArguments {
     #[arg(long, value_name = "FILE")]
     pub manifest: Option<PathBuf>,
     /// Bake the scene of one line, counted from 0
-    #[arg(long, value_name = "N", requires = "manifest",
-          conflicts_with_all = ["index_from_env", "shard"])]
+    #[arg(long, value_name = "N", conflicts_with_all = ["input", "index_from_env", "shard"])]
     pub index: Option<u64>,
     /// Bake the scene whose number the farm put into the environment: Slurm, AWS Batch, PBS, SGE,
     /// LSF, Cloud Run or Kubernetes
-    #[arg(long, requires = "manifest", conflicts_with = "shard")]
+    #[arg(long, conflicts_with_all = ["input", "shard"])]
     pub index_from_env: bool,
     /// Bake part I of N parts: every Nth scene, from scene I on, counted from 0
-    #[arg(long, value_name = "I/N", requires = "manifest")]
+    #[arg(long, value_name = "I/N", conflicts_with = "input")]
     pub shard: Option<Shard>,
     /// Write the results to a file too, once all scenes have ended; former results are replaced
-    #[arg(long, value_name = "FILE.jsonl", requires = "manifest")]
+    #[arg(long, value_name = "FILE.jsonl", conflicts_with = "input")]
     pub results: Option<PathBuf>,
 }
 
