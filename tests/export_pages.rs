@@ -79,7 +79,7 @@ fn coarser_pictures_are_halves_and_names_are_those_of_mip_vog() {
     let [width, height, depth] = [0, 1, 2].map(|axis| atlas[axis].as_u64().expect("a size"));
     assert_eq!(depth % 32, 0);
     for level in 0..4u64 {
-        let slices = depth / 4 >> level;
+        let slices = (depth / 4) >> level;
         for slice in 0..slices {
             let path = here.join("mips").join(format!("rgba_{level}{slice:02}.png"));
             let size = [width >> level, 4 * (height >> level)].map(|side| side as usize);

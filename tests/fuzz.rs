@@ -73,7 +73,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "pickle" => &["tar"],
         "npy" => &["npz"],
         "safetensors" => &["safetensors"],
-        "grids" | "models" | "snapshot" | "snerg" => &[],
+        "grids" | "models" | "snapshot" | "snerg" | "merf" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
         "vdb" => &["vdb"],
@@ -107,8 +107,9 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         seeds.push(model.snapshot(Some(1.4), true).bytes());
         seeds.push(zlib(&small_ngp(8.0, false, 8, 1).snapshot(None, false).bytes()));
     }
-    if target == "snerg" {
-        let files = targets::snerg_files().into_iter().zip(0u8..);
+    if ["snerg", "merf"].contains(&target) {
+        let files = if target == "snerg" { targets::snerg_files() } else { targets::merf_files() };
+        let files = files.into_iter().zip(0u8..);
         seeds.extend(files.map(|((_, bytes), number)| [vec![number], bytes].concat()));
     }
     if target == "settings" {
@@ -278,7 +279,9 @@ fn targets_stand_mutants_of_the_fixtures() {
         }
         let tokens = match name {
             "zip" | "pickle" | "npy" | "models" => tokens("pickle"),
-            "safetensors" | "grids" | "gltf" | "cameras" | "settings" | "snerg" => tokens("json"),
+            "safetensors" | "grids" | "gltf" | "cameras" | "settings" | "snerg" | "merf" => {
+                tokens("json")
+            }
             _ => tokens("container"),
         };
         seeds.iter().for_each(|seed| run(target, seed));

@@ -180,8 +180,6 @@ fn lies_are_found() {
     unsupported(with("ndc", json!(true)), "normalised device coordinates");
     unsupported(with("block_size", json!(7)), "7");
     unsupported(with("format", json!("jpg")), "jpg");
-    unsupported(with("triplane_resolution", json!(2048)), "MERF");
-    unsupported(with("plane_width_0", json!(2048)), "MERF");
     let turned = json!([[0.5, 0.5, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]);
     unsupported(with("worldspace_T_opengl", turned), "worldspace_T_opengl");
     let error = with("grid_depth", json!(1u64 << 40));

@@ -45,9 +45,14 @@ impl Served {
 }
 
 /// The lines that `view` says on stderr until it serves.
-fn said(file: &std::path::Path) -> Vec<String> {
+fn said(file: &std::path::Path, options: &[&str]) -> Vec<String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
-    command.args(["view", "--no-open"]).arg(file).stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+        .args(["view", "--no-open"])
+        .args(options)
+        .arg(file)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program starts");
     let lines = BufReader::new(child.stderr.take().expect("piped")).lines();
     let lines = lines.map(|line| line.expect("text"));
@@ -61,7 +66,7 @@ fn said(file: &std::path::Path) -> Vec<String> {
 fn a_container_that_was_cut_is_named() {
     let folder = folder();
     let whole = fixture("baked/tiny.rate.mipvog");
-    assert_eq!(said(&whole), Vec::<String>::new());
+    assert_eq!(said(&whole, &[]), Vec::<String>::new());
     let bytes = std::fs::read(&whole).expect("a container");
     let inspect = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"))
         .args(["inspect", "--format", "json"])
@@ -74,9 +79,9 @@ fn a_container_that_was_cut_is_named() {
     let cut = folder.path().join("cut.mipvog");
     std::fs::write(&cut, &bytes[..prefix]).expect("writable");
     let missing = format!("the finest 1 of {} levels are missing", levels.len());
-    assert_eq!(said(&cut), [format!("warning: the file ends early: {missing}")]);
+    assert_eq!(said(&cut, &[]), [format!("warning: the file ends early: {missing}")]);
     std::fs::write(&cut, &bytes[..prefix + 1]).expect("writable");
-    let lines = said(&cut);
+    let lines = said(&cut, &[]);
     assert!(lines[0].contains("the file ends within a level") && lines.len() == 1, "{lines:?}");
 }
 
@@ -242,4 +247,22 @@ fn a_binary_asset_is_served_as_it_is_and_other_files_are_refused() {
     // A port that is taken.
     let (code, message) = view(&asset, &["--port", &served.port.to_string()]);
     assert_eq!(code, Some(5), "{message}");
+}
+
+#[test]
+fn others_are_let_in_with_a_warning() {
+    let here = folder();
+    let path = here.path().join("scene.mipvog");
+    std::fs::copy(fixture("baked/tiny.rate.mipvog"), &path).expect("copied");
+    let warned = |options: &[&str]| {
+        said(&path, options).iter().any(|line| line.contains("without a password"))
+    };
+    assert!(warned(&["--host", "0.0.0.0"]));
+    assert!(!warned(&[]) && !warned(&["--host", "127.0.0.1"]));
+    let output = common::program()
+        .args(["view", "--no-open", "--host", "192.0.2.1"])
+        .arg(&path)
+        .output()
+        .expect("it runs");
+    assert_eq!(output.status.code(), Some(5), "an address of no machine");
 }

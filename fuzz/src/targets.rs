@@ -29,7 +29,7 @@ use mipvog_bake::unstable::view::render::Renderer;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All of them.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 17] = [
     ("zip", zip),
     ("pickle", pickle),
     ("npy", npy),
@@ -38,6 +38,7 @@ pub const TARGETS: [Target; 16] = [
     ("models", models),
     ("snapshot", snapshot),
     ("snerg", snerg),
+    ("merf", merf),
     ("vdb", vdb),
     ("container", container),
     ("render", render),
@@ -126,19 +127,30 @@ pub fn snapshot(bytes: &[u8]) {
 /// A file of a small SNeRG folder whose others are sound: the first byte is its number in
 /// [`snerg_files`]. Shown by the viewer's rules, and read as a bake reads it.
 pub fn snerg(bytes: &[u8]) {
+    changed_folder(bytes, &snerg_files());
+}
+
+/// The same of a small MERF folder, with [`merf_files`].
+pub fn merf(bytes: &[u8]) {
+    changed_folder(bytes, &merf_files());
+}
+
+/// A folder one of whose files has other bytes; the first file is the one to open.
+fn changed_folder(bytes: &[u8], files: &[(String, Vec<u8>)]) {
     let [number, bytes @ ..] = bytes else { return };
     let folder = std::env::temp_dir().join(format!("mipvog-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).ok();
-    let files = snerg_files();
     let changed = usize::from(*number) % files.len();
     for (at, (name, sound)) in files.iter().enumerate() {
         let content = if at == changed { bytes } else { &sound[..] };
         std::fs::write(folder.join(name), content).ok();
     }
-    if let Ok(file) = SourceFile::open(&folder.join(files[0].0)) {
+    if let Ok(file) = SourceFile::open(&folder.join(&files[0].0)) {
         let file = Arc::new(file);
         model(&file);
-        check_file(file, &CheckOptions::default(), &limits()).ok();
+        let mut options = CheckOptions::default();
+        options.source.drop_background = true;
+        check_file(file, &options, &limits()).ok();
     }
     std::fs::remove_dir_all(&folder).ok();
 }
@@ -148,31 +160,72 @@ pub fn vdb(bytes: &[u8]) {
     model(&file(bytes.to_vec()));
 }
 
-/// The files of a SNeRG folder of one block.
-pub fn snerg_files() -> Vec<(&'static str, Vec<u8>)> {
+/// The parameters of a folder's network.
+fn layers() -> String {
     let layer = |number: usize, inputs: usize, outputs: usize| {
         let row = format!("[{}]", vec!["0.25"; outputs].join(","));
         let rows = vec![row.as_str(); inputs].join(",");
         format!(r#","{number}_weights":[{rows}],"{number}_bias":{row}"#)
     };
-    let layers = [layer(0, 34, 16), layer(1, 16, 16), layer(2, 16, 3)].concat();
+    [layer(0, 34, 16), layer(1, 16, 16), layer(2, 16, 3)].concat()
+}
+
+/// A picture of red, green, blue and alpha.
+fn rgba([width, height]: [usize; 2], seed: usize) -> Vec<u8> {
+    let bytes: Vec<u8> = (0..4 * width * height).map(|at| ((at * seed) % 251) as u8).collect();
+    picture::png(width, height, &bytes).unwrap_or_default()
+}
+
+/// The files of a MERF folder with planes of 4 texels, and a sparse grid of 4 voxels in blocks of 1.
+pub fn merf_files() -> Vec<(String, Vec<u8>)> {
+    let text = format!(
+        r#"{{"triplane_resolution":4,"triplane_voxel_size":1,"sparse_grid_resolution":4,
+"sparse_grid_voxel_size":1,"data_block_size":1,"atlas_width":4,"atlas_height":4,"atlas_depth":2,
+"num_slices":2,"slice_depth":1,"range_features":[-7,7],"range_density":[-14,14]{}}}"#,
+        layers()
+    );
+    let indices: Vec<u8> = (0..64)
+        .flat_map(|at| [[at % 2, at / 2 % 2, 0], [255; 3]][usize::from(at % 5 == 4)])
+        .collect();
+    let mut files = vec![
+        ("scene_params.json".to_owned(), text.into_bytes()),
+        (
+            "sparse_grid_block_indices.png".to_owned(),
+            picture::png(4, 16, &indices).unwrap_or_default(),
+        ),
+    ];
+    for cell in [8, 16, 32, 64, 128] {
+        files.push((format!("occupancy_grid_{cell}.png"), rgba([1, 1], 3)));
+    }
+    for at in 0..3 {
+        files.push((format!("plane_rgb_and_density_{at}.png"), rgba([4, 4], 7 + at)));
+        files.push((format!("plane_features_{at}.png"), rgba([4, 4], 11 + at)));
+    }
+    for z in 0..2 {
+        files.push((format!("sparse_grid_rgb_and_density_{z:03}.png"), rgba([4, 4], 13 + z)));
+        files.push((format!("sparse_grid_features_{z:03}.png"), rgba([4, 4], 17 + z)));
+    }
+    files
+}
+
+/// The files of a SNeRG folder of one block.
+pub fn snerg_files() -> Vec<(String, Vec<u8>)> {
     let text = format!(
         r#"{{"voxel_size":0.1,"block_size":6,"grid_width":6,"grid_height":5,"grid_depth":4,
 "atlas_width":8,"atlas_height":8,"atlas_depth":8,"num_slices":2,"min_x":-1,"min_y":0,"min_z":1,
-"worldspace_T_opengl":[[-1,0,0,0],[0,0,1,0],[0,1,0,0],[0,0,0,1]],"ndc":false,"format":"png"{layers}}}"#
+"worldspace_T_opengl":[[-1,0,0,0],[0,0,1,0],[0,1,0,0],[0,0,0,1]],"ndc":false,"format":"png"{}}}"#,
+        layers()
     );
-    let slice = |seed: usize| {
-        let bytes: Vec<u8> = (0..8 * 32 * 4).map(|at| ((at * seed) % 251) as u8).collect();
-        picture::png(8, 32, &bytes).unwrap_or_default()
-    };
-    vec![
+    let slice = |seed: usize| rgba([8, 32], seed);
+    let files = [
         ("scene_params.json", text.into_bytes()),
         ("atlas_indices.png", picture::png(1, 1, &[0, 0, 0]).unwrap_or_default()),
         ("rgba_000.png", slice(7)),
         ("rgba_001.png", slice(11)),
         ("feature_000.png", slice(13)),
         ("feature_001.png", slice(17)),
-    ]
+    ];
+    files.map(|(name, bytes)| (name.to_owned(), bytes)).into()
 }
 
 /// A model that is shown by its own rules and read as a bake reads it.

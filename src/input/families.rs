@@ -5,7 +5,7 @@ use super::options::SourceOptions;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
-use super::{dvgo, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb};
+use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 
@@ -19,11 +19,12 @@ struct Reader {
 }
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held.
-const READERS: [Reader; 9] = [
+const READERS: [Reader; 10] = [
     Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
     Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
     Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
     Reader { family: Family::Dvgo, knows: dvgo::knows, open: dvgo::open_tensors },
+    Reader { family: Family::Merf, knows: merf::knows, open: merf::open_tensors },
     Reader { family: Family::Snerg, knows: snerg::knows, open: snerg::open_tensors },
     Reader { family: Family::Vdb, knows: vdb::knows, open: vdb::open_tensors },
     Reader { family: Family::InstantNgp, knows: ngp::knows_snapshot, open: ngp::open_snapshot },

@@ -65,6 +65,8 @@ pub enum Family {
     Tensorf,
     /// SNeRG's folders of assets.
     Snerg,
+    /// The core of MERF's folders of assets.
+    Merf,
     /// Instant-NGP's snapshots.
     InstantNgp,
     /// torch-ngp.
@@ -94,6 +96,7 @@ impl Family {
             Self::Sampled => "sampled",
             Self::Tensorf => "TensoRF",
             Self::Snerg => "SNeRG",
+            Self::Merf => "MERF",
             Self::InstantNgp => "Instant-NGP",
             Self::TorchNgp => "torch-ngp",
             Self::Vdb => "OpenVDB",

@@ -11,6 +11,7 @@ pub mod factored;
 pub mod factored_values;
 pub mod grids;
 pub mod harmonic_field;
+pub mod merf;
 pub mod models;
 pub mod msgpack;
 pub mod ngp;

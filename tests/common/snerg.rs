@@ -20,8 +20,41 @@ pub struct SmallSnerg {
     pub min: [f64; 3],
     pub voxel_size: f64,
     pub texels: Vec<[u8; 8]>,
-    /// `[inputs][outputs]`, and biases.
-    pub layers: Vec<(Vec<Vec<f64>>, Vec<f64>)>,
+    pub layers: Layers,
+}
+
+/// Weights `[inputs][outputs]`, and biases, of each layer.
+pub type Layers = Vec<(Vec<Vec<f64>>, Vec<f64>)>;
+
+/// Random layers of a folder's network.
+pub fn layers() -> Layers {
+    let mut random = Random::new(77);
+    let mut layer = |inputs: usize, outputs: usize| {
+        let mut number = || f64::from(random.between(-0.6, 0.6));
+        let weights = (0..inputs).map(|_| (0..outputs).map(|_| number()).collect()).collect();
+        (weights, (0..outputs).map(|_| number()).collect())
+    };
+    vec![layer(34, 16), layer(16, 16), layer(16, 3)]
+}
+
+/// The network, with waves of the direction in the folder's order.
+pub fn network(layers: &Layers, direction: [f64; 3], values: &[f64]) -> [f64; 3] {
+    let mut inputs = direction.to_vec();
+    for wave in [f64::sin, f64::cos] {
+        for octave in [1.0, 2.0, 4.0, 8.0] {
+            inputs.extend(direction.map(|value| wave(octave * value)));
+        }
+    }
+    inputs.extend(values.iter().map(|v| if v.abs() < 0.1 / 255.0 { 0.0 } else { *v }));
+    for (number, (weights, bias)) in layers.iter().enumerate() {
+        let sum = |output: usize| {
+            let terms = inputs.iter().zip(weights).map(|(value, row)| value * row[output]);
+            terms.sum::<f64>() + bias[output]
+        };
+        let activate = |v: f64| if number == 2 { 1.0 / (1.0 + (-v).exp()) } else { v.max(0.0) };
+        inputs = (0..bias.len()).map(|output| activate(sum(output))).collect();
+    }
+    [inputs[0], inputs[1], inputs[2]]
 }
 
 /// A ball with a soft surface and smooth colours.
@@ -51,14 +84,7 @@ pub fn small_snerg() -> SmallSnerg {
             }
         }
     }
-    let mut random = Random::new(77);
-    let mut layer = |inputs: usize, outputs: usize| {
-        let mut number = || f64::from(random.between(-0.6, 0.6));
-        let weights = (0..inputs).map(|_| (0..outputs).map(|_| number()).collect()).collect();
-        (weights, (0..outputs).map(|_| number()).collect())
-    };
-    let layers = vec![layer(34, 16), layer(16, 16), layer(16, 3)];
-    SmallSnerg { grid, min: [-0.7, 0.2, -0.4], voxel_size: 0.11, texels, layers }
+    SmallSnerg { grid, min: [-0.7, 0.2, -0.4], voxel_size: 0.11, texels, layers: layers() }
 }
 
 impl SmallSnerg {
@@ -159,26 +185,6 @@ impl SmallSnerg {
         sums
     }
 
-    /// The network, with waves of the direction in the folder's order.
-    fn network(&self, direction: [f64; 3], values: &[f64]) -> [f64; 3] {
-        let mut inputs = direction.to_vec();
-        for wave in [f64::sin, f64::cos] {
-            for octave in [1.0, 2.0, 4.0, 8.0] {
-                inputs.extend(direction.map(|value| wave(octave * value)));
-            }
-        }
-        inputs.extend(values.iter().map(|v| if v.abs() < 0.1 / 255.0 { 0.0 } else { *v }));
-        for (number, (weights, bias)) in self.layers.iter().enumerate() {
-            let sum = |output: usize| {
-                let terms = inputs.iter().zip(weights).map(|(value, row)| value * row[output]);
-                terms.sum::<f64>() + bias[output]
-            };
-            let activate = |v: f64| if number == 2 { 1.0 / (1.0 + (-v).exp()) } else { v.max(0.0) };
-            inputs = (0..bias.len()).map(|output| activate(sum(output))).collect();
-        }
-        [inputs[0], inputs[1], inputs[2]]
-    }
-
     /// Colour over white and transmittance of a ray of the world, as the viewer computes them.
     pub fn ray(&self, origin: [f64; 3], direction: [f64; 3]) -> ([f64; 3], f64) {
         let gl = |v: [f64; 3]| [-v[0], v[2], v[1]];
@@ -228,7 +234,7 @@ impl SmallSnerg {
         (0..3).for_each(|channel| sums[channel] += visible);
         let mut color = [sums[0], sums[1], sums[2]];
         if visible <= 254.0 / 255.0 {
-            let added = self.network(direction, &sums);
+            let added = network(&self.layers, direction, &sums);
             (0..3).for_each(|channel| color[channel] += added[channel]);
         }
         (color, visible)

@@ -12,7 +12,7 @@ import type {} from "../page/viewer.js";
 /** The repository; tests run in `viewer/`. */
 export const ROOT = join(process.cwd(), "..");
 const DIST = join(process.cwd(), "dist");
-const TYPES: Record<string, string> = { html: "text/html", js: "text/javascript", css: "text/css" };
+const TYPES: Record<string, string> = { html: "text/html", js: "text/javascript", css: "text/css", png: "image/png" };
 
 /** The program, built before: `MIPVOG_BAKE`, or cargo's debug build. */
 export function program(...parameters: string[]): string {
@@ -32,17 +32,21 @@ export function temporaryFolder(): { path: string; remove(): void } {
   return { path, remove: () => rmSync(path, { recursive: true, force: true }) };
 }
 
-/** A server of the page and of files, which counts the files' bytes. */
+/** A server of a folder with the page, and of files, which counts the files' bytes. */
 export class CountingServer {
   /** Bytes of files that were sent. */
   sent = 0;
   /** Whether ranges are answered; else the whole file is. */
   ranges = true;
+  /** Headers of every answer. */
+  headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
   gate = Infinity;
   private readonly waiting: { to: number; go: () => void }[] = [];
   private readonly files = new Map<string, Buffer>();
   private readonly server = createServer((request, response) => this.answer(request, response));
+
+  constructor(private readonly folder = DIST) {}
 
   async start(): Promise<void> {
     await new Promise<void>((ready) => this.server.listen(0, "127.0.0.1", ready));
@@ -82,9 +86,10 @@ export class CountingServer {
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const path = new URL(request.url ?? "/", this.origin).pathname;
     const bytes = this.files.get(path);
+    for (const [name, value] of Object.entries(this.headers)) response.setHeader(name, value);
     if (!bytes) {
       const name = path === "/" ? "index.html" : path.slice(1);
-      const file = join(DIST, name);
+      const file = join(this.folder, name);
       if (!/^\w+\.\w+$/.test(name) || !existsSync(file) || !statSync(file).isFile()) {
         response.writeHead(404).end();
         return;

@@ -14,8 +14,8 @@ from .manifest import Scene
 
 # Inputs of fewer bytes are baked without a forecast: it would take as long as the bake.
 _FORECAST_FROM = 16 << 20
-# Settings of a scene that the program finds beside an input.
-_BESIDE = ("scene.toml", "scene.json", "args.json")
+# What the program finds beside an input: settings of the scene, and the coarse checkpoint.
+_BESIDE = ("scene.toml", "scene.json", "args.json", "coarse_last.tar")
 # Options that name files to read.
 _INPUTS = ("cameras", "coarse", "fit_cameras")
 # Options that name files to write.

@@ -20,6 +20,10 @@ pub(super) struct Common {
     /// be given again. An unknown name lists all
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(String, u64)>,
+    /// Fetch inputs that are https:// addresses, by ranges; nothing is fetched otherwise
+    #[cfg(feature = "network")]
+    #[arg(long, global = true)]
+    pub(super) allow_network: bool,
     /// Print no report, no progress and no warnings
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,

@@ -85,6 +85,10 @@ pub fn main() -> ExitCode {
     };
     let common = &cli.common;
     interrupt::watch();
+    #[cfg(feature = "network")]
+    if common.allow_network {
+        crate::base::bytes::allow_network();
+    }
     let names = FileNames::of(&matches);
     let outcome = names
         .check()

@@ -1,5 +1,6 @@
 //! `view`.
 
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,13 +18,13 @@ use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::companions;
 
-/// Show a container or an asset in the browser: serves the viewer and the file on the loopback
-/// address
+/// Show a container or an asset in the browser: serves the viewer and the file to this machine
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   mipvog-bake view scene.mipvog
   mipvog-bake view scene.glb --port 8080 --no-open
+  mipvog-bake view scene.mipvog --host 0.0.0.0
 
 Ctrl-C ends it.")]
 pub struct Arguments {
@@ -32,6 +33,10 @@ pub struct Arguments {
     /// The port to listen on; 0 takes a free one
     #[arg(long, value_name = "PORT", default_value_t = 0)]
     port: u16,
+    /// The address to listen on, such as 0.0.0.0 for all of this machine's: others in the network
+    /// then see the file
+    #[arg(long, value_name = "ADDRESS", default_value_t = Ipv4Addr::LOCALHOST.into())]
+    host: IpAddr,
     /// Do not open the browser
     #[arg(long)]
     no_open: bool,
@@ -53,7 +58,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let input_bytes = file.length();
     let site = Site::new(file)?;
     let kind = site.kind();
-    let server = Server::bind(arguments.port, site)?;
+    let server = Server::bind(arguments.host, arguments.port, site)?;
     let url = server.url();
     let report = Report {
         input: arguments.file.to_string_lossy().into_owned(),
@@ -65,6 +70,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     match kind {
         Kind::Asset => warn_of_companions(&arguments.file, common),
         Kind::Container => warn_of_levels(&path, common),
+    }
+    if !arguments.host.is_loopback() {
+        let message = "anybody who reaches this machine can read the file, without a password and \
+                       without encryption";
+        warn(message, common);
     }
     // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
     let outcome = Outcome::new("view", &report, format!("{url}\n"))?;

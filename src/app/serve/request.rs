@@ -1,7 +1,7 @@
 //! The head of an HTTP/1.1 request, read strictly and within limits.
 
 use std::io::Read;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 /// Bytes of a request's head, at most.
 const MAX_BYTES: usize = 16 << 10;
@@ -153,11 +153,19 @@ fn closes(value: &str) -> bool {
     value.split(',').any(|option| option.trim().eq_ignore_ascii_case("close"))
 }
 
+/// True for a name of this machine. A page elsewhere can make its own name point here, but not a
+/// number: so names other than `localhost` are refused, and numbers are taken where others are let
+/// in.
 fn is_here(host: &str, address: SocketAddr) -> bool {
     let port = format!(":{}", address.port());
     // Browsers leave out the port of the scheme.
     let name = host.strip_suffix(&port).or_else(|| (address.port() == 80).then_some(host));
-    name.is_some_and(|name| name == "127.0.0.1" || name.eq_ignore_ascii_case("localhost"))
+    name.is_some_and(|name| {
+        let number = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+        let number = number.unwrap_or(name).parse::<IpAddr>();
+        name.eq_ignore_ascii_case("localhost")
+            || number.is_ok_and(|number| number == address.ip() || !address.ip().is_loopback())
+    })
 }
 
 #[cfg(test)]
@@ -222,6 +230,18 @@ mod tests {
         ] {
             assert_eq!(at(port, host), here, "{host} at {port}");
         }
+        let at = |host: &str| is_here(host, ([0, 0, 0, 0], 8080).into());
+        for (host, here) in [
+            ("192.168.1.7:8080", true),
+            ("[fe80::1]:8080", true),
+            ("localhost:8080", true),
+            ("192.168.1.7:80", false),
+            ("colleague.example:8080", false),
+            ("192.168.1.7.evil.example:8080", false),
+        ] {
+            assert_eq!(at(host), here, "{host} where all are let in");
+        }
+        assert!(!is_here("192.168.1.7:8080", (HERE.0, 8080).into()));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Accepts connections and answers them, a thread each.
 
 use std::io::Write;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,14 +33,14 @@ pub struct Server {
 }
 
 impl Server {
-    /// Binds `port` of the loopback address; 0 takes a free one.
+    /// Binds `port` of an address of this machine; 0 takes a free one.
     ///
     /// # Errors
-    /// The port is taken or not allowed.
-    pub fn bind(port: u16, site: Site) -> Result<Self> {
-        let place = || std::path::PathBuf::from(format!("127.0.0.1:{port}"));
+    /// The address is none of this machine's, or the port is taken or not allowed.
+    pub fn bind(host: IpAddr, port: u16, site: Site) -> Result<Self> {
+        let place = || std::path::PathBuf::from(SocketAddr::new(host, port).to_string());
         let io = |error| Error::io(error, &place());
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(io)?;
+        let listener = TcpListener::bind((host, port)).map_err(io)?;
         let address = listener.local_addr().map_err(io)?;
         Ok(Self { listener, address, site: Arc::new(site) })
     }
@@ -53,7 +53,11 @@ impl Server {
     /// The page's address with the file to open, and the name that people know it by.
     pub fn url(&self) -> String {
         let name = escaped(&self.site.file_name());
-        format!("http://{}/?file={}&name={name}", self.address, self.site.kind().name())
+        let mut address = self.address;
+        if address.ip().is_unspecified() {
+            address.set_ip(own_address(address.ip()));
+        }
+        format!("http://{address}/?file={}&name={name}", self.site.kind().name())
     }
 
     /// Answers for ever. A connection that breaks is its own affair.
@@ -81,6 +85,23 @@ impl Server {
             std::thread::Builder::new().spawn(work).ok();
         }
     }
+}
+
+/// The address by which others in the network reach this machine, if it has one; else its loopback
+/// address. Nothing is sent: the system only chooses where it would be sent from.
+fn own_address(any: IpAddr) -> IpAddr {
+    // Addresses for documentation, RFC 5737 and RFC 3849, which no machine has.
+    let (elsewhere, loopback): (SocketAddr, IpAddr) = match any {
+        IpAddr::V4(_) => (([192, 0, 2, 1], 9).into(), std::net::Ipv4Addr::LOCALHOST.into()),
+        IpAddr::V6(_) => {
+            (([0x2001, 0xdb8, 0, 0, 0, 0, 0, 1], 9).into(), std::net::Ipv6Addr::LOCALHOST.into())
+        }
+    };
+    let socket = UdpSocket::bind((any, 0)).and_then(|socket| {
+        socket.connect(elsewhere)?;
+        socket.local_addr()
+    });
+    socket.map_or(loopback, |own| own.ip())
 }
 
 /// A text as a value of a query, RFC 3986 section 2: all but unreserved letters as bytes in hex.

@@ -8,6 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::guard::Guard;
+#[cfg(feature = "network")]
+use super::remote::RemoteFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
 
@@ -27,6 +29,9 @@ enum Bytes {
     File { file: Arc<OpenFile>, start: u64 },
     /// That had to be decoded.
     Memory(Arc<[u8]>),
+    /// From byte `start` of a file at an address.
+    #[cfg(feature = "network")]
+    Remote { file: Arc<RemoteFile>, start: u64 },
 }
 
 #[derive(Debug)]
@@ -37,8 +42,15 @@ struct OpenFile {
 }
 
 impl SourceFile {
-    /// Opens a regular file.
+    /// Opens a regular file, or one at an address where that is [allowed](super::allow_network).
     pub fn open(path: &Path) -> Result<Self> {
+        #[cfg(feature = "network")]
+        if let Some(address) = super::remote::address(path) {
+            let file = Arc::new(RemoteFile::open(address)?);
+            let length = file.length();
+            let bytes = Bytes::Remote { file, start: 0 };
+            return Ok(Self::new(bytes, &super::remote::shown(address), length));
+        }
         let io = |error| Error::io(error, path);
         // This test comes before opening: the opening of a pipe waits for a writer.
         let found = std::fs::metadata(path).map_err(io)?;
@@ -82,6 +94,10 @@ impl SourceFile {
             Bytes::File { file, start } => {
                 Bytes::File { file: Arc::clone(file), start: start + range.start }
             }
+            #[cfg(feature = "network")]
+            Bytes::Remote { file, start } => {
+                Bytes::Remote { file: Arc::clone(file), start: start + range.start }
+            }
             Bytes::Memory(bytes) => {
                 let part = bytes.get(range.start as usize..range.end as usize);
                 Bytes::Memory(part.unwrap_or_default().into())
@@ -122,6 +138,12 @@ impl SourceFile {
         }
         let (file, start) = match &self.bytes {
             Bytes::File { file, start } => (file, start),
+            #[cfg(feature = "network")]
+            Bytes::Remote { file, start } => {
+                file.read_into(start + offset, out)?;
+                self.bytes_read.fetch_add(wanted, Ordering::Relaxed);
+                return Ok(());
+            }
             Bytes::Memory(bytes) => {
                 let from = offset as usize;
                 out.copy_from_slice(bytes.get(from..from + out.len()).unwrap_or_default());

@@ -2,11 +2,15 @@
 //! appear whole or not at all.
 
 mod digest;
+#[cfg(feature = "network")]
+mod fetch;
 mod file;
 mod guard;
 mod output;
 mod provisional;
 mod reader;
+#[cfg(feature = "network")]
+mod remote;
 mod sink;
 mod spill;
 mod stale;
@@ -19,6 +23,8 @@ pub use guard::{Guard, is_guarded};
 pub use output::Output;
 pub use provisional::Provisional;
 pub use reader::ByteReader;
+#[cfg(feature = "network")]
+pub use remote::{address, allow_network};
 pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
 pub use stale::remove as remove_stale;

@@ -29,7 +29,7 @@ impl Places {
         let place = Place::Entry(INDICES.to_owned());
         let total = limits::product(&counts.map(|count| count as u64), "blocks", &place)?;
         limits::check("blocks", total as u64, limits.blocks, &place)?;
-        let picture = pictures.read(INDICES, [x, y * z], limits)?;
+        let picture = pictures.folder.read(INDICES, [x, y * z], limits)?;
         let mut places = Vec::with_capacity(total);
         for &[i, j, k, _] in picture.bytes.as_chunks::<4>().0 {
             if i == EMPTY {
@@ -102,9 +102,9 @@ impl Atlas {
             budget.spend(decoded, "bytes of pictures", &place)?;
             let size = [width, PLANES * height];
             let (colors, features) = parallel::join(
-                || pictures.read(&rgba_name(slice), size, limits),
+                || pictures.folder.read(&rgba_name(slice), size, limits),
                 || match pictures.features {
-                    true => pictures.read(&feature_name(slice), size, limits).map(Some),
+                    true => pictures.folder.read(&feature_name(slice), size, limits).map(Some),
                     false => Ok(None),
                 },
             );

@@ -21,11 +21,9 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod atlas;
-mod axes;
 mod block;
 mod files;
 mod model;
-mod network;
 mod open;
 mod parameters;
 mod values;

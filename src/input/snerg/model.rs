@@ -8,8 +8,9 @@ use super::parameters::Parameters;
 use super::values::Folder;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::input::folder::{added_light, crossing, whole};
 use crate::model::camera::Ray;
-use crate::model::snerg::{APRON, CLEAR, FAINT, NEARLY_ZERO, OPAQUE};
+use crate::model::snerg::{APRON, CLEAR, FAINT, OPAQUE};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::model::view_mlp::ViewMlp;
 
@@ -88,19 +89,6 @@ impl Snerg {
         number
     }
 
-    /// The colour that the network adds to accumulated values.
-    fn view(&self, direction: [f64; 3], color: [f64; 3], features: &[f64]) -> [f64; 3] {
-        let Some(network) = &self.network else { return [0.0; 3] };
-        #[expect(clippy::cast_possible_truncation, reason = "networks are float32")]
-        let narrow = |value: &f64| {
-            let value = *value as f32;
-            if value.abs() < NEARLY_ZERO { 0.0 } else { value }
-        };
-        let inputs: Vec<f32> = color.iter().chain(features).map(narrow).collect();
-        let [seen, ..] = network.colors(&[direction], &[&inputs]);
-        seen.map(f64::from)
-    }
-
     /// Values at a position of the world.
     fn at(&self, world: [f64; 3]) -> Option<Values> {
         let position = self.parameters.to_voxels(world);
@@ -158,7 +146,7 @@ impl TrainedModel for Snerg {
         let background = rules.background.map(f64::from);
         color.iter_mut().zip(background).for_each(|(sum, behind)| *sum += passes * behind);
         if passes <= CLEAR {
-            let added = self.view(world, color, &features);
+            let added = added_light(self.network.as_ref(), world, color, &features);
             color.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
         }
         let distance = distance + passes * rules.far.map_or(0.0, f64::from);
@@ -180,29 +168,10 @@ impl TrainedModel for Snerg {
         let (color, features) = ([red, green, blue].map(whole), features.map(whole));
         let seen = directions.iter().map(|&direction| {
             let mut seen = color;
-            let added = self.view(direction, color, &features);
+            let added = added_light(self.network.as_ref(), direction, color, &features);
             seen.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
             seen.map(|value| value as f32)
         });
         seen.collect()
     }
-}
-
-/// Entry of a ray into a box and its exit.
-fn crossing(origin: [f64; 3], direction: [f64; 3], [low, high]: [[f64; 3]; 2]) -> [f64; 2] {
-    let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
-    let axes = origin.into_iter().zip(direction).zip(low.into_iter().zip(high));
-    for ((from, by), (low, high)) in axes {
-        let by = if by == 0.0 { f64::MIN_POSITIVE } else { by };
-        let (a, b) = ((low - from) / by, (high - from) / by);
-        (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
-    }
-    [enters, leaves]
-}
-
-/// The whole part of a number from 0; anything else is 0.
-fn whole(number: f64) -> usize {
-    #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
-    let whole = number as usize;
-    whole
 }

@@ -1,28 +1,26 @@
 //! Opens a folder as a field, and as a model with its own rules.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::atlas::Places;
 use super::files::Pictures;
 use super::model::FolderModel;
-use super::network;
 use super::parameters::Parameters;
 use super::values::{ColorValues, DensityValues, Folder};
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, Family, Source};
+use crate::input::folder::{self, read_network};
+use crate::input::merf;
+use crate::input::options::SourceOptions;
+use crate::input::source::{Family, Source};
 use crate::input::tensor::{FileKind, TensorFile};
-use crate::model::field::{
-    Activation, ActivationOrder, ColorDomain, DensityFunction, Grid, March, RadianceField, Scene,
-};
-use crate::model::snerg::{FAINT, FEATURES};
+use crate::model::field::{ColorDomain, Grid, RadianceField};
+use crate::model::snerg::FEATURES;
 use crate::model::view_dependence::ViewDependence;
 
-/// True for the parameters of a folder. Those of SNeRG's successors are refused by name.
+/// True for the parameters of a folder, other than those of MERF.
 pub fn knows(file: &TensorFile) -> bool {
-    file.kind == FileKind::Folder
+    file.kind == FileKind::Folder && !merf::knows(file)
 }
 
 /// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
@@ -31,53 +29,16 @@ pub fn knows(file: &TensorFile) -> bool {
 /// `Unsupported` for scenes that are no box of cubes, `Malformed` where numbers and pictures do not
 /// fit each other, `Io` where a picture is missing.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
-        return Err(Error::usage(
-            "a SNeRG folder has its own network, once a ray: --view takes keep or none, --mlp \
-             auto or none",
-        ));
-    }
+    folder::refuse_other_views("SNeRG", options)?;
     let parameters = Parameters::read(file, limits)?;
-    let stored = network::read(file, &mut Budget::new(limits))?;
-    let folder = file.file.path().parent().unwrap_or(Path::new(""));
+    let stored = read_network(file, &mut Budget::new(limits))?;
+    let folder = folder::Folder::of(file.file.path());
     let (pictures, companions) = Pictures::find(folder, &parameters, stored.is_some())?;
     let places = Places::read(&pictures, &parameters, limits)?;
-    let dropped = options.view == ViewChoice::None || options.mlp == MlpChoice::None;
-    let network = stored.filter(|_| !dropped);
-    let mut assumptions = Vec::new();
-    if network.is_some() {
-        assumptions.push(Assumption {
-            key: "background",
-            value: "before the network".to_owned(),
-            message:
-                "SNeRG's viewer adds the background before the network runs, and does not run \
-                      it where a ray meets nothing; a container adds it after, to every ray: \
-                      half-transparent pixels of a bake differ, and a background that is not white \
-                      may be brightened; compare measures it"
-                    .to_owned(),
-        });
-    }
-    let (cells, grid_place) = (parameters.cells(), Place::Key("grid_width".to_owned()));
-    let stepsize = options.stepsize.unwrap_or(1.0);
-    let (order, function) = (ActivationOrder::Opacity, DensityFunction::Softplus);
-    #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
-    let march = March {
-        stepsize,
-        voxel_size: cells.voxel_size(),
-        near: 0.0,
-        far: None,
-        color_threshold: options.color_threshold.unwrap_or(0.0),
-        alpha_threshold: FAINT as f32,
-        sampled: Some(cells.faces()),
-        voxel: None,
-    };
-    let scene = Scene {
-        bounds: cells.bounds(&grid_place)?,
-        nodes: cells.nodes(),
-        activation: Activation { shift: 0.0, interval: stepsize, order, function },
-        march,
-        background: options.background.unwrap_or([1.0; 3]),
-    };
+    let network = stored.filter(|_| !folder::drops_network(options));
+    let assumptions = network.iter().map(|_| folder::assumption("SNeRG")).collect();
+    let place = Place::Key("grid_width".to_owned());
+    let scene = folder::scene(&parameters.cells(), options, &place)?;
     let folder = Arc::new(Folder::new(parameters, pictures, places, limits));
     let channels = if network.is_some() { 3 + FEATURES } else { 3 };
     let colors = ColorValues::new(Arc::clone(&folder), channels);

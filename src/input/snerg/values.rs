@@ -8,15 +8,13 @@ use super::files::Pictures;
 use super::parameters::Parameters;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::input::folder::raw_density;
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
-use crate::model::activate;
-use crate::model::field::{EMPTY_LOGIT, NodeValues};
+use crate::model::field::NodeValues;
 use crate::model::grid::Nodes;
 use crate::model::snerg::PLANES;
 
-/// The largest opacity: that which the last code of 8 bits may stand for, at least.
-const OPAQUE: f64 = 254.5 / 255.0;
 /// Logits of colours reach so far: 8 bits tell no more.
 const LARGEST_LOGIT: f64 = 7.0;
 /// Nodes of nothing beyond each face.
@@ -121,20 +119,9 @@ impl NodeValues for DensityValues {
     fn read(&self, _: usize, x: usize, _: &[u64], out: &mut [f32]) -> Result<u64> {
         let texels = self.0.plane(x)?;
         for (out, [_, _, _, opacity, ..]) in out.iter_mut().zip(texels) {
-            *out = raw_density(opacity);
+            *out = raw_density(f64::from(opacity) / 255.0);
         }
         Ok(0)
-    }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
-fn raw_density(opacity: u8) -> f32 {
-    match opacity {
-        0 => EMPTY_LOGIT,
-        code => {
-            let opacity = (f64::from(code) / 255.0).min(OPAQUE);
-            activate::raw_at_opacity(opacity, 0.0, 1.0) as f32
-        }
     }
 }
 

@@ -15,8 +15,9 @@ use crate::base::limits::{self, Limits};
 
 /// Longer texts describe no folder: pictures hold its values.
 const LONGEST: u64 = 4 << 20;
-/// Keys of texts that describe an atlas of pictures.
+/// Keys of texts that describe an atlas of pictures; those without an atlas describe planes.
 const KEYS: [&str; 2] = ["\"atlas_width\"", "\"num_slices\""];
+const PLANES: &str = "\"triplane_resolution\"";
 
 /// True for a JSON text that describes a folder of assets.
 ///
@@ -30,7 +31,7 @@ pub fn is_parameters(file: &SourceFile) -> Result<bool> {
     }
     let bytes = file.read(0, file.length(), LONGEST)?;
     let has = |key: &str| bytes.windows(key.len()).any(|window| window == key.as_bytes());
-    Ok(KEYS.into_iter().all(has))
+    Ok(has(PLANES) || KEYS.into_iter().all(has))
 }
 
 /// Opens such a text.

@@ -35,8 +35,8 @@ pub struct Arguments {
     // First: the others take their values out of the matches.
     #[command(flatten)]
     pub given: Given,
-    /// A Mip-VoG or DirectVoxGO checkpoint, a .safetensors or .npz file of the same names, a
-    /// container (unpacked or not), or a glTF asset with one; - is the standard input
+    /// A trained model of any known system (a file, or a folder of SNeRG or MERF), a container
+    /// (unpacked or not), or a glTF asset with one; - is the standard input
     #[arg(requires = "output", default_value = ".", hide_default_value = true)]
     pub input: PathBuf,
     /// The container to write; - is the standard output. With --manifest the folder of outputs

@@ -1,9 +1,9 @@
-//! The network of a folder.
+//! The network of a folder, which runs once a ray.
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::{TensorFile, Value};
-use crate::model::snerg::{FEATURES, OCTAVES, folder_input};
+use crate::model::snerg::{FEATURES, NEARLY_ZERO, OCTAVES, folder_input};
 use crate::model::view_mlp::{Layer, ViewMlp};
 
 /// Layers.
@@ -12,7 +12,10 @@ const LAYERS: usize = 3;
 const WIDEST: u64 = 64;
 
 /// The network, with its inputs in this program's order; none for a folder of diffuse colours.
-pub(super) fn read(file: &TensorFile, budget: &mut Budget) -> Result<Option<ViewMlp>> {
+///
+/// # Errors
+/// `Malformed` for layers that do not fit each other, and for weights that are no finite numbers.
+pub fn read_network(file: &TensorFile, budget: &mut Budget) -> Result<Option<ViewMlp>> {
     if file.root.get("0_bias").is_none_or(Value::is_none) {
         return Ok(None);
     }
@@ -22,6 +25,13 @@ pub(super) fn read(file: &TensorFile, budget: &mut Budget) -> Result<Option<View
     }
     let place = Place::Key("0_weights".to_owned());
     ViewMlp::new(layers, OCTAVES, FEATURES, &place).map(Some)
+}
+
+/// A value as the network takes it: what is nearly nothing is nothing.
+pub(super) fn narrow(value: f64) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "networks are float32")]
+    let value = value as f32;
+    if value.abs() < NEARLY_ZERO { 0.0 } else { value }
 }
 
 fn layer(file: &TensorFile, number: usize, budget: &mut Budget) -> Result<Layer> {

@@ -1,19 +1,37 @@
 //! The world's axes and those of a folder.
 
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
-use crate::input::tensor::Tensor;
+use crate::input::tensor::{Tensor, TensorFile, Value};
+
+/// The key of the matrix that turns the folder to the world.
+const MATRIX: &str = "worldspace_T_opengl";
 
 /// For each axis of the world the folder's axis, and the sign of its direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axes([(usize, f64); 3]);
+pub struct Axes([(usize, f64); 3]);
 
 impl Axes {
+    /// Those that a folder states, else the usual ones.
+    ///
+    /// # Errors
+    /// Those of [`Self::of`], and `Malformed` for anything but a matrix.
+    pub fn stated(file: &TensorFile, budget: &mut Budget) -> Result<Self> {
+        match file.root.get(MATRIX) {
+            None | Some(Value::None) => Ok(Self::default()),
+            Some(Value::Tensor(matrix)) => Self::of(matrix, budget),
+            Some(other) => {
+                let place = Place::Key(MATRIX.to_owned());
+                Err(Error::malformed(place, other.describe(), "a matrix [4, 4]"))
+            }
+        }
+    }
+
     /// Of a matrix that turns directions of the folder to the world's.
     ///
     /// # Errors
     /// `Unsupported` unless it swaps and flips axes alone.
-    pub(super) fn of(matrix: &Tensor, budget: &mut Budget) -> Result<Self> {
+    fn of(matrix: &Tensor, budget: &mut Budget) -> Result<Self> {
         let refuse = || {
             let expected = "a matrix [4, 4] that swaps and flips axes";
             Error::unsupported(matrix.place(), "another one", expected)
@@ -41,22 +59,22 @@ impl Axes {
     }
 
     /// The folder's axis that runs along an axis of the world, and true if it runs against it.
-    pub(super) fn of_world(&self, axis: usize) -> (usize, bool) {
+    pub fn of_world(&self, axis: usize) -> (usize, bool) {
         self.0.get(axis).map_or((0, false), |&(of, sign)| (of, sign < 0.0))
     }
 
     /// Sizes along the world's axes.
-    pub(super) fn sizes(&self, own: [usize; 3]) -> [usize; 3] {
+    pub fn sizes(&self, own: [usize; 3]) -> [usize; 3] {
         self.0.map(|(axis, _)| own.get(axis).copied().unwrap_or(0))
     }
 
     /// A direction or position of the folder in the world.
-    pub(super) fn to_world(self, own: [f64; 3]) -> [f64; 3] {
+    pub fn to_world(self, own: [f64; 3]) -> [f64; 3] {
         self.0.map(|(axis, sign)| sign * own.get(axis).copied().unwrap_or(0.0))
     }
 
     /// A direction or position of the world in the folder.
-    pub(super) fn within(self, world: [f64; 3]) -> [f64; 3] {
+    pub fn within(self, world: [f64; 3]) -> [f64; 3] {
         let mut own = [0.0; 3];
         for ((axis, sign), value) in self.0.into_iter().zip(world) {
             if let Some(own) = own.get_mut(axis) {

@@ -1,0 +1,204 @@
+//! Files at addresses, read by ranges.
+//!
+//! Nothing is fetched unless [`allow_network`] was called: a name on a command line, or within a
+//! file, asks nobody for anything by itself. `https` alone is read; `http` where it stays on this
+//! machine.
+//!
+//! A server is asked for blocks of [`BLOCK`] bytes. Reads that go on where others ended get more at
+//! once, up to [`LARGEST_AHEAD`] blocks. So the directory of a checkpoint costs two requests, and a
+//! large tensor few. What was read last stays in memory. A failed request is tried again; a file
+//! that changes while it is read is an error.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::fetch::{Answer, fetch};
+use crate::base::error::{Error, Result};
+
+/// Bytes of a block.
+const BLOCK: u64 = 128 << 10;
+/// Blocks that one request asks for beyond those that are needed.
+const LARGEST_AHEAD: u64 = 32;
+/// Blocks that stay in memory.
+const KEPT: usize = 512;
+/// Reads that may go on elsewhere at the same time: a channel of a grid each.
+const STREAMS: usize = 32;
+
+static ALLOWED: AtomicBool = AtomicBool::new(false);
+
+/// Lets this process fetch inputs that are addresses.
+pub fn allow_network() {
+    ALLOWED.store(true, Ordering::Relaxed);
+}
+
+/// The address that a path is, if it is one.
+pub fn address(path: &Path) -> Option<&str> {
+    path.to_str().filter(|text| text.starts_with("https://") || text.starts_with("http://"))
+}
+
+/// An address as messages and reports show it: without a password, and without a query, which may
+/// be one.
+pub fn shown(address: &str) -> PathBuf {
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    let (scheme, rest) = address.split_once("://").unwrap_or(("", address));
+    let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
+    let host = host.rsplit('@').next().unwrap_or_default();
+    PathBuf::from(format!("{scheme}://{host}{path}"))
+}
+
+/// A file of a server.
+#[derive(Debug)]
+pub struct RemoteFile {
+    address: String,
+    length: u64,
+    /// What the server calls this version of the file.
+    version: Option<String>,
+    blocks: Mutex<Blocks>,
+}
+
+#[derive(Debug, Default)]
+struct Blocks {
+    /// By number, with the time of the last use.
+    kept: BTreeMap<u64, (u64, Arc<[u8]>)>,
+    clock: u64,
+    /// The next block of reads that may go on, and the blocks that were read ahead.
+    streams: Vec<(u64, u64)>,
+}
+
+impl Blocks {
+    fn get(&mut self, number: u64) -> Option<Arc<[u8]>> {
+        self.clock += 1;
+        let (used, block) = self.kept.get_mut(&number)?;
+        *used = self.clock;
+        Some(Arc::clone(block))
+    }
+
+    fn keep(&mut self, number: u64, block: &[u8]) {
+        self.clock += 1;
+        self.kept.insert(number, (self.clock, block.into()));
+        if self.kept.len() > KEPT {
+            let oldest = self.kept.iter().min_by_key(|(_, (used, _))| *used);
+            if let Some(oldest) = oldest.map(|(number, _)| *number) {
+                self.kept.remove(&oldest);
+            }
+        }
+    }
+
+    /// Blocks to read beyond the missing ones.
+    fn ahead(&mut self, missing: &Range<u64>) -> u64 {
+        let known = self.streams.iter().position(|(next, _)| *next == missing.start);
+        let ahead = match known.map(|at| self.streams.remove(at)) {
+            Some((_, ahead)) => (2 * ahead).clamp(1, LARGEST_AHEAD),
+            None => 0,
+        };
+        if self.streams.len() == STREAMS {
+            self.streams.remove(0);
+        }
+        self.streams.push((missing.end + ahead, ahead));
+        ahead
+    }
+}
+
+impl RemoteFile {
+    /// Asks the server for the start of the file.
+    ///
+    /// # Errors
+    /// `Usage` unless fetching is allowed, `Io` where the server does not answer with the file.
+    pub fn open(address: &str) -> Result<Self> {
+        if !ALLOWED.load(Ordering::Relaxed) {
+            let message = "the input is an address, and nothing is fetched unasked: pass \
+                           --allow-network";
+            return Err(Error::usage(message).in_file(&shown(address)));
+        }
+        let Answer { start, bytes, length, version } = fetch(address, 0..BLOCK)?;
+        let mut blocks = Blocks::default();
+        if start == 0 {
+            bytes.chunks(BLOCK as usize).zip(0..).for_each(|(block, at)| blocks.keep(at, block));
+        }
+        let address = address.to_owned();
+        Ok(Self { address, length, version, blocks: Mutex::new(blocks) })
+    }
+
+    /// Its length in bytes.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Fills `out` from `offset`, which must lie within the file.
+    ///
+    /// # Errors
+    /// `Io` where the server fails for good, or the file changed.
+    pub fn read_into(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        let end = offset + out.len() as u64;
+        let (mut at, mut out) = (offset, out);
+        while at < end {
+            let block = self.block(at / BLOCK, end)?;
+            let from = (at % BLOCK) as usize;
+            let part = block.get(from..).unwrap_or_default();
+            let count = part.len().min(out.len());
+            if count == 0 {
+                return Err(self.changed());
+            }
+            let (now, later) = out.split_at_mut(count);
+            now.copy_from_slice(part.get(..count).unwrap_or_default());
+            (at, out) = (at + count as u64, later);
+        }
+        Ok(())
+    }
+
+    /// A block; those up to byte `end` that are missing come with it.
+    fn block(&self, number: u64, end: u64) -> Result<Arc<[u8]>> {
+        // Others wait: they may want the same blocks.
+        let mut blocks = self.blocks.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(block) = blocks.get(number) {
+            return Ok(block);
+        }
+        let last = end.div_ceil(BLOCK).min(number + LARGEST_AHEAD).max(number + 1);
+        let next = (number + 1..last).find(|next| blocks.kept.contains_key(next));
+        let missing = number..next.unwrap_or(last);
+        let to = missing.end + blocks.ahead(&missing);
+        let bytes = number * BLOCK..self.length.min(to * BLOCK);
+        let answer = fetch(&self.address, bytes.clone())?;
+        let whole = answer.start == bytes.start
+            && answer.bytes.len() as u64 == bytes.end - bytes.start
+            && answer.length == self.length
+            && answer.version == self.version;
+        if !whole {
+            return Err(self.changed());
+        }
+        let pieces = answer.bytes.chunks(BLOCK as usize).zip(number..);
+        pieces.for_each(|(block, at)| blocks.keep(at, block));
+        blocks.get(number).ok_or_else(|| self.changed())
+    }
+
+    fn changed(&self) -> Error {
+        let message = "the file changed while it was read: begin again";
+        let error = std::io::Error::new(std::io::ErrorKind::InvalidData, message);
+        Error::io(error, &shown(&self.address))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_shown_without_secrets() {
+        let shown = |address| shown(address).to_string_lossy().into_owned();
+        assert_eq!(shown("https://me:word@host/a/b.tar?sign=1#x"), "https://host/a/b.tar");
+        assert_eq!(shown("https://host"), "https://host");
+        assert_eq!(address(Path::new("http://host/a")), Some("http://host/a"));
+        assert_eq!(address(Path::new("https:/host/a")), None);
+    }
+
+    #[test]
+    fn reads_that_go_on_get_more_at_once() {
+        let mut blocks = Blocks::default();
+        assert_eq!((blocks.ahead(&(0..1)), blocks.ahead(&(7..8))), (0, 0));
+        assert_eq!((blocks.ahead(&(1..2)), blocks.ahead(&(8..9))), (1, 1));
+        assert_eq!((blocks.ahead(&(3..4)), blocks.ahead(&(5..6))), (2, 0));
+    }
+}

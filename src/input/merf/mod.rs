@@ -1,0 +1,31 @@
+//! MERF's folders of assets, as its exporter writes them, and as its first demonstration had them.
+//!
+//! A value is the sum of a sparse grid and of three planes, each interpolated by itself. The sums
+//! are logits of a colour and of four features, and `1 + ln` of a density. They span contracted
+//! space, from -2 to 2 along each axis; its core, from -1 to 1, is the world itself. What lies
+//! beyond has no straight rays, and no box. So only the core is taken, and only with
+//! `--drop-background`.
+//!
+//! **Its own rules** are those of its viewer, within the core: samples one voxel apart from where
+//! the ray enters, five grids of occupancy that skip empty cells and half a step, and nothing where
+//! the sparse grid has no block. The background is added before the network runs, once a ray.
+//!
+//! **The field** has a node in the middle of each voxel of the finer of both grids, and the next one
+//! beyond each face. Colours and features are sums of logits, as they are. Densities become those
+//! of a softplus, which is the viewer's exponential while little light is lost in a voxel, and
+//! differs from it between nodes of much matter. Nodes more than a voxel away from occupied space
+//! are empty.
+
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
+
+mod atlas;
+mod model;
+mod occupancy;
+mod open;
+mod parameters;
+mod planes;
+mod sums;
+mod texel;
+mod values;
+
+pub use open::{knows, open_tensors};
