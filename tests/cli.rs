@@ -592,7 +592,6 @@ fn no_option_of_a_bake_is_ignored() {
     refuse(&["--nonfinite", "empty"]);
     refuse(&["--fit-steps", "3"]);
     refuse(&["--fit-seconds", "3"]);
-    refuse(&["--if-changed"]);
     refuse(&["--stepsize", "0.25"]);
     refuse(&["--mlp", "none"]);
     refuse(&["--coarse", "a.safetensors"]);

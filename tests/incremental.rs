@@ -103,3 +103,24 @@ fn dependency_files_name_what_was_read() {
         assert!(inputs[0].ends_with("fine_last.tar") && inputs.contains(&&*cameras), "{rule}");
     }
 }
+
+#[test]
+fn a_container_packed_again_with_the_same_bytes_is_no_change() {
+    let folder = folder();
+    let here = folder.path();
+    let baked = fixture("baked/tiny.rate.mipvog").display().to_string();
+    let pack = |bits: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+        command.current_dir(here).args(["bake", &baked, "--bits", bits, "-o", "again.mipvog"]);
+        command.args(["--if-changed", "--format", "json", "--quiet"]);
+        unchanged(&command.output().expect("starts"))
+    };
+    let bytes = || std::fs::read(here.join("again.mipvog")).expect("a container");
+    assert!(!pack("7"));
+    let first = bytes();
+    assert!(pack("7"));
+    assert!(!pack("6"));
+    assert!(bytes() != first);
+    assert!(!pack("7"));
+    assert!(bytes() == first);
+}

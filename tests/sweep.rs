@@ -9,7 +9,7 @@ use std::time::SystemTime;
 
 use common::{Random, assert_schema, fixture, folder};
 use mipvog_bake::unstable::app::sweep::{
-    Grid, Point, Setting, SweepOptions, SweepReport, front, sweep,
+    Grid, Point, Setting, Share, SweepOptions, SweepReport, front, sweep,
 };
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
@@ -294,4 +294,41 @@ fn pictures_that_are_kept_are_made_once() {
     assert_eq!(renders(&mut kept), (3 * (2 + 1), first.1.clone()));
     assert_eq!(renders(&mut forgotten), first);
     assert_eq!(renders(&mut forgotten), first);
+}
+
+#[test]
+fn shards_share_a_sweep_and_a_merge_tells_of_all() {
+    let folder = folder();
+    let shared = folder.path().join("sweep");
+    let mut share = options(&[6, 7, 8]);
+    let shard = |text: &str| Share::Shard(text.parse().expect("a shard"));
+    share.share = shard("0/2");
+    let first = run(&shared, &share);
+    let names = |report: &SweepReport| -> Vec<String> {
+        report.settings.iter().map(|setting| setting.name.clone()).collect()
+    };
+    let all: Vec<String> = share.settings.iter().map(|setting| setting.name.clone()).collect();
+    assert_eq!(names(&first), [all[0].clone(), all[2].clone()]);
+    assert!(!shared.join("sweep.json").exists(), "a shard writes no report");
+
+    // A merge bakes nothing, and says what is missing.
+    share.share = Share::Merge;
+    let early = run(&shared, &share);
+    assert_eq!(resumed(&early), [true; 3]);
+    assert!(early.settings[1].failure.is_some() && early.settings[0].failure.is_none());
+    assert!(!shared.join(&early.settings[1].file).exists());
+
+    share.share = shard("1/2");
+    assert_eq!(names(&run(&shared, &share)), [all[1].clone()]);
+    share.share = Share::Merge;
+    let merged = run(&shared, &share);
+    assert_eq!(names(&merged), all);
+    assert!(merged.settings.iter().all(|setting| setting.failure.is_none()));
+    let report: serde_json::Value =
+        serde_json::from_str(&read(&shared.join("sweep.json"))).expect("a report");
+    assert_schema("sweep", &report);
+    for setting in &merged.settings {
+        assert_eq!(setting.errors.len(), 2);
+        assert!(shared.join(&setting.file).is_file());
+    }
 }

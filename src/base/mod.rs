@@ -1,5 +1,5 @@
 //! Tools that every program has: errors, limits, progress, threads, bytes, findings, pictures,
-//! colours.
+//! colours, parts of lists.
 
 pub mod bytes;
 pub mod error;
@@ -9,4 +9,5 @@ pub mod parallel;
 pub mod picture;
 mod place;
 pub mod progress;
+pub mod shard;
 pub mod srgb;

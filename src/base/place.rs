@@ -14,6 +14,8 @@ pub enum Place {
     Tensor(String),
     /// An entry of a zip archive.
     Entry(String),
+    /// A line of a text, counted from 1.
+    Line(u64),
     /// A value of a configuration, by its key.
     Key(String),
     /// A chunk of a container: its type, and its level if it has one.
@@ -50,6 +52,7 @@ impl fmt::Display for Place {
             Self::Offset(at) => write!(f, "byte {at}"),
             Self::Tensor(name) => write!(f, "tensor {name}"),
             Self::Entry(name) => write!(f, "zip entry {name}"),
+            Self::Line(number) => write!(f, "line {number}"),
             Self::Key(name) => write!(f, "key {name}"),
             Self::Chunk { kind, level } => {
                 write!(f, "chunk {}", kind.escape_ascii())?;

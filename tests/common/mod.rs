@@ -291,14 +291,19 @@ pub fn grid_values(grid: &Grid) -> Vec<f32> {
 /// Holds a report to the schema of its verb.
 pub fn assert_schema(verb: &str, report: &serde_json::Value) {
     assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
-    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{verb}.schema.json"));
+    assert_follows(verb, report);
+}
+
+/// Holds a document to a schema in `formats/`.
+pub fn assert_follows(name: &str, document: &serde_json::Value) {
+    let schema = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{name}.schema.json"));
     let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
     let validator = jsonschema::validator_for(&schema).expect("a valid schema");
     let errors: Vec<String> = validator
-        .iter_errors(report)
+        .iter_errors(document)
         .map(|error| format!("{}: {error}", error.instance_path()))
         .collect();
-    assert!(errors.is_empty(), "{verb}: {errors:?}");
+    assert!(errors.is_empty(), "{name}: {errors:?}");
 }
 
 /// Holds bytes to a golden file, or rewrites it where the environment variable BLESS is set.

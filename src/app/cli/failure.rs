@@ -62,6 +62,9 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         ErrorKind::Malformed { .. } if *error.place() == no_field() => {
             "put a container in with mipvog-bake attach, or name a container".into()
         }
+        ErrorKind::Malformed { .. } if matches!(error.place(), Place::Line(_)) => {
+            "correct this line".into()
+        }
         _ => error.remedy(),
     }
 }
@@ -97,6 +100,15 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
         _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
         _ => return None,
     })
+}
+
+/// Whether a run that ended with this exit code is worth another try.
+pub(super) fn retry(exit_code: u8) -> &'static str {
+    match exit_code {
+        5 | 130 | 143 => "yes",
+        6 | 137 => "with more memory",
+        _ => "no",
+    }
 }
 
 /// The exit code of an error.

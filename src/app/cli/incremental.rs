@@ -17,6 +17,9 @@ use crate::model::field::RadianceField;
 /// Bytes that the target of a rule has at most: longer paths are none.
 const LONGEST_TARGET: u64 = 8192;
 
+/// Bytes of two containers that are compared at once.
+const COMPARED: u64 = 1 << 20;
+
 /// Conditions of a bake, and outputs for build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
@@ -31,9 +34,25 @@ pub struct IncrementalArguments {
 }
 
 impl IncrementalArguments {
-    /// True if a current output is to be left as it is.
-    pub fn is_asked(&self) -> bool {
-        self.if_changed
+    /// True if only changes are asked for, and the container that is there has the bytes of the one
+    /// that was written.
+    ///
+    /// # Errors
+    /// Those of reading them.
+    pub fn is_same(&self, written: &Path, output: &Path) -> Result<bool> {
+        if !self.replaces(output) {
+            return Ok(false);
+        }
+        let files = [SourceFile::open(written)?, SourceFile::open(output)?];
+        let length = files[0].length();
+        let mut same = files[1].length() == length;
+        let mut at = 0;
+        while same && at < length {
+            let count = (length - at).min(COMPARED);
+            same = files[0].read(at, count, COMPARED)? == files[1].read(at, count, COMPARED)?;
+            at += count;
+        }
+        Ok(same)
     }
 
     /// True if an existing output may be replaced: a container may, if only changes are baked.

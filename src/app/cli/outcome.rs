@@ -33,11 +33,17 @@ impl Outcome {
         }
         Ok(Self { text, json: json.into(), sarif: None, failure: None })
     }
+
+    /// Of a verb that has printed all it has to tell.
+    pub(super) fn told(failure: Option<String>) -> Self {
+        Self { text: String::new(), json: serde_json::Value::Null, sarif: None, failure }
+    }
 }
 
 /// Prints a report to stdout, or to stderr where stdout holds an output file.
 pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Result<()> {
     let text = match common.format {
+        _ if outcome.json.is_null() => return Ok(()),
         Format::Text if common.quiet => return Ok(()),
         Format::Text => outcome.text.clone(),
         Format::Json | Format::Sarif => {

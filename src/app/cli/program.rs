@@ -4,27 +4,26 @@ use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{
-    ArgAction, ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand,
-};
+use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
 use super::failure::{exit_code, message, remedy};
 use super::inputs::guards;
+use super::manifest::{Many, OptionKind};
 use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, export, inspect, interrupt, probe, render, stdin,
-    sweep, transcode, unpack, validate, view,
+    attach, bake, compare, detach, document, export, inspect, interrupt, manifest, probe, render,
+    report, stdin, sweep, transcode, unpack, validate, view,
 };
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 
 /// Arguments that name files to write. Every other argument that names a file is an input.
-const OUTPUTS: [&str; 3] = ["output", "gltf", "depfile"];
+const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
 
 /// Bakes trained radiance fields into sparse, quantized, coarse-to-fine assets.
 #[derive(Debug, Parser)]
@@ -57,6 +56,7 @@ enum Verb {
     Compare(compare::Arguments),
     Probe(probe::Arguments),
     Sweep(Box<sweep::Arguments>),
+    Report(report::Arguments),
     Export(Box<export::Arguments>),
     Attach(attach::Arguments),
     Detach(detach::Arguments),
@@ -139,14 +139,9 @@ pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> 
 /// The long names of a verb's options, and whether one can be given again.
 pub fn option_names(verb: &str) -> Vec<(String, bool)> {
     let program = Cli::command();
-    let Some(verb) = program.find_subcommand(verb) else { return Vec::new() };
-    let own = verb.get_arguments().chain(program.get_arguments());
-    let named = own.filter_map(|argument| {
-        let again = matches!(argument.get_action(), ArgAction::Append)
-            && argument.get_value_delimiter().is_none();
-        Some((argument.get_long()?.to_owned(), again))
-    });
-    named.collect()
+    let Some(own) = program.find_subcommand(verb) else { return Vec::new() };
+    let kinds = own.get_arguments().chain(program.get_arguments()).filter_map(OptionKind::of);
+    kinds.map(|kind| (kind.name, kind.again)).collect()
 }
 
 fn outcome(cli: &Cli, names: &FileNames) -> Result<Option<Outcome>> {
@@ -176,7 +171,20 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
         return Err(Error::usage("--format sarif: only validate has findings"));
     }
     match verb {
-        Verb::Bake(arguments) => bake::run(arguments, common).map(Some),
+        Verb::Bake(arguments) => match &arguments.many.manifest {
+            None => bake::run(arguments, common).map(Some),
+            Some(manifest) => {
+                let scene = |words| bake_scene(words, common);
+                let many = Many {
+                    manifest,
+                    arguments: &arguments.many,
+                    given: &arguments.given,
+                    outputs: &arguments.output,
+                    force: arguments.force,
+                };
+                manifest::run(&many, &bake_options(), common, &scene).map(Some)
+            }
+        },
         Verb::Transcode(arguments) => transcode::run(arguments, common).map(Some),
         Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
         Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
@@ -184,6 +192,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
         Verb::Probe(arguments) => probe::run(arguments, common).map(Some),
+        Verb::Report(arguments) => report::run(arguments).map(Some),
         Verb::Sweep(arguments) => sweep::run(arguments, common).map(Some),
         Verb::Export(arguments) => export::run(arguments, common).map(Some),
         Verb::Attach(arguments) => attach::run(arguments, common).map(Some),
@@ -195,6 +204,30 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
         Verb::Man => document::man(&Cli::command()).map(|()| None),
         Verb::Version => document::version(&Cli::command()).map(|()| None),
     }
+}
+
+/// Bakes one scene of several, whose options are words of a command line.
+fn bake_scene(words: Vec<OsString>, common: &Common) -> Result<Outcome> {
+    let parsed = Cli::command().color(ColorChoice::Never).try_get_matches_from(words);
+    let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let (cli, matches) = parsed.map_err(|error| {
+        let text = error.to_string();
+        let reason = text.split("\n\n").next().unwrap_or_default();
+        Error::usage(reason.trim_start_matches("error: ").trim())
+    })?;
+    let names = FileNames::of(&matches);
+    names.check()?;
+    match &cli.verb {
+        Verb::Bake(arguments) => bake::run(arguments, common),
+        _ => Err(Error::usage("found another verb, expected bake")),
+    }
+}
+
+/// The options of `bake`.
+fn bake_options() -> Vec<OptionKind> {
+    let program = Cli::command();
+    let own = program.find_subcommand("bake").into_iter().flat_map(clap::Command::get_arguments);
+    own.filter_map(OptionKind::of).collect()
 }
 
 /// The files that the arguments name.

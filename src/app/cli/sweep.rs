@@ -13,12 +13,13 @@ use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use crate::app::sweep::{
-    Grid, SettingReport, SweepForecast, SweepOptions, SweepReport, forecast_sweep, sweep,
+    Grid, SettingReport, Share, SweepForecast, SweepOptions, SweepReport, forecast_sweep, sweep,
 };
 use crate::bake::{Filter, MaxErrors, Preset};
 use crate::base::bytes::remove_stale;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Step;
+use crate::base::shard::Shard;
 use crate::codec::quantize::Bits;
 use crate::codec::unpack::metadata_text;
 use crate::input;
@@ -35,7 +36,9 @@ use crate::input::tensor;
   mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
   mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8 -o sweep/
   mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8,10 -o sweep/ --dry-run")]
+  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8,10 -o sweep/ --dry-run
+  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8 --threads 2 --shard 0/2 -o sweep/
+  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8 --threads 2 --merge -o sweep/")]
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names
     input: PathBuf,
@@ -57,6 +60,13 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 3,
           value_parser = clap::value_parser!(u8).range(1..))]
     repeat: u8,
+    /// Bake part I of N parts of the settings, counted from 0, and write no report: machines that
+    /// share the folder share the sweep
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "dry_run"])]
+    shard: Option<Shard>,
+    /// Bake nothing: write the reports of the results that shards left in the folder
+    #[arg(long, conflicts_with = "dry_run")]
+    merge: bool,
     /// Overwrite files that no sweep wrote
     #[arg(long)]
     force: bool,
@@ -131,6 +141,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: checked_scales(&arguments.scales, &cameras)?,
         repeat: arguments.repeat.into(),
         overwrite: arguments.force,
+        share: arguments.share(),
         limits,
     };
     if arguments.dry_run {
@@ -155,6 +166,14 @@ fn failure(failed: usize, count: usize) -> Option<String> {
 }
 
 impl Arguments {
+    fn share(&self) -> Share {
+        match self.shard {
+            Some(shard) => Share::Shard(shard),
+            None if self.merge => Share::Merge,
+            None => Share::All,
+        }
+    }
+
     fn grid(&self) -> Grid {
         Grid {
             filters: self.filter.clone(),
@@ -193,10 +212,13 @@ impl Arguments {
             "dB: PSNR against the unbaked scene, mean over {frames} pictures of {across} x {down} \
              pixels, whole and averaged down; time: median of {} bakes with {} threads\n\
              * is on the front of size, + on that of time: no other setting is as good in both\n\
-             {resumed} of {all} settings were finished before; {} has the plots",
+             {resumed} of {all} settings were finished before; {}",
             report.repeat,
             report.threads,
-            self.output.join("sweep.html").display()
+            match self.shard {
+                None => format!("{} has the plots", self.output.join("sweep.html").display()),
+                Some(_) => "--merge writes the plots of all shards".to_owned(),
+            }
         )
         .ok();
         let smallest = report.settings.iter().filter(|s| s.fronts.iter().any(|f| f.bytes));

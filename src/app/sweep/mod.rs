@@ -11,6 +11,9 @@
 //! 4. **Tell**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
 //!    ([`csv`]) and `sweep.html` ([`page`]), written anew by every run.
 //!
+//! Machines that share a folder share a sweep ([`Share`]): each takes a shard of the settings and
+//! keeps its results, and one more run merges them into the reports.
+//!
 //! [`forecast_sweep`] tells the cost of all that and writes nothing.
 //!
 //! A setting that cannot be baked has a failure for a result, and the others go on. An operating
@@ -30,7 +33,7 @@ mod run;
 mod setting;
 
 pub use forecast::{SettingForecast, SweepForecast, forecast_sweep};
-pub use options::SweepOptions;
+pub use options::{Share, SweepOptions};
 pub use pareto::{Point, front};
 pub use record::RECORD_SCHEMA;
 pub use report::{Fronts, Measured, SCHEMA, SettingReport, SweepReport};

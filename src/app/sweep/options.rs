@@ -2,6 +2,18 @@
 
 use super::setting::{Grid, Setting};
 use crate::base::limits::Limits;
+use crate::base::shard::Shard;
+
+/// The share that a run has in a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Share {
+    /// All settings, and the reports.
+    All,
+    /// The settings of a shard, without the reports.
+    Shard(Shard),
+    /// The reports of what others have finished.
+    Merge,
+}
 
 /// Options of a sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +27,8 @@ pub struct SweepOptions {
     pub repeat: usize,
     /// True if files that no sweep wrote may be replaced. Default: false
     pub overwrite: bool,
+    /// The settings that this run has a share in. Default: all
+    pub share: Share,
     /// Bounds on files that are read back: containers, and results of former sweeps. Default: the
     /// usual ones
     pub limits: Limits,
@@ -28,6 +42,7 @@ impl Default for SweepOptions {
             scales: vec![1, 2, 4, 8],
             repeat: 3,
             overwrite: false,
+            share: Share::All,
             limits: Limits::default(),
         }
     }

@@ -86,8 +86,8 @@ pub fn finished(
 }
 
 /// Refuses to begin where a file that no sweep wrote is in the way of one that this would write.
-pub fn refuse_foreign(folder: &Path, settings: &[Setting], limits: &Limits) -> Result<()> {
-    let setting_files = |setting| {
+pub fn refuse_foreign(folder: &Path, settings: &[&Setting], limits: &Limits) -> Result<()> {
+    let setting_files = |&setting: &&Setting| {
         let record = record_path(folder, setting);
         (is_ours(&record, RECORD_SCHEMA, limits), vec![record, container_path(folder, setting)])
     };

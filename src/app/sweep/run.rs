@@ -4,9 +4,10 @@ use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use super::measure::{Bench, Steps};
-use super::options::SweepOptions;
+use super::options::{Share, SweepOptions};
 use super::record::{self, Basis, SettingRecord};
 use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
+use super::setting::Setting;
 use super::{csv, page};
 use crate::bake::Origin;
 use crate::base::bytes::Provisional;
@@ -37,11 +38,12 @@ pub fn sweep(
         ));
     }
     let basis = Basis::new(source, cameras, options)?;
+    let own: Vec<&Setting> = own_settings(options).collect();
     if !options.overwrite {
-        record::refuse_foreign(folder, &options.settings, &options.limits)?;
+        record::refuse_foreign(folder, &own, &options.limits)?;
     }
-    let results = results(source, cameras, options, folder, &basis, progress)?;
-    let settings = options.settings.iter().zip(results);
+    let results = results(source, cameras, options, &own, folder, &basis, progress)?;
+    let settings = own.into_iter().zip(results);
     let mut settings: Vec<SettingReport> = settings
         .map(|(setting, (resumed, result))| SettingReport::new(setting, resumed, result))
         .collect();
@@ -57,6 +59,9 @@ pub fn sweep(
         threads: parallel::threads(),
         settings,
     };
+    if let Share::Shard(_) = options.share {
+        return Ok(report);
+    }
     let text = serde_json::to_string_pretty(&report)
         .map_err(|error| Error::malformed(Place::File, error.to_string(), "finite numbers"))?;
     // First the one by which a later sweep knows all three.
@@ -66,25 +71,38 @@ pub fn sweep(
     Ok(report)
 }
 
+/// The settings that a run is to tell of.
+fn own_settings(options: &SweepOptions) -> impl Iterator<Item = &Setting> {
+    let numbered = (0..).zip(&options.settings);
+    let own = numbered.filter(|(number, _)| match options.share {
+        Share::Shard(shard) => shard.has(*number),
+        Share::All | Share::Merge => true,
+    });
+    own.map(|(_, setting)| setting)
+}
+
 /// Each setting's outcome, and whether it comes from a former sweep.
 fn results(
     source: &Source,
     cameras: &[Camera],
     options: &SweepOptions,
+    own: &[&Setting],
     folder: &Path,
     basis: &Basis,
     progress: &dyn Progress,
 ) -> Result<Vec<(bool, Outcome)>> {
-    let settings = options.settings.iter().map(|setting| (setting, basis.digest(setting)));
+    let settings = own.iter().map(|&setting| (setting, basis.digest(setting)));
     let settings = settings.map(|(setting, digest)| {
         let found = record::finished(folder, setting, &digest, &options.limits);
         (setting, digest, found)
     });
     let settings: Vec<_> = settings.collect();
     let missing = settings.iter().filter(|(_, _, found)| found.is_none()).count() as u64;
-    if missing == 0 {
-        let found = settings.into_iter().filter_map(|(_, _, found)| found);
-        return Ok(found.map(|result| (true, Ok(result))).collect());
+    if missing == 0 || options.share == Share::Merge {
+        let none =
+            || "no result of these settings, cameras and threads is in the folder".to_owned();
+        let found = settings.into_iter().map(|(_, _, found)| found.ok_or_else(none));
+        return Ok(found.map(|result| (true, result)).collect());
     }
     let reference = Renderer::of_source(source, None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;

@@ -78,7 +78,6 @@ fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
         ("--scene-scale, --view or another option of models", scene.reads_a_model()),
         ("--cameras or --turntable", arguments.gate.measures()?),
         ("--memory", stored.memory.is_some()),
-        ("--if-changed", arguments.incremental.is_asked()),
         ("--fill-error", stored.fill_error.is_some() && !anew),
         ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
         ("--fit-steps, --fit-seconds or --fit-cameras", arguments.fit.given() && !anew),

@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
 use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
 use super::super::incremental::IncrementalArguments;
+use super::super::manifest::{Given, ManifestArguments};
 use super::super::scene::SceneArguments;
 use super::super::stdin;
 use super::super::stored::StoredArguments;
@@ -22,18 +23,24 @@ use crate::input::tensor::{self, TensorFile};
 
 /// Bake a trained scene into a container, or a container into another one
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("source").required(true).args(["input", "manifest"])))]
 #[command(after_help = "\
 Examples:
   mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
   mipvog-bake bake fine_last.tar --preset web --gltf scene.glb -o scene.mipvog
   mipvog-bake bake fine_last.tar -o scene.mipvog --cameras transforms.json --require-psnr 40
-  mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run")]
+  mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run
+  mipvog-bake bake --manifest scenes.jsonl --shard 0/4 --if-changed -o out/")]
 pub struct Arguments {
+    // First: the others take their values out of the matches.
+    #[command(flatten)]
+    pub given: Given,
     /// A trained model of any known system (a file, or a folder of SNeRG or MERF), a container
     /// (unpacked or not), or a glTF asset with one; - is the standard input
+    #[arg(requires = "output", default_value = ".", hide_default_value = true)]
     pub input: PathBuf,
-    /// The container to write; - is the standard output
-    #[arg(short, long, value_name = "OUT.mipvog")]
+    /// The container to write; - is the standard output. With --manifest the folder of outputs
+    #[arg(short, long, value_name = "OUT.mipvog", default_value = ".", hide_default_value = true)]
     pub output: PathBuf,
     /// Forecast time, memory and bytes from a part of the scene, and write nothing
     #[arg(long)]
@@ -58,6 +65,8 @@ pub struct Arguments {
     pub gltf: GltfArguments,
     #[command(flatten, next_help_heading = "Incremental builds")]
     pub incremental: IncrementalArguments,
+    #[command(flatten, next_help_heading = "Many scenes")]
+    pub many: ManifestArguments,
     /// The input, where it is no file.
     #[arg(skip)]
     pub held: Option<Arc<SourceFile>>,

@@ -68,6 +68,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let mut baked = baked.map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
+    if let Content::Stored(_) = &input.content {
+        // Packing again costs little, so the bytes themselves tell whether anything has changed.
+        let (incremental, written) = (&arguments.incremental, output.written());
+        baked.report.unchanged = incremental.is_same(written, &arguments.output)?;
+    }
     let passes = baked.passes();
     let report = &mut baked.report;
     let mut gltf = None;

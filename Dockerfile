@@ -1,0 +1,16 @@
+# The program in an image of nothing else: docker build -t mipvog-bake .
+FROM rust:1-slim AS build
+RUN apt-get update && apt-get install --yes --no-install-recommends musl-tools
+WORKDIR /source
+COPY . .
+RUN target=$(uname -m)-unknown-linux-musl \
+    && rustup target add "$target" \
+    && cargo build --release --locked --target "$target" \
+    && cp "target/$target/release/mipvog-bake" /mipvog-bake
+
+FROM scratch
+COPY --from=build /mipvog-bake /mipvog-bake
+# Where inputs without a name are spooled.
+WORKDIR /tmp
+WORKDIR /data
+ENTRYPOINT ["/mipvog-bake"]

@@ -1,0 +1,174 @@
+"""Keeps scenes in flight on a cluster, and writes the report."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Optional, Union
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from . import manifest, store, task
+from .failure import INPUT_OUTPUT, LIMIT, Failure
+from .task import Job, Needs
+
+# Memory that is set aside for a scene before a forecast has told its own.
+_MEMORY = 256 << 20
+# A forecast tells the typical need; this much of it is set aside.
+_MARGIN = 1.2
+# Tries of a scene whose worker was lost.
+_RETRIES = 5
+# Tasks in flight for each core, and at least: enough that no core waits for the driver.
+_IN_FLIGHT, _LEAST_IN_FLIGHT = 3, 16
+# Seconds between two looks at the size of the cluster.
+_LOOK = 5.0
+# Seconds to reach a cluster.
+_REACH = 10.0
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to bake, and where."""
+
+    # Path or URI of the manifest.
+    manifest: str
+    # Folder or URI of the outputs.
+    output: str
+    # `auto`, `host:port` or `ray://host:port` of a cluster; None starts one of this machine.
+    address: Optional[str] = None
+    # The program on the workers; None finds it.
+    program: Optional[str] = None
+
+
+def bake_all(options: Options, tell: Callable[[dict[str, Any]], None]) -> int:
+    """Bakes all scenes of a manifest, tells the result of each as it ends, and gives the number of
+    those that failed."""
+    manifest.check(options.manifest)
+    _connect(options.address)
+    output = options.output if store.is_remote(options.output) else store.local_path(options.output)
+    _raise_of_worker(_remote(_check_output).remote(output))
+    folder = manifest.folder(options.manifest)
+    jobs = (
+        Job(scene, folder, output, options.program, _MEMORY, 1)
+        for scene in manifest.read(options.manifest)
+    )
+    return _drive(jobs, tell)
+
+
+def _check_output(output: str) -> Optional[Failure]:
+    try:
+        store.check_output(output)
+    except Failure as failure:
+        return failure
+    return None
+
+
+def _raise_of_worker(reference: Any) -> None:
+    failure = ray.get(reference)
+    if failure is not None:
+        raise failure
+
+
+def _remote(work: Callable[..., Any], **resources: Any) -> Any:
+    """A task that Ray runs again where its worker is lost, and not where it fails."""
+    options = {"num_cpus": 1, "max_retries": _RETRIES, "retry_exceptions": False, **resources}
+    return ray.remote(**options)(work)
+
+
+def _connect(address: Optional[str]) -> None:
+    quiet = {"log_to_driver": False, "logging_level": "ERROR", "ignore_reinit_error": True}
+    if ray.is_initialized():
+        return
+    _reach(address)
+    try:
+        ray.init(address=address, **quiet)
+    except (RayError, OSError, RuntimeError, ValueError) as error:
+        raise Failure(_no_cluster(address or "this machine"), INPUT_OUTPUT) from error
+
+
+def _reach(address: Optional[str]) -> None:
+    """Refuses a host and a port that nobody listens on: Ray would try for minutes."""
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if not host or not port.isdigit():
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=_REACH).close()
+    except OSError as error:
+        raise Failure(_no_cluster(address or ""), INPUT_OUTPUT) from error
+
+
+def _no_cluster(address: str) -> str:
+    return (
+        f"found no Ray cluster at {address}; start one with `ray start --head`, name its address, "
+        "or leave --address out to use this machine alone"
+    )
+
+
+def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
+    bake = _remote(task.bake, memory=_MEMORY)
+    flying: dict[Any, Job] = {}
+    failed, most, looked = 0, _LEAST_IN_FLIGHT, 0.0
+    while True:
+        if time.monotonic() - looked > _LOOK:
+            looked = time.monotonic()
+            cores = ray.cluster_resources().get("CPU", 1)
+            most = max(_LEAST_IN_FLIGHT, int(_IN_FLIGHT * cores))
+        while len(flying) < most and (job := next(jobs, None)) is not None:
+            flying[bake.remote(job)] = job
+        if not flying:
+            return failed
+        # One by one would be a round trip each: all that are ready are taken.
+        ray.wait(list(flying), num_returns=1, timeout=_LOOK, fetch_local=False)
+        ready, _ = ray.wait(list(flying), num_returns=len(flying), timeout=0, fetch_local=False)
+        for reference in ready:
+            found = _result(reference, flying.pop(reference))
+            if isinstance(found, Job):
+                larger = bake.options(num_cpus=found.threads, memory=found.memory)
+                flying[larger.remote(found)] = found
+                continue
+            failed += found["status"] == "failed"
+            tell(found)
+
+
+def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
+    """The result of a scene, or the job that it needs to be."""
+    try:
+        found = ray.get(reference)
+        if isinstance(found, Needs):
+            return _larger(job, found)
+    except RayTaskError as error:
+        message = f"the worker failed: {error.cause!r}; report this"
+        found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
+    except RayError as error:
+        words = str(error).split("\n", 1)[0]
+        message = f"its worker was lost {_RETRIES + 1} times ({words}); run again"
+        found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
+    except Failure as failure:
+        found = task.line(job.scene, task.failed(failure), 0.0)
+    return found
+
+
+def _larger(job: Job, needs: Needs) -> Job:
+    """A job with the memory that a forecast asks for, and the cores that share so much of a node."""
+    memory = int(needs.memory * _MARGIN)
+    nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+    fitting = [node for node in nodes if node.get("memory", 0) >= memory and node.get("CPU", 0)]
+    if not fitting:
+        largest = max((int(node.get("memory", 0)) for node in nodes), default=0)
+        message = (
+            f"needs {memory} bytes of memory, and the largest node has {largest}; give the scene "
+            "the option memory, or add a larger node"
+        )
+        raise Failure(message, LIMIT)
+    node = min(fitting, key=lambda node: node["memory"])
+    share = memory / node["memory"]
+    return job.with_memory(memory, max(1, int(share * node["CPU"])))
+
+
+def dumps(result: dict[str, Any]) -> str:
+    """A result as a line."""
+    return json.dumps(result, ensure_ascii=False) + "\n"

@@ -1,0 +1,74 @@
+"""The manifest: JSON lines, `{"input", "output", "options"}`, as `mipvog-bake bake --manifest`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any
+
+from .failure import MALFORMED, Failure
+from .store import parent, read_lines
+
+_FORM = 'expected {"input": PATH, "output": PATH, "options": {...}}; correct this line'
+_NAMES = ("input", "output", "options")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene to bake: the words of its line."""
+
+    input: str
+    output: str
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def read(manifest: str) -> Iterator[Scene]:
+    """The scenes of a manifest, a path or a URI, one at a time."""
+    for number, line in enumerate(read_lines(manifest), 1):
+        if line.strip():
+            yield _scene(line, f"{manifest}: line {number}")
+
+
+def check(manifest: str) -> int:
+    """Reads all lines, keeps the names of the outputs, and gives the number of scenes."""
+    outputs = set()
+    for scene in read(manifest):
+        if scene.output in outputs:
+            message = f"{manifest}: found the output {scene.output} twice, expected it once"
+            raise Failure(message, MALFORMED)
+        outputs.add(scene.output)
+    if not outputs:
+        raise Failure(f"{manifest}: found no line, expected a scene a line", MALFORMED)
+    return len(outputs)
+
+
+def folder(manifest: str) -> str:
+    """The folder that the inputs' paths are relative to."""
+    return parent(manifest)
+
+
+def _scene(line: str, place: str) -> Scene:
+    try:
+        members = json.loads(line)
+    except ValueError as error:
+        raise Failure(f"{place}: found no JSON ({error}), {_FORM}", MALFORMED) from None
+    if not isinstance(members, dict):
+        raise Failure(f"{place}: found {type(members).__name__}, {_FORM}", MALFORMED)
+    for name in members:
+        if name not in _NAMES:
+            raise Failure(f"{place}: found key {name}, {_FORM}", MALFORMED)
+    for name in ("input", "output"):
+        path = members.get(name)
+        if not isinstance(path, str) or path in ("", "-"):
+            raise Failure(f"{place}: found {name} {path!r}, {_FORM}", MALFORMED)
+    output = PurePosixPath(members["output"])
+    if output.is_absolute() or ".." in output.parts or "://" in members["output"]:
+        found = f"found output {members['output']}"
+        expected = "expected a path below --output; correct this line"
+        raise Failure(f"{place}: {found}, {expected}", MALFORMED)
+    options = members.get("options", {})
+    if not isinstance(options, dict):
+        raise Failure(f"{place}: found options {options!r}, {_FORM}", MALFORMED)
+    return Scene(members["input"], members["output"], options)

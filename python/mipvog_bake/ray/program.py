@@ -1,0 +1,67 @@
+"""The program `mipvog-bake`, run as a process of its own: its crash takes no worker down."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from .failure import INPUT_OUTPUT, Failure
+
+VARIABLE = "MIPVOG_BAKE"
+_NAME = "mipvog-bake"
+
+
+def find(asked: str | None) -> str:
+    """The program: the one that is asked for, that of the variable, the one beside the interpreter,
+    or the one on the search path."""
+    beside = os.path.join(os.path.dirname(sys.executable), _NAME)
+    for name in (asked, os.environ.get(VARIABLE), beside, _NAME):
+        found = shutil.which(name) if name else None
+        if found:
+            return found
+        if name and name in (asked, os.environ.get(VARIABLE)):
+            raise Failure(f"found no program {name}; check the name", INPUT_OUTPUT)
+    message = f"found no program {_NAME}; install it, or name it by --program or {VARIABLE}"
+    raise Failure(message, INPUT_OUTPUT)
+
+
+def bake(
+    program: str, line: dict[str, Any], scratch: Path, *more: str
+) -> tuple[dict[str, Any], str]:
+    """Bakes the scene of a manifest's line; gives its result, and the words on stderr."""
+    manifest = scratch / "scene.jsonl"
+    manifest.write_text(json.dumps(line) + "\n", encoding="utf-8")
+    arguments = [program, "bake", "--manifest", str(manifest), "--index", "0", "--progress=never"]
+    ended = subprocess.run(
+        [*arguments, *more],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+    )
+    lines = ended.stdout.splitlines()
+    if lines:
+        return json.loads(lines[-1]), ended.stderr
+    code = ended.returncode
+    if code < 0:
+        words = f"the program was ended by {signal.Signals(-code).name}: perhaps memory ran out"
+        code = 128 - code
+    else:
+        words = " ".join(ended.stderr.replace(f"{manifest}: line 1: ", "").split())
+        words = words.removeprefix("error: ") or f"the program ended with exit code {code}"
+    failed = {"status": "failed", "exit_code": code, "output_bytes": None, "error": words}
+    return failed, ended.stderr
+
+
+def summary(program: str, report: str) -> str:
+    """The table of a report."""
+    arguments = [program, "report", report]
+    ended = subprocess.run(arguments, capture_output=True, encoding="utf-8", check=False)
+    return ended.stdout or ended.stderr

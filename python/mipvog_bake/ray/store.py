@@ -1,0 +1,186 @@
+"""Files on local disks and in the stores that fsspec knows, such as `s3://` and `gs://`."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import fsspec
+from fsspec.core import url_to_fs
+
+from .failure import INPUT_OUTPUT, USAGE, Failure
+
+Result = TypeVar("Result")
+
+# Tries of a request that the store failed, and seconds before the second one; twice as long before
+# each later one.
+_TRIES, _PAUSE = 6, 0.25
+# Stores in which a file appears whole: a put that fails leaves nothing.
+_ATOMIC = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oss", "memory"}
+# Errors that another try does not mend.
+_PERMANENT = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError)
+
+
+def is_remote(name: str) -> bool:
+    """True for a URI, unless it names a local file."""
+    return "://" in name and not name.startswith("file://")
+
+
+def local_path(name: str) -> str:
+    """The absolute path of a local name."""
+    return os.path.abspath(name.removeprefix("file://"))
+
+
+def parent(name: str) -> str:
+    """The folder of a file."""
+    return name.rsplit("/", 1)[0] if is_remote(name) else os.path.dirname(local_path(name))
+
+
+def below(folder: str, name: str) -> str:
+    """A name that is a URI, absolute, or relative to a folder."""
+    if "://" in name or os.path.isabs(name):
+        return name
+    return f"{folder.rstrip('/')}/{name}" if is_remote(folder) else os.path.join(folder, name)
+
+
+def read_lines(name: str) -> Iterator[str]:
+    """The lines of a text."""
+    if is_remote(name):
+        opened = _tried("read", name, lambda: fsspec.open(name, encoding="utf-8", mode="rt").open())
+    else:
+        opened = _tried("read", name, lambda: open(local_path(name), encoding="utf-8"))
+    with opened as file:
+        try:
+            yield from file
+        except UnicodeDecodeError as error:
+            raise Failure(f"{name}: found no UTF-8, expected JSON lines", 3) from error
+
+
+def size(name: str) -> int:
+    """The bytes of an input; of a folder 0."""
+    if not is_remote(name):
+        path = local_path(name)
+        return _tried("read", name, lambda: os.stat(path).st_size if os.path.isfile(path) else 0)
+    info = _with_store("read", name, lambda store, path: store.info(path))
+    return int(info.get("size") or 0)
+
+
+def exists(name: str) -> bool:
+    """True if there is a file of this name."""
+    if not is_remote(name):
+        return os.path.exists(local_path(name))
+    return _with_store("read", name, lambda store, path: bool(store.exists(path)))
+
+
+def fetch(name: str, folder: Path) -> Path:
+    """Copies a file, or a folder, from a store into a local folder."""
+    target = folder / name.rstrip("/").rsplit("/", 1)[-1]
+
+    def get(store: Any, path: str) -> None:
+        if store.isdir(path):
+            store.get(path.rstrip("/") + "/", f"{target}/", recursive=True)
+        else:
+            store.get_file(path, str(target))
+
+    folder.mkdir(parents=True, exist_ok=True)
+    _with_store("read", name, get)
+    return target
+
+
+def put(file: Path, name: str) -> None:
+    """Copies a local file into a store, where it appears whole or not at all."""
+
+    def copy(store: Any, path: str) -> None:
+        if _names(store) & _ATOMIC:
+            store.put_file(str(file), path)
+        else:
+            store.makedirs(path.rsplit("/", 1)[0], exist_ok=True)
+            part = f"{path}.{uuid.uuid4().hex}.partial"
+            try:
+                store.put_file(str(file), part)
+                store.mv(part, path)
+            except BaseException:
+                if store.exists(part):
+                    store.rm(part)
+                raise
+        found = store.info(path).get("size")
+        if found != file.stat().st_size:
+            raise OSError(f"found {found} bytes after writing {file.stat().st_size}")
+
+    _with_store("write", name, copy)
+
+
+def check_output(folder: str) -> None:
+    """Refuses a folder that cannot be written to, by writing a file there and removing it."""
+    if not is_remote(folder):
+        path = local_path(folder)
+        _tried("write", folder, lambda: os.makedirs(path, exist_ok=True))
+        if not os.access(path, os.W_OK):
+            raise Failure(_sentence("write", folder, PermissionError()), INPUT_OUTPUT)
+        return
+    name = below(folder, f".mipvog-bake-{uuid.uuid4().hex}")
+
+    def probe(store: Any, path: str) -> None:
+        store.pipe_file(path, b"mipvog-bake")
+        store.rm_file(path)
+
+    _with_store("write", name, probe, shown=folder)
+
+
+def _names(store: Any) -> set[str]:
+    protocol = store.protocol
+    return {protocol} if isinstance(protocol, str) else set(protocol)
+
+
+def _with_store(
+    verb: str, name: str, work: Callable[[Any, str], Result], shown: str = ""
+) -> Result:
+    try:
+        store, path = url_to_fs(name, use_listings_cache=False)
+    except ImportError as error:
+        message = f"cannot {verb} {shown or name}: {error}"
+        raise Failure(message, USAGE) from error
+    except ValueError as error:
+        known = "expected a local path or a URI such as s3://bucket/folder"
+        raise Failure(f"cannot {verb} {shown or name}: {error}; {known}", USAGE) from error
+    return _tried(verb, shown or name, lambda: work(store, path))
+
+
+def _tried(verb: str, name: str, work: Callable[[], Result]) -> Result:
+    """Does work again where a store failed and may not fail again."""
+    pause = _PAUSE
+    for tries in range(1, _TRIES + 1):
+        try:
+            return work()
+        except _PERMANENT as error:
+            raise Failure(_sentence(verb, name, error), INPUT_OUTPUT) from error
+        except UnicodeDecodeError:
+            raise
+        except Exception as error:
+            # Stores raise errors of their own, also such as are no OSError.
+            if tries == _TRIES or _is_refusal(error):
+                raise Failure(_sentence(verb, name, error), INPUT_OUTPUT) from error
+        time.sleep(pause)
+        pause *= 2
+    raise AssertionError("the last try returns or raises")
+
+
+def _is_refusal(error: Exception) -> bool:
+    words = f"{type(error).__name__} {error}"
+    return any(word in words for word in ("Credentials", "AccessDenied", "Forbidden", "NoSuchBucket"))
+
+
+def _sentence(verb: str, name: str, error: Exception) -> str:
+    if isinstance(error, FileNotFoundError):
+        return f"cannot {verb} {name}: there is no such file or bucket; check the name"
+    if isinstance(error, PermissionError) or _is_refusal(error):
+        return (
+            f"cannot {verb} {name}: the store gives no permission; give the workers credentials "
+            "that may, or name another place"
+        )
+    words = " ".join(str(error).split()) or type(error).__name__
+    return f"cannot {verb} {name}: {words}; check the store and the network, then run again"

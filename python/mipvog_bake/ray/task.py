@@ -1,0 +1,138 @@
+"""A scene on a worker."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Union
+
+from . import program, store
+from .failure import USAGE, Failure
+from .manifest import Scene
+
+# Inputs of fewer bytes are baked without a forecast: it would take as long as the bake.
+_FORECAST_FROM = 16 << 20
+# What the program finds beside an input: settings of the scene, and the coarse checkpoint.
+_BESIDE = ("scene.toml", "scene.json", "args.json", "coarse_last.tar")
+# Options that name files to read.
+_INPUTS = ("cameras", "coarse", "fit_cameras")
+# Options that name files to write.
+_OUTPUTS = ("gltf", "depfile")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A scene, and what all workers need to know."""
+
+    scene: Scene
+    # The folder that the manifest's paths are relative to.
+    folder: str
+    # The folder of the outputs.
+    output: str
+    # The program, or the way to find it.
+    program: Union[str, None]
+    # Bytes of memory that are set aside for it; of these the forecast is not asked any more.
+    memory: int
+    threads: int
+    is_forecast: bool = False
+
+    def with_memory(self, memory: int, threads: int) -> Job:
+        """The same after a forecast."""
+        return replace(self, memory=memory, threads=threads, is_forecast=True)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """More memory than was set aside."""
+
+    memory: int
+
+
+def bake(job: Job) -> Union[dict[str, Any], Needs]:
+    """The result of a scene, a line of the report; or the memory that it needs."""
+    clock = time.monotonic()
+    try:
+        found = _bake(job)
+    except Failure as failure:
+        found = failed(failure)
+    if isinstance(found, Needs):
+        return found
+    return line(job.scene, found, time.monotonic() - clock)
+
+
+def failed(failure: Failure) -> dict[str, Any]:
+    """A result of a scene that was not baked."""
+    return {"status": "failed", "exit_code": failure.exit_code, "error": failure.message}
+
+
+def line(scene: Scene, found: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """A line of the report."""
+    return {
+        "input": scene.input,
+        "output": scene.output,
+        "status": found["status"],
+        "exit_code": found["exit_code"],
+        "seconds": round(seconds, 6),
+        "output_bytes": found.get("output_bytes"),
+        "psnr": found.get("psnr"),
+        "error": found.get("error"),
+    }
+
+
+def _bake(job: Job) -> Union[dict[str, Any], Needs]:
+    scene = job.scene
+    for name in scene.options:
+        if name.replace("-", "_") in _OUTPUTS:
+            message = f"option {name} writes another file; make it from the container afterwards"
+            raise Failure(message, USAGE)
+    source = store.below(job.folder, scene.input)
+    # Missing inputs end here, before a process starts.
+    size = store.size(source)
+    tool = program.find(job.program)
+    with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:
+        scratch = Path(folder)
+        target = store.below(job.output, scene.output)
+        is_remote = store.is_remote(target)
+        output = scratch / "output.mipvog" if is_remote else Path(store.local_path(target))
+        options = {name: _staged_option(name, value, job, scratch) for name, value in
+                   scene.options.items()}
+        words = {
+            "input": str(_staged(source, scratch / "input")),
+            "output": str(output),
+            "options": options,
+        }
+        threads = f"--threads={job.threads}"
+        if size >= _FORECAST_FROM and not job.is_forecast:
+            forecast, _ = program.bake(tool, words, scratch, threads, "--dry-run")
+            # What cannot be forecast is baked with the memory that all scenes have.
+            needed = forecast.get("peak_memory_bytes") or 0
+            if needed > job.memory:
+                return Needs(needed)
+        if is_remote and store.exists(target):
+            # The program tells from the container whether anything has changed.
+            store.fetch(target, scratch / "former").rename(output)
+        found, _ = program.bake(tool, words, scratch, threads, "--if-changed")
+        if is_remote and found["status"] == "baked":
+            store.put(output, target)
+        return found
+
+
+def _staged(source: str, folder: Path) -> Path:
+    """A local file as it is; one of a store on the worker's disk, with the settings beside it."""
+    if not store.is_remote(source):
+        return Path(store.local_path(source))
+    local = store.fetch(source, folder)
+    stem = local.name.rsplit(".", 1)[0]
+    for name in (*_BESIDE, f"{stem}.args.json"):
+        beside = store.below(store.parent(source), name)
+        if name != local.name and store.exists(beside):
+            store.fetch(beside, folder)
+    return local
+
+
+def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:
+    if name.replace("-", "_") not in _INPUTS or not isinstance(value, str):
+        return value
+    return str(_staged(store.below(job.folder, value), scratch / name))

@@ -1,0 +1,75 @@
+//! A line of a manifest.
+
+use serde_json::{Map, Value};
+
+use super::super::output::STANDARD_STREAM;
+use super::options::{OptionKind, is_value, of_scenes};
+use crate::base::error::{Error, Place, Result};
+
+/// A scene to bake.
+#[derive(Debug)]
+pub struct SceneLine {
+    /// The input's path.
+    pub input: String,
+    /// The output's path.
+    pub output: String,
+    /// Options of `bake`, with underscores or dashes.
+    pub options: Map<String, Value>,
+}
+
+impl SceneLine {
+    /// Of the text of line `number`, counted from 1. Options are held to the names that `known` has,
+    /// not to their values' rules: those are the parser's of the command line.
+    ///
+    /// # Errors
+    /// [`Malformed`](crate::base::error::ErrorKind::Malformed) with the line.
+    pub fn parse(text: &str, number: u64, known: &[OptionKind]) -> Result<Self> {
+        let wrong =
+            |found: String, expected: &str| Error::malformed(Place::Line(number), found, expected);
+        let form = "an object {\"input\": PATH, \"output\": PATH, \"options\": {...}}";
+        let value: Value = serde_json::from_str(text)
+            .map_err(|error| wrong(format!("no JSON at column {}", error.column()), form))?;
+        let Value::Object(mut members) = value else {
+            return Err(wrong(kind(&value).to_owned(), form));
+        };
+        let mut path = |key: &str| match members.swap_remove(key) {
+            Some(Value::String(path)) if !path.is_empty() && path != STANDARD_STREAM => Ok(path),
+            Some(Value::String(path)) => Err(wrong(format!("{key} \"{path}\""), "a path")),
+            Some(value) => Err(wrong(format!("{key}: {}", kind(&value)), "a path, a string")),
+            None => Err(wrong(format!("no {key}"), form)),
+        };
+        let (input, output) = (path("input")?, path("output")?);
+        let options = match members.swap_remove("options") {
+            None => Map::new(),
+            Some(Value::Object(options)) => options,
+            Some(value) => {
+                let expected = "an object of options of bake";
+                return Err(wrong(format!("options: {}", kind(&value)), expected));
+            }
+        };
+        if let Some((key, _)) = members.iter().next() {
+            return Err(wrong(format!("key {key}"), "input, output and options"));
+        }
+        for (name, value) in &options {
+            if !of_scenes(known).any(|option| option.is_named(name)) {
+                return Err(wrong(format!("option {name}"), "an option of bake for one scene"));
+            }
+            if !is_value(value) {
+                let expected = "a string, a number, true, false, null or a list of such";
+                return Err(wrong(format!("option {name}: {}", kind(value)), expected));
+            }
+        }
+        Ok(Self { input, output, options })
+    }
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}

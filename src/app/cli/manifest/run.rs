@@ -1,0 +1,134 @@
+//! Bakes the scenes of a manifest, one after another.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::super::common::Common;
+use super::super::outcome::{Outcome, say, write_stdout};
+use super::super::output::{create, refuse_stdout};
+use super::arguments::{Given, ManifestArguments};
+use super::options::OptionKind;
+use super::part::Part;
+use super::read::{Lines, Manifest};
+use super::result::{SceneResult, Status};
+use super::words::words;
+use crate::base::bytes::{ByteSink, Output};
+use crate::base::error::{Error, ErrorKind, Result};
+
+/// What the command line says of all scenes.
+pub struct Many<'a> {
+    /// The manifest.
+    pub manifest: &'a Path,
+    /// The scenes of it.
+    pub arguments: &'a ManifestArguments,
+    /// Options of every scene.
+    pub given: &'a Given,
+    /// The folder of the outputs, if `given` has one; else it is the manifest's.
+    pub outputs: &'a Path,
+    /// True if a file that holds no results may be replaced by results.
+    pub force: bool,
+}
+
+/// Bakes the part of a manifest that the arguments choose. `scene` runs the words of one bake.
+///
+/// A single scene's error is that of the program, so that farms see its exit code.
+///
+/// # Errors
+/// Those of the manifest and of the results' file; a scene's only if it was chosen by its number.
+pub fn run(
+    many: &Many,
+    known: &[OptionKind],
+    common: &Common,
+    scene: &dyn Fn(Vec<OsString>) -> Result<Outcome>,
+) -> Result<Outcome> {
+    let &Many { manifest, arguments, given, outputs, force } = many;
+    refuse_stdout(outputs, "--output is a folder beside --manifest")?;
+    let part = Part::of(arguments)?;
+    let mut lines = Manifest::open(manifest, known)?;
+    let count = lines.scenes;
+    if let Part::Scene(number) = part
+        && number >= count
+    {
+        let message = format!("found scene {number}, expected one of 0 to {}", count - 1);
+        return Err(Error::usage(message).in_file(manifest));
+    }
+    let mut results = Results::create(arguments, force)?;
+    let outputs = match given.has("output") {
+        true => absolute(outputs)?,
+        false => PathBuf::new(),
+    };
+    // Every path of a line is relative to the manifest, whatever option it belongs to.
+    let folder = manifest.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if let Some(folder) = folder {
+        std::env::set_current_dir(folder).map_err(|error| Error::io(error, folder))?;
+    }
+    let (mut done, mut failed, mut number) = (0, 0, 0);
+    while let Some((at, line)) = lines.next_scene()? {
+        number += 1;
+        if !part.has(number - 1) {
+            continue;
+        }
+        let output = outputs.join(&line.output);
+        let clock = Instant::now();
+        let outcome = scene(words(&line, &output, given, known));
+        if let Err(error) = &outcome
+            && matches!(error.kind(), ErrorKind::Cancelled)
+        {
+            return outcome;
+        }
+        let result = SceneResult::of(&line, &outcome, clock.elapsed().as_secs_f64());
+        results.add(&result)?;
+        done += 1;
+        failed += u64::from(result.status == Status::Failed);
+        if let Part::Scene(_) = part {
+            results.finish()?;
+            return outcome.map(|outcome| Outcome::told(outcome.failure));
+        }
+        if let Some(reason) = result.error.filter(|_| !common.quiet) {
+            say(&format!("{} line {at}: {reason}", manifest.display()));
+        }
+    }
+    results.finish()?;
+    let failure = format!("{failed} of {done} scenes could not be baked");
+    Ok(Outcome::told((failed > 0).then_some(failure)))
+}
+
+/// A path that does not depend on the working folder.
+fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).map_err(|error| Error::io(error, path))
+}
+
+/// The results, on stdout and in a file if one is asked for.
+struct Results(Option<Output>);
+
+impl Results {
+    fn create(arguments: &ManifestArguments, force: bool) -> Result<Self> {
+        let Some(path) = &arguments.results else { return Ok(Self(None)) };
+        refuse_stdout(path, "results are on the standard output anyway")?;
+        create(&absolute(path)?, force || is_results(path)).map(|file| Self(Some(file)))
+    }
+
+    fn add(&mut self, result: &SceneResult) -> Result<()> {
+        let line = serde_json::to_string(result).map(|line| line + "\n");
+        let line = line.map_err(|error| Error::usage(format!("the result is no JSON: {error}")))?;
+        if let Some(file) = &mut self.0 {
+            file.append(line.as_bytes())?;
+        }
+        write_stdout(line.as_bytes())
+    }
+
+    fn finish(self) -> Result<()> {
+        self.0.map_or(Ok(()), Output::finish)
+    }
+}
+
+/// True for results of a former run, and for an empty file.
+fn is_results(path: &Path) -> bool {
+    let first = Lines::open(path).and_then(|mut lines| lines.next_line());
+    match first {
+        Ok(Some((_, line))) => serde_json::from_str::<SceneResult>(&line).is_ok(),
+        Ok(None) => true,
+        Err(_) => false,
+    }
+}

@@ -1,0 +1,143 @@
+//! `report`.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::failure::retry;
+use super::manifest::{Lines, SceneResult, Status};
+use super::outcome::{Outcome, counted, readable};
+use crate::base::error::{Error, Place, Result};
+
+/// Merge the results of many scenes: what was baked, what failed, and why
+///
+/// Files are read in their order. Of several results of one output the last counts, so the results
+/// of another try come after those of the first. The exit code is 1 if a scene failed.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  mipvog-bake report results-0.jsonl results-1.jsonl
+  mipvog-bake report results-*.jsonl --format json")]
+pub struct Arguments {
+    /// Results of `bake --manifest`, or of `python -m mipvog_bake.ray`
+    #[arg(required = true, value_name = "RESULTS.jsonl")]
+    results: Vec<PathBuf>,
+}
+
+/// Failures that the table for people shows.
+const SHOWN: usize = 20;
+
+/// A scene that failed.
+#[derive(Debug, Serialize)]
+struct Failure {
+    input: String,
+    output: String,
+    exit_code: u8,
+    error: String,
+    retry: &'static str,
+}
+
+/// Scenes that ended with one exit code.
+#[derive(Debug, Serialize)]
+struct ExitCode {
+    exit_code: u8,
+    scenes: u64,
+    retry: &'static str,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct Report {
+    files: usize,
+    scenes: u64,
+    baked: u64,
+    current: u64,
+    failed: u64,
+    output_bytes: u64,
+    seconds: f64,
+    least_psnr: Option<f64>,
+    exit_codes: Vec<ExitCode>,
+    failures: Vec<Failure>,
+}
+
+/// Merges results.
+pub fn run(arguments: &Arguments) -> Result<Outcome> {
+    let mut scenes: HashMap<String, (usize, SceneResult)> = HashMap::new();
+    for path in &arguments.results {
+        let mut lines = Lines::open(path)?;
+        while let Some((number, line)) = lines.next_line()? {
+            let result: SceneResult = serde_json::from_str(&line).map_err(|error| {
+                let found = format!("no result of a scene ({error})");
+                let expected = "input, output, status, exit_code, seconds, output_bytes, error";
+                Error::malformed(Place::Line(number), found, expected).in_file(path)
+            })?;
+            // A later result takes the place of the first one.
+            let place = scenes.len();
+            let entry = scenes.entry(result.output.clone()).or_insert((place, result.clone()));
+            entry.1 = result;
+        }
+    }
+    let mut scenes: Vec<_> = scenes.into_values().collect();
+    scenes.sort_unstable_by_key(|(place, _)| *place);
+    let report = Report::of(arguments.results.len(), scenes.into_iter().map(|(_, scene)| scene));
+    let failure = (report.failed > 0)
+        .then(|| format!("{} of {} scenes could not be baked", report.failed, report.scenes));
+    Ok(Outcome { failure, ..Outcome::new("report", &report, report.text())? })
+}
+
+impl Report {
+    fn of(files: usize, results: impl Iterator<Item = SceneResult>) -> Self {
+        let mut report = Self { files, ..Self::default() };
+        let mut codes: BTreeMap<u8, u64> = BTreeMap::new();
+        for result in results {
+            let exit_code = result.exit_code;
+            report.scenes += 1;
+            report.output_bytes += result.output_bytes.unwrap_or(0);
+            report.seconds += result.seconds.unwrap_or(0.0);
+            let psnr = [report.least_psnr, result.psnr].into_iter().flatten();
+            report.least_psnr = psnr.reduce(f64::min);
+            *codes.entry(exit_code).or_default() += 1;
+            match result.status {
+                Status::Baked => report.baked += 1,
+                Status::Current => report.current += 1,
+                Status::Forecast => {}
+                Status::Failed => {
+                    report.failed += 1;
+                    let SceneResult { input, output, error, .. } = result;
+                    let (error, retry) = (error.unwrap_or_default(), retry(exit_code));
+                    report.failures.push(Failure { input, output, exit_code, error, retry });
+                }
+            }
+        }
+        let code = |(exit_code, scenes)| ExitCode { exit_code, scenes, retry: retry(exit_code) };
+        report.exit_codes = codes.into_iter().map(code).collect();
+        report
+    }
+
+    fn text(&self) -> String {
+        let scenes = counted(usize::try_from(self.scenes).unwrap_or(usize::MAX), "scene");
+        let (bytes, seconds) = (readable(self.output_bytes), self.seconds);
+        let Self { baked, current, failed, .. } = self;
+        let mut text = format!(
+            "{scenes}: {baked} baked, {current} current, {failed} failed; {bytes}, {seconds:.1} s \
+             of work"
+        );
+        if let Some(psnr) = self.least_psnr {
+            write!(text, ", at least {psnr:.2} dB").ok();
+        }
+        text += "\n  exit code     scenes  retry?\n";
+        for ExitCode { exit_code, scenes, retry } in &self.exit_codes {
+            let retry = if *exit_code == 0 { "" } else { retry };
+            text += format!("  {exit_code:9} {scenes:10}  {retry}").trim_end();
+            text.push('\n');
+        }
+        for Failure { output, exit_code, error, .. } in self.failures.iter().take(SHOWN) {
+            writeln!(text, "  {output}: exit code {exit_code}: {error}").ok();
+        }
+        if let Some(more) = self.failures.len().checked_sub(SHOWN + 1) {
+            writeln!(text, "  and {} more: --format json tells of all", more + 1).ok();
+        }
+        text
+    }
+}
