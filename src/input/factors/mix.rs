@@ -35,8 +35,8 @@ pub struct Mix {
 #[derive(Debug)]
 pub struct Mixed {
     factors: Factors,
-    /// For each channel the weights of all components; none for their plain sum.
-    weights: Option<(Vec<f32>, usize)>,
+    /// For each component the weights of all channels; none for the plain sum of products.
+    weights: Option<Vec<f32>>,
     channels: usize,
 }
 
@@ -94,20 +94,20 @@ impl FactorArrays {
         Ok(Mixed { factors, weights, channels: self.channels })
     }
 
-    /// The matrix with the weights of a channel side by side, and the number of these.
-    fn weights(&self, mix: &Mix, budget: &mut Budget) -> Result<(Vec<f32>, usize)> {
+    /// The matrix with the weights of a component side by side.
+    fn weights(&self, mix: &Mix, budget: &mut Budget) -> Result<Vec<f32>> {
         let (tensor, channels) = (&mix.tensor, self.channels);
         let stored = tensor.read_f32(budget)?;
         if stored.iter().any(|value| !value.is_finite()) {
             return Err(Error::malformed(tensor.place(), "no number", "finite numbers"));
         }
         let components = stored.len() / channels;
-        if !mix.by_component {
-            return Ok((stored, components));
+        if mix.by_component {
+            return Ok(stored);
         }
         let columns =
-            (0..channels).flat_map(|channel| stored.iter().skip(channel).step_by(channels));
-        Ok((columns.copied().collect(), components))
+            (0..components).flat_map(|component| stored.iter().skip(component).step_by(components));
+        Ok(columns.copied().collect())
     }
 }
 
@@ -115,14 +115,15 @@ impl Mixed {
     /// All channels at a position.
     pub fn values(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
         self.factors.products(at, &mut scratch.sums, &mut scratch.products);
-        let Some((weights, components)) = &self.weights else {
+        let Some(weights) = &self.weights else {
             return vec![scratch.products.iter().sum()];
         };
-        let mut values = Vec::with_capacity(self.channels);
-        values.extend(weights.chunks_exact(*components).map(|row| {
-            let terms = row.iter().zip(&scratch.products);
-            terms.map(|(weight, product)| f64::from(*weight) * product).sum::<f64>()
-        }));
+        // Channels side by side: sums that wait for one another would take their time.
+        let mut values = vec![0.0; self.channels];
+        for (row, product) in weights.chunks_exact(self.channels).zip(&scratch.products) {
+            let terms = values.iter_mut().zip(row);
+            terms.for_each(|(value, weight)| *value += f64::from(*weight) * product);
+        }
         values
     }
 

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use multiversion::multiversion;
+
 use crate::base::error::{Error, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::Tensor;
@@ -207,12 +209,18 @@ impl Network {
     pub(super) fn first_layer(&self, inputs: &[f64], biased: bool) -> Vec<f64> {
         let Some(Layer { weights, biases }) = self.layers.first() else { return Vec::new() };
         let mut sums = if biased { biases.clone() } else { vec![0.0; biases.len()] };
-        for (value, weights) in inputs.iter().zip(weights.chunks_exact(sums.len().max(1))) {
-            if *value != 0.0 {
-                sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += value * weight);
-            }
-        }
+        add_rows(inputs, weights, &mut sums);
         sums
+    }
+}
+
+/// Adds the rows of `weights`, each times its input, in order.
+#[multiversion(targets("x86_64+avx2", "aarch64+neon"))]
+fn add_rows(inputs: &[f64], weights: &[f64], sums: &mut [f64]) {
+    for (value, weights) in inputs.iter().zip(weights.chunks_exact(sums.len().max(1))) {
+        if *value != 0.0 {
+            sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += value * weight);
+        }
     }
 }
 

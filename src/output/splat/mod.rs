@@ -24,6 +24,6 @@ mod raster;
 mod shown;
 
 pub use format::Splat;
-pub use optimize::mean_square_error;
+pub use optimize::differentiate;
 pub use project::{GaussianSplat, PARAMETERS};
 pub use raster::{Picture, rasterize};

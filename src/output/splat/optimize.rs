@@ -45,8 +45,24 @@ struct State {
     means: [GaussianSplat; 2],
 }
 
+/// The mean square error of a picture of splats, and its derivatives by the numbers of each splat
+/// that shows. `wanted` has the colours of all pixels, row by row.
+///
+/// # Errors
+/// A request to stop.
+pub fn differentiate(
+    splats: &[GaussianSplat],
+    camera: &Camera,
+    wanted: &[[f32; 3]],
+    background: [f32; 3],
+) -> Result<(f64, Vec<Option<GaussianSplat>>)> {
+    let drawn = draw(splats, camera, background)?;
+    let (error, by_picture) = mean_square_error(&drawn.picture, wanted);
+    Ok((error, drawn.by_splats(splats, &by_picture, background)?))
+}
+
 /// The mean square error of a picture, and its derivatives by the picture's colours.
-pub fn mean_square_error(picture: &Picture, wanted: &[[f32; 3]]) -> (f64, Vec<[f32; 3]>) {
+fn mean_square_error(picture: &Picture, wanted: &[[f32; 3]]) -> (f64, Vec<[f32; 3]>) {
     let share = 1.0 / (3 * wanted.len()) as f32;
     let mut sum = 0.0;
     let pairs = picture.color.iter().zip(wanted);
@@ -101,9 +117,8 @@ impl Fit {
                 break;
             }
             let target = &targets[(step * stride.max(1)) % targets.len()];
-            let drawn = draw(&self.splats, &target.camera, self.background)?;
-            let (_, by) = mean_square_error(&drawn.picture, &target.color);
-            let by = drawn.by_splats(&self.splats, &by, self.background)?;
+            let (_, by) =
+                differentiate(&self.splats, &target.camera, &target.color, self.background)?;
             let share = step as f32 / steps as f32;
             self.step(&by, step + 1, 1.0 - 0.9 * share)?;
             progress.advance(Step::Fit, 1);
