@@ -19,7 +19,8 @@ use crate::view::render::{FrameOptions, LevelChoice, render};
 
 /// Splats at most, where the user does not say.
 const SPLATS: usize = 100_000;
-/// Targets, and pixels along a side of each.
+/// Targets, and pixels along a side of each. Splats that were fitted to smaller pictures have gaps in
+/// larger ones, because renderers widen them by a part of a pixel.
 const TARGETS: usize = 40;
 const SIDE: usize = 320;
 /// Larger pictures of given cameras are made smaller.

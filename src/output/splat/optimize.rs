@@ -8,7 +8,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
 /// Steps, a picture each.
-pub(super) const STEPS: usize = 900;
+pub(super) const STEPS: usize = 600;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
 /// band 0 and of the others. The last steps are a tenth as long.
 const POSITION: f32 = 0.04;
