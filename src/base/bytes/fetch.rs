@@ -9,7 +9,7 @@ use ureq::Agent;
 use ureq::http::{HeaderMap, Response, StatusCode};
 use ureq::tls::{RootCerts, TlsConfig};
 
-use super::remote::shown;
+use super::address::shown;
 use crate::base::error::{Error, Result};
 
 /// Requests for one range, at most.

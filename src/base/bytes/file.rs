@@ -61,11 +61,11 @@ impl SourceFile {
     /// Opens a regular file, or one at an address where that is [allowed](super::allow_network).
     pub fn open(path: &Path) -> Result<Self> {
         #[cfg(feature = "network")]
-        if let Some(address) = super::remote::address(path) {
+        if let Some(address) = super::address::address(path) {
             let file = Arc::new(RemoteFile::open(address)?);
             let length = file.length();
             let bytes = Bytes::Remote { file, start: 0 };
-            return Ok(Self::new(bytes, &super::remote::shown(address), length));
+            return Ok(Self::new(bytes, &super::address::shown(address), length));
         }
         let io = |error| Error::io(error, path);
         // This test comes before opening: the opening of a pipe waits for a writer.

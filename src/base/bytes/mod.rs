@@ -1,6 +1,8 @@
 //! Bytes in and out: slices with absolute offsets, positioned reads from files, outputs that
 //! appear whole or not at all.
 
+#[cfg(feature = "network")]
+mod address;
 mod digest;
 #[cfg(feature = "network")]
 mod fetch;
@@ -17,6 +19,8 @@ mod stale;
 mod storage;
 mod unfinished;
 
+#[cfg(feature = "network")]
+pub use address::address;
 pub use digest::{hex, sha256};
 pub use file::{HeldBytes, SourceFile};
 pub use guard::{Guard, is_guarded};
@@ -24,7 +28,7 @@ pub use output::Output;
 pub use provisional::Provisional;
 pub use reader::ByteReader;
 #[cfg(feature = "network")]
-pub use remote::{address, allow_network};
+pub use remote::allow_network;
 pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
 pub use stale::remove as remove_stale;

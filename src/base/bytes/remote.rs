@@ -11,10 +11,10 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::address::shown;
 use super::fetch::{Answer, fetch};
 use crate::base::error::{Error, Result};
 
@@ -32,21 +32,6 @@ static ALLOWED: AtomicBool = AtomicBool::new(false);
 /// Lets this process fetch inputs that are addresses.
 pub fn allow_network() {
     ALLOWED.store(true, Ordering::Relaxed);
-}
-
-/// The address that a path is, if it is one.
-pub fn address(path: &Path) -> Option<&str> {
-    path.to_str().filter(|text| text.starts_with("https://") || text.starts_with("http://"))
-}
-
-/// An address as messages and reports show it: without a password, and without a query, which may
-/// be one.
-pub fn shown(address: &str) -> PathBuf {
-    let address = address.split(['?', '#']).next().unwrap_or_default();
-    let (scheme, rest) = address.split_once("://").unwrap_or(("", address));
-    let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
-    let host = host.rsplit('@').next().unwrap_or_default();
-    PathBuf::from(format!("{scheme}://{host}{path}"))
 }
 
 /// A file of a server.
@@ -184,15 +169,6 @@ impl RemoteFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn addresses_are_shown_without_secrets() {
-        let shown = |address| shown(address).to_string_lossy().into_owned();
-        assert_eq!(shown("https://me:word@host/a/b.tar?sign=1#x"), "https://host/a/b.tar");
-        assert_eq!(shown("https://host"), "https://host");
-        assert_eq!(address(Path::new("http://host/a")), Some("http://host/a"));
-        assert_eq!(address(Path::new("https:/host/a")), None);
-    }
 
     #[test]
     fn reads_that_go_on_get_more_at_once() {

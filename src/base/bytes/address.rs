@@ -1,0 +1,32 @@
+//! Addresses in the place of names of files.
+
+use std::path::{Path, PathBuf};
+
+/// The address that a path is, if it is one.
+pub fn address(path: &Path) -> Option<&str> {
+    path.to_str().filter(|text| text.starts_with("https://") || text.starts_with("http://"))
+}
+
+/// An address as messages and reports show it: without a password, and without a query, which may
+/// be one.
+pub fn shown(address: &str) -> PathBuf {
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    let (scheme, rest) = address.split_once("://").unwrap_or(("", address));
+    let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
+    let host = host.rsplit('@').next().unwrap_or_default();
+    PathBuf::from(format!("{scheme}://{host}{path}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_shown_without_secrets() {
+        let shown = |address| shown(address).to_string_lossy().into_owned();
+        assert_eq!(shown("https://me:word@host/a/b.tar?sign=1#x"), "https://host/a/b.tar");
+        assert_eq!(shown("https://host"), "https://host");
+        assert_eq!(address(Path::new("http://host/a")), Some("http://host/a"));
+        assert_eq!(address(Path::new("https:/host/a")), None);
+    }
+}
