@@ -18,7 +18,7 @@ function notices(...packages) {
 
 // The worker's address is relative to its script in every product.
 const worker = (outfile) =>
-  build({ ...common, ...notices("fzstd"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+  build({ ...common, ...notices("fzstd", "zstddec"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
 
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });

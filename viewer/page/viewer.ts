@@ -172,7 +172,6 @@ function follow(shown: RadianceField, made: Opened): void {
     // What the first level shows is known now.
     if (!isFramed && viewpointText(stage.viewpoint) === framed) frame();
     isFramed = true;
-    stage.redraw();
   });
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;

@@ -7,7 +7,7 @@ import { test } from "node:test";
 import { values } from "../src/format/codings/values.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { blockCounts, readMetadata } from "../src/format/metadata.js";
-import { decodeLevel, type LevelColors } from "../src/load/level.js";
+import { levelChunks, type LevelColors, LevelDecoder } from "../src/load/level.js";
 import { plan } from "../src/load/plan.js";
 import { program, ROOT, temporaryFolder } from "./support.js";
 
@@ -38,7 +38,7 @@ test("colours of inherited blocks are the program's", () => {
   let coarser: LevelColors | null = null;
   let compared = 0;
   for (let level = metadata.levels.length - 1; level >= 0; level--) {
-    const { colors }: { colors: LevelColors } = decodeLevel(metadata, entries, laidOut, level, bytes, 0, coarser);
+    const colors: LevelColors = new LevelDecoder(metadata, laidOut, level, levelChunks(entries, level, bytes, 0), coarser).colors();
     coarser = colors;
     const of = metadata.levels[level];
     const [nx, ny, nz] = of.dimensions;
