@@ -1,4 +1,7 @@
-/** Bricks: blocks with aprons, the lowest nodes of the next blocks, `empty` where the next is not stored. */
+/**
+ * Bricks: blocks with aprons, the lowest nodes of the next blocks, `empty` where the next is not stored.
+ * In the loops `Math.imul` and `| 0` keep numbers whole; powers would make them doubles.
+ */
 
 import type { Blocks } from "./blocks.js";
 
@@ -32,11 +35,13 @@ interface Lane<T> {
 /** Densities of the blocks `[from, to)`, one value a texel. */
 export function densityBricks(blocks: Blocks, edge: number, [from, to]: [number, number], group: Group<Float32Array>): Float32Array {
   const out = new Float32Array((to - from) * (edge + 1) ** 3);
+  const { codes, table, first } = group;
+  const nodes = edge * edge * edge;
   const nothing = { codes: new Uint8Array(edge ** 3), at: 0, table: Float32Array.of(group.empty) };
   for (let block = from; block < to; block++) {
     for (let corner = 0; corner < 8; corner++) {
       const frame = neighbour(blocks, block, corner);
-      put(part(edge, block - from, corner), frame < 0 ? nothing : { ...group, at: (frame - group.first) * edge ** 3 }, out);
+      put(part(edge, block - from, corner), frame < 0 ? nothing : { codes, at: (frame - first) * nodes, table }, out);
     }
   }
   return out;
@@ -46,7 +51,7 @@ export function densityBricks(blocks: Blocks, edge: number, [from, to]: [number,
 export function colorBricks(blocks: Blocks, edge: number, [from, to]: [number, number], quads: number, groups: Group<Uint16Array>[]): Uint16Array {
   // Two halves at a time, the first in the lower one, as every device with WebGL has it.
   const out = new Uint32Array((to - from) * quads * (edge + 1) ** 3 * 2);
-  const nodes = edge ** 3;
+  const nodes = edge * edge * edge;
   const none = { codes: new Uint8Array(nodes), at: 0, table: Uint16Array.of(0) };
   const lanes = groups.flatMap((group) => Array.from({ length: group.channels }, (_, channel) => ({ group, channel, nothing: { ...none, table: Uint16Array.of(group.empty) } })));
   const lane = (number: number, frame: number): Lane<Uint16Array> => {
@@ -77,16 +82,16 @@ function neighbour(blocks: Blocks, block: number, corner: number): number {
 function part(edge: number, brick: number, corner: number): Part {
   const [x, y, z] = [corner >> 2, (corner >> 1) & 1, corner & 1];
   const side = edge + 1;
-  return { edge, counts: [x ? 1 : edge, y ? 1 : edge, z ? 1 : edge], start: brick * side ** 3 + ((x * side + y) * side + z) * edge };
+  return { edge, counts: [x ? 1 : edge, y ? 1 : edge, z ? 1 : edge], start: brick * side * side * side + ((x * side + y) * side + z) * edge };
 }
 
 function put({ edge, counts, start }: Part, { codes, at, table }: Lane<Float32Array>, out: Float32Array): void {
   const [cx, cy, cz] = counts;
   for (let x = 0; x < cx; x++) {
     for (let y = 0; y < cy; y++) {
-      let texel = start + (x * (edge + 1) + y) * (edge + 1);
-      const row = at + (x * edge + y) * edge;
-      for (let node = row; node < row + cz; node++) out[texel++] = table[codes[node]];
+      let texel = (start + Math.imul(Math.imul(x, edge + 1) + y, edge + 1)) | 0;
+      let node = (at + Math.imul(Math.imul(x, edge) + y, edge)) | 0;
+      for (const end = (node + cz) | 0; node < end; node = (node + 1) | 0, texel = (texel + 1) | 0) out[texel] = table[codes[node]];
     }
   }
 }
@@ -98,10 +103,12 @@ function putPair({ edge, counts, start }: Part, a: Lane<Uint16Array>, b: Lane<Ui
   const { codes: bCodes, table: bTable, at: bStart } = b;
   for (let x = 0; x < cx; x++) {
     for (let y = 0; y < cy; y++) {
-      let at = 2 * (start + (x * (edge + 1) + y) * (edge + 1)) + pair;
-      const row = (x * edge + y) * edge;
-      for (let node = row; node < row + cz; node++, at += 2) {
-        out[at] = aTable[aCodes[aStart + node]] | (bTable[bCodes[bStart + node]] << 16);
+      let at = (2 * (start + Math.imul(Math.imul(x, edge + 1) + y, edge + 1)) + pair) | 0;
+      const row = Math.imul(Math.imul(x, edge) + y, edge);
+      let i = (aStart + row) | 0;
+      let j = (bStart + row) | 0;
+      for (const end = (i + cz) | 0; i < end; i = (i + 1) | 0, j = (j + 1) | 0, at = (at + 2) | 0) {
+        out[at] = aTable[aCodes[i]] | (bTable[bCodes[j]] << 16);
       }
     }
   }

@@ -84,7 +84,7 @@ export class LevelDecoder {
       const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name };
       const decode = (from: number, to: number) => CODINGS[kind](atlas, bytes, from, to);
       const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
-      const group = new Group(kind, encoding, channels, name, channels * stored.block_size ** 3, map, decode);
+      const group = new Group(kind, encoding, channels, name, channels * stored.block_size * stored.block_size * stored.block_size, map, decode);
       if (!colored) return group;
       if (!coarser) throw new FieldError(`Level ${level} has inherited blocks, but the level that they are made of is missing.`);
       const { codes } = decode(0, atlas.frames);

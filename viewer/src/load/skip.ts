@@ -93,7 +93,7 @@ export class MacroCells {
     const [low, high] = [new Int32Array(3 * side), new Int32Array(3 * side)];
     for (let block = 0; block < places.length; block++) {
       if (!this.ranges(places[block], low, high)) continue;
-      let node = block * side ** 3;
+      let node = block * side * side * side;
       for (let x = 0; x < side; x++) {
         for (let y = side; y < 2 * side; y++) {
           for (let z = 2 * side; z < 3 * side; z++, node++) {

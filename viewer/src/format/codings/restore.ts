@@ -2,8 +2,7 @@
  * The codes of one block and channel from its residuals: the rule of section 5 of `formats/mipvog.md`.
  *
  * `restore` takes whole numbers of 32 bits, and so codes of one or two bytes. It has one loop for each number of lower
- * neighbours, and no branch for nodes without a residual: their correction is masked away. `Math.imul`, as other
- * products could be -0, which is no whole number to a compiler. `restoreWide` is the plain form
+ * neighbours, and no branch for nodes without a residual: their correction is masked away. `restoreWide` is the plain form
  * for any width, in doubles. Both write from `start` on.
  */
 
@@ -39,72 +38,70 @@ export interface Prediction {
 
 /** Writes codes from `start` on, and into `own` their differences from their means. */
 export function restore(
-  { edge, origin, most: largest, mask, rank }: Block,
-  { values, first, bias: zero }: Residuals,
-  { weights, before }: Prediction,
+  { edge: side, origin, most: largest, mask, rank }: Block,
+  { values, first: base, bias: zero }: Residuals,
+  { weights, before: [d1, d2, d3] }: Prediction,
   codes: Narrow,
   start: number,
   own: Int32Array,
 ): void {
-  const [w0, w1, w2, w3, w4] = [weights[0], weights[1], weights[2], weights[3], weights[4]];
-  const [d1, d2, d3] = before;
-  // Whole numbers for the compiler, too.
-  const most = largest | 0;
-  const bias = zero | 0;
+  // Whole numbers of 32 bits at every step, as `| 0` tells a compiler.
+  const [edge, most, bias, first] = [side | 0, largest | 0, zero | 0, base | 0];
+  const [w0, w1, w2, w3, w4] = [weights[0] | 0, weights[1] | 0, weights[2] | 0, weights[3] | 0, weights[4] | 0];
   // What the mean takes from a prediction with three lower neighbours.
-  const pull = (3 * w0 + w1) | 0;
-  const dx = edge * edge;
+  const pull = (Math.imul(3, w0) + w1) | 0;
+  const dx = Math.imul(edge, edge);
   let node = 0;
-  let at = start;
-  for (let x = 0; x < edge; x++) {
-    for (let y = 0; y < edge; y++) {
-      const end = node + edge;
+  let at = start | 0;
+  for (let x = 0; x < edge; x = (x + 1) | 0) {
+    for (let y = 0; y < edge; y = (y + 1) | 0) {
+      const end = (node + edge) | 0;
       if (x > 0 && y > 0) {
-        let up = codes[at - dx];
-        let back = codes[at - edge];
-        let corner = codes[at - dx - edge];
+        let up = codes[(at - dx) | 0];
+        let back = codes[(at - edge) | 0];
+        let corner = codes[(at - dx - edge) | 0];
         let mean = (up + back) >> 1;
-        const terms = (Math.imul(w0, corner - mean) + Math.imul(w2, d1[node]) + Math.imul(w3, d2[node]) + Math.imul(w4, d3[node]) + 16) | 0;
-        let code = (mean + (((terms >> 5) + values[first + rank[node]] - bias) & mask[node])) & most;
+        const terms = (Math.imul(w0, (corner - mean) | 0) + (((((Math.imul(w2, d1[node]) + Math.imul(w3, d2[node])) | 0) + Math.imul(w4, d3[node])) | 0) + 16)) | 0;
+        let code = (mean + (((terms >> 5) + values[(first + rank[node]) | 0] - bias) & mask[node])) & most;
         codes[at] = code;
-        own[node] = code - mean;
-        for (node++, at++; node < end; node++, at++) {
+        own[node] = (code - mean) | 0;
+        for (node = (node + 1) | 0, at = (at + 1) | 0; node < end; node = (node + 1) | 0, at = (at + 1) | 0) {
           // All but the last code, for which each node has to wait.
-          let ready = (Math.imul(w0, up + back) + Math.imul(w1, corner) + Math.imul(w2, d1[node]) + Math.imul(w3, d2[node]) + Math.imul(w4, d3[node]) + 16) | 0;
-          up = codes[at - dx];
-          back = codes[at - edge];
-          corner = codes[at - dx - edge];
+          let ready = (((Math.imul(w0, (up + back) | 0) + Math.imul(w1, corner)) | 0) + (((((Math.imul(w2, d1[node]) + Math.imul(w3, d2[node])) | 0) + Math.imul(w4, d3[node])) | 0) + 16)) | 0;
+          up = codes[(at - dx) | 0];
+          back = codes[(at - edge) | 0];
+          corner = codes[(at - dx - edge) | 0];
           ready = (ready + Math.imul(w0, corner)) | 0;
-          const residual = values[first + rank[node]] - bias;
-          mean = ((up + back + code) / 3) | 0;
+          const residual = values[(first + rank[node]) | 0] - bias;
+          mean = (((((up + back) | 0) + code) | 0) / 3) | 0;
           code = (mean + ((((ready - Math.imul(pull, mean)) >> 5) + residual) & mask[node])) & most;
           codes[at] = code;
-          own[node] = code - mean;
+          own[node] = (code - mean) | 0;
         }
       } else if (x > 0 || y > 0) {
         const step = x > 0 ? dx : edge;
-        let side = codes[at - step];
+        let side = codes[(at - step) | 0];
         let mean = side;
-        const terms = (Math.imul(w2, d1[node]) + Math.imul(w3, d2[node]) + Math.imul(w4, d3[node]) + 16) | 0;
-        let code = (mean + (((terms >> 5) + values[first + rank[node]] - bias) & mask[node])) & most;
+        const terms = ((((((Math.imul(w2, d1[node]) + Math.imul(w3, d2[node])) | 0) + Math.imul(w4, d3[node])) | 0) + 16)) | 0;
+        let code = (mean + (((terms >> 5) + values[(first + rank[node]) | 0] - bias) & mask[node])) & most;
         codes[at] = code;
-        own[node] = code - mean;
-        for (node++, at++; node < end; node++, at++) {
-          const ready = (Math.imul(w0, side) + Math.imul(w2, d1[node]) + Math.imul(w3, d2[node]) + Math.imul(w4, d3[node]) + 16) | 0;
-          const residual = values[first + rank[node]] - bias;
-          side = codes[at - step];
+        own[node] = (code - mean) | 0;
+        for (node = (node + 1) | 0, at = (at + 1) | 0; node < end; node = (node + 1) | 0, at = (at + 1) | 0) {
+          const ready = (Math.imul(w0, side) + (((((Math.imul(w2, d1[node]) + Math.imul(w3, d2[node])) | 0) + Math.imul(w4, d3[node])) | 0) + 16)) | 0;
+          const residual = values[(first + rank[node]) | 0] - bias;
+          side = codes[(at - step) | 0];
           mean = (side + code) >> 1;
           code = (mean + ((((ready - Math.imul(w0, mean)) >> 5) + residual) & mask[node])) & most;
           codes[at] = code;
-          own[node] = code - mean;
+          own[node] = (code - mean) | 0;
         }
       } else {
         let mean = origin | 0;
-        for (; node < end; node++, at++) {
-          const terms = (Math.imul(w2, d1[node]) + Math.imul(w3, d2[node]) + Math.imul(w4, d3[node]) + 16) | 0;
-          const code = (mean + (((terms >> 5) + values[first + rank[node]] - bias) & mask[node])) & most;
+        for (; node < end; node = (node + 1) | 0, at = (at + 1) | 0) {
+          const terms = ((((((Math.imul(w2, d1[node]) + Math.imul(w3, d2[node])) | 0) + Math.imul(w4, d3[node])) | 0) + 16)) | 0;
+          const code = (mean + (((terms >> 5) + values[(first + rank[node]) | 0] - bias) & mask[node])) & most;
           codes[at] = code;
-          own[node] = code - mean;
+          own[node] = (code - mean) | 0;
           mean = code;
         }
       }

@@ -19,7 +19,7 @@ const WIDTHS = {
 
 export const decodeRuns: Coding = (atlas, chunk, from, to) => {
   const width = WIDTHS[atlas.encoding.number].bytes;
-  const size = atlas.channels * atlas.edge ** 3;
+  const size = atlas.channels * atlas.edge * atlas.edge * atlas.edge;
   const wanted: { bytes: Uint8Array; frame: number; frames: number; stored: boolean }[] = [];
   let next = 0;
   for (const run of runs(atlas, chunk)) {
@@ -72,7 +72,7 @@ function terms(channel: number): number {
 function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes): void {
   const { channels, edge } = atlas;
   const { bytes: width, origin, most, bias } = WIDTHS[atlas.encoding.number];
-  const nodes = edge ** 3;
+  const nodes = edge * edge * edge;
   let at = 0;
   const take = (count: number) => {
     at += count;
