@@ -1,6 +1,6 @@
 /**
  * Builds the two products: the page in `dist/`, which is committed and goes into the program, and with `--package` the
- * npm package in `build/package/`. With `--tests` the tests in `build/tests/`; with `--check` the page in `build/page/`,
+ * npm package in `build/package/`. With `--tests` the tests in `build/tests/`, with `--benches` the benchmarks; with `--check` the page in `build/page/`,
  * which must equal `dist/`.
  */
 
@@ -18,7 +18,7 @@ function notices(...packages) {
 
 // The worker's address is relative to its script in every product.
 const worker = (outfile) =>
-  build({ ...common, ...notices("fzstd"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+  build({ ...common, ...notices("fzstd", "zstddec"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
 
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });
@@ -27,6 +27,9 @@ if (process.argv.includes("--package")) {
   await build({ ...common, entryPoints, outdir: "build/package", splitting: true, external: ["three", "three/*"] });
   await worker("build/package/worker.js");
   execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
+} else if (process.argv.includes("--benches")) {
+  const entryPoints = ["benches/decode.ts"];
+  await build({ ...common, entryPoints, outdir: "build/benches", outExtension: { ".js": ".mjs" }, platform: "node", packages: "external" });
 } else if (process.argv.includes("--tests")) {
   rmSync("build/tests", { recursive: true, force: true });
   const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts"));

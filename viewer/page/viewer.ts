@@ -9,7 +9,7 @@ import { ownFile, useOwnWorker } from "./embedded.js";
 import { openFile } from "./open.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
 import { bindTools, showWay } from "./tools.js";
-import { addressedView, forgetView, goToChosen, nameView, openCameras } from "./views.js";
+import { addressedView, fetchCameras, forgetView, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
@@ -119,7 +119,9 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
 /** Shows a second file beside the first. */
 async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
   const made = await begin(open);
-  if (!made || !opened) return;
+  if (!made) return;
+  // Nothing that it could stand beside.
+  if (!opened) return release(made);
   if (other) remove(other);
   other = made;
   stage.scene.add(made.object);
@@ -172,7 +174,6 @@ function follow(shown: RadianceField, made: Opened): void {
     // What the first level shows is known now.
     if (!isFramed && viewpointText(stage.viewpoint) === framed) frame();
     isFramed = true;
-    stage.redraw();
   });
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
@@ -300,7 +301,8 @@ try {
   const own = ownFile();
   useOwnWorker();
   const asked = new URLSearchParams(location.search);
-  const [address, beside] = [asked.get("file"), asked.get("compare")];
+  const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
+  if (cameras) void fetchCameras(cameras).catch(fail);
   if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
   else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {

@@ -1,5 +1,6 @@
 /** Places to look from: in the page's address, and from a camera file. */
 
+import { FieldError, REMEDY } from "../src/errors.js";
 import type { RadianceField } from "../src/index.js";
 import type { Stage } from "../src/stage/stage.js";
 import { type Preset, presetViewpoint, readPresets, readViewpoint, type Viewpoint, viewpointText } from "../src/stage/viewpoint.js";
@@ -36,6 +37,13 @@ export function forgetView(): void {
   try {
     if (location.hash) history.replaceState(null, "", location.pathname + location.search);
   } catch {}
+}
+
+/** Offers the cameras of a file at an address. */
+export async function fetchCameras(address: string): Promise<void> {
+  const response = await fetch(address).catch(() => null);
+  if (!response?.ok) throw new FieldError(`The camera file ${address} cannot be had${response ? `: its server answers ${response.status}` : ""}.`, REMEDY.network);
+  await openCameras(new File([await response.blob()], address));
 }
 
 /** Offers the cameras of a file. */

@@ -81,7 +81,6 @@ export class MipvogViewer extends HTMLElement {
       for (const field of made.fields) {
         field.addEventListener("change", () => {
           if (field.finest === null) this.stage?.lookAt(visibleBox(made));
-          this.stage?.redraw();
         });
         field.addEventListener("failed", ({ error }) => own === this.number && this.fail(error));
       }

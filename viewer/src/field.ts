@@ -50,6 +50,9 @@ export interface RadianceFieldEventMap extends Object3DEventMap {
 /** Pixels along a picture of which one is picked, and the opacity that it must have. */
 const [PICKED, LEAST_PICKED] = [1024, 0.1];
 
+/** Files from this size on are decoded by several workers, and by how many at most. */
+const [HELPED_BYTES, MOST_HELPERS] = [1 << 20, 16];
+
 /** What a picture took, as means over the rays that meet the box. */
 export interface Statistics {
   /** Rays that meet the box. */
@@ -80,6 +83,10 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   arrived = 0;
   private content: { opened: Opened; atlas: Atlas; uniforms: Uniforms } | null = null;
   private readonly worker: Worker;
+  /** Workers that help the first to decode. */
+  private readonly helpers: Worker[] = [];
+  /** How often levels were asked for again. */
+  private round = 0;
   /** Breaks the promises that are not kept yet. */
   private readonly reject: (error: FieldError) => void;
 
@@ -102,24 +109,27 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
       try {
         if (data.kind === "failed") {
           // Levels that came before are shown, and may have to come again.
-          if (!this.content) this.worker.terminate();
+          if (!this.content) this.terminate();
           this.fail(new FieldError(data.message, data.remedy));
         } else if (data.kind === "opened") {
           this.begin(data.opened);
+          if (data.opened.fileBytes >= HELPED_BYTES) this.startHelpers();
           opened.resolve(data.opened.metadata);
           this.dispatchEvent({ type: "opened", metadata: data.opened.metadata });
         } else if (data.kind === "progress") {
           this.arrived = data.arrived;
           this.dispatchEvent({ type: "progress", arrived: data.arrived });
-        } else if (data.kind === "level") {
-          this.content?.atlas.add(data.level);
+        } else if (data.kind === "part") {
+          if (data.round === this.round) this.content?.atlas.add(data.part);
+        } else if (data.kind === "entry") {
+          if (data.round === this.round) this.content?.atlas.finish(data.entry);
           this.dispatchEvent({ type: "change" });
         } else {
           finished.resolve();
           this.dispatchEvent({ type: "done" });
         }
       } catch (error) {
-        this.worker.terminate();
+        this.terminate();
         this.fail(error instanceof FieldError ? error : new FieldError(String(error)));
       }
     };
@@ -136,6 +146,35 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   /** How the file came and what of it the device holds; null until it is opened. */
   get file(): Pick<Opened, "fileBytes" | "available" | "prefixes" | "transfer" | "plan"> | null {
     return this.content?.opened ?? null;
+  }
+
+  /**
+   * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
+   * changed.
+   */
+  upload(renderer: WebGLRenderer): boolean {
+    if (!this.content) return false;
+    const { atlas } = this.content;
+    const before = atlas.live.size;
+    try {
+      if (!atlas.upload(renderer)) {
+        this.round++;
+        this.ask({ kind: "again" });
+      }
+    } catch (error) {
+      if (!(error instanceof FieldError)) throw error;
+      // Its textures go when the draw, whose material names them, is over.
+      this.content = null;
+      queueMicrotask(() => {
+        atlas.dispose();
+        this.dispose();
+      });
+      this.fail(error);
+      return false;
+    }
+    const isChanged = atlas.live.size !== before;
+    if (atlas.waiting || isChanged) this.dispatchEvent({ type: "change" });
+    return isChanged;
   }
 
   /** The finest level that is shown; null before the first picture. */
@@ -164,7 +203,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
 
   /** Ends loading and frees the device's memory; the field is not drawn any more. */
   dispose(): void {
-    this.worker.terminate();
+    this.terminate();
     this.reject(new FieldError("The field was given up before all of it was there.", REMEDY.again));
     this.visible = false;
     this.content?.atlas.dispose();
@@ -265,21 +304,9 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   private prepare(renderer: WebGLRenderer, camera: Camera, output: number, skips: boolean, halfPixel: number): void {
     this.geometry.setDrawRange(0, 0);
     if (!this.content || !(camera as PerspectiveCamera).isPerspectiveCamera) return;
+    this.upload(renderer);
+    if (!this.content) return;
     const { opened, atlas, uniforms } = this.content;
-    try {
-      if (!atlas.upload(renderer)) this.ask({ kind: "again" });
-    } catch (error) {
-      if (!(error instanceof FieldError)) throw error;
-      // Its textures go when this draw, whose material names them, is over.
-      this.content = null;
-      queueMicrotask(() => {
-        atlas.dispose();
-        this.dispose();
-      });
-      this.fail(error);
-      return;
-    }
-    if (atlas.waiting) this.dispatchEvent({ type: "change" });
     const finest = atlas.finest;
     if (finest === null) return;
     this.geometry.setDrawRange(0, Infinity);
@@ -292,6 +319,23 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     uniforms.u_skips.value = skips;
     uniforms.u_halfPixel.value = halfPixel;
     this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Starts as many decoders as the device has cores, beside the one that reads. */
+  private startHelpers(): void {
+    const ports = Array.from({ length: Math.min(MOST_HELPERS, navigator.hardwareConcurrency) }, () => {
+      const { port1, port2 } = new MessageChannel();
+      const helper = startDecoder();
+      helper.onerror = this.worker.onerror;
+      this.helpers.push(helper);
+      helper.postMessage({ kind: "help", port: port2 } satisfies Request, [port2]);
+      return port1;
+    });
+    this.worker.postMessage({ kind: "crew", ports } satisfies Request, ports);
+  }
+
+  private terminate(): void {
+    for (const worker of [this.worker, ...this.helpers]) worker.terminate();
   }
 
   private fail(error: FieldError): void {

@@ -57,7 +57,7 @@ test("a folder opens from a plain server, in ranges where it has them", async ()
     server.ranges = ranges;
     // The policy that the folder's notes name.
     server.headers = {
-      "Content-Security-Policy": "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:",
+      "Content-Security-Policy": "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:",
     };
     const { page, problems } = await newPage(browser);
     // Nothing more arrives before the first picture is there.

@@ -44,6 +44,18 @@ function view(page: Page): Promise<number[]> {
 
 const distance = (a: number[], b: number[]) => Math.hypot(...a.map((value, axis) => value - b[axis]));
 
+test("an address names a camera file, and what is wrong with it is told", async () => {
+  const file = { camera_angle_x: 0.7, frames: [{ file_path: "./test/r_7", transform_matrix: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]] }] };
+  server.offer("cameras.json", Buffer.from(JSON.stringify(file)));
+  const { page, problems } = await open("&cameras=cameras.json");
+  await page.locator("#views option", { hasText: "r_7" }).waitFor({ state: "attached" });
+  assert.deepEqual(problems, []);
+  await page.goto(`${server.page("tiny.mipvog", bytes)}&cameras=missing.json`);
+  await page.waitForFunction(() => window.__mipvog?.error);
+  assert.match(await page.locator("#error").innerText(), /camera file missing\.json cannot be had: its server answers 404/);
+  await page.close();
+});
+
 test("the file has its own name, and a link leads to the same view", async () => {
   const { page, problems } = await open("&name=lego%20house.mipvog");
   assert.equal(await page.locator("#name").textContent(), "lego house.mipvog");

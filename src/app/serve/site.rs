@@ -19,9 +19,9 @@ const VIEWER: [(&str, &str, &str); 4] = [
 /// Headers of every answer: the page runs its own scripts alone, talks to no other host and is not
 /// stored.
 pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
-    Content-Security-Policy: default-src 'none'; script-src 'self'; worker-src 'self'; \
-    style-src 'self'; img-src 'self' data: blob:; connect-src 'self' data: blob:; \
-    base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+    Content-Security-Policy: default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; \
+    worker-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
+    connect-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Referrer-Policy: no-referrer\r\n\
     X-Content-Type-Options: nosniff\r\n";

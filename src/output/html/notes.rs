@@ -16,7 +16,7 @@ text/css, {container} is model/vnd.mipvog. A server that does not know the last 
 application/octet-stream.
 
 Content security policy. This one is enough:
-default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self';
+default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self';
 img-src 'self' data: blob:; connect-src 'self' data: blob:
 
 Another host. If {container} lies on another host than the page, open index.html?file=ADDRESS. That

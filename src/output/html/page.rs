@@ -20,8 +20,8 @@ const SCRIPT_END: &str = "</script>";
 /// A page that holds the container `bytes`, which it shows as `name`.
 pub(super) fn whole(name: &str, bytes: &[u8]) -> String {
     let policy = format!(
-        "default-src 'none'; script-src {}; style-src {}; worker-src blob:; img-src data: blob:; \
-         connect-src data: blob:; base-uri 'none'; form-action 'none'",
+        "default-src 'none'; script-src {} 'wasm-unsafe-eval'; style-src {}; worker-src blob:; \
+         img-src data: blob:; connect-src data: blob:; base-uri 'none'; form-action 'none'",
         digest(SCRIPT),
         digest(STYLE),
     );

@@ -1,6 +1,8 @@
 /** CRC-32 as zip and PNG compute it, eight bytes at a time. */
 
 const TABLES = tables();
+/** Whether the lowest byte of a word is its first. */
+const LITTLE = new Uint8Array(Uint32Array.of(1).buffer)[0] === 1;
 
 function tables(): Uint32Array[] {
   const first = new Uint32Array(256);
@@ -22,6 +24,17 @@ export function crc32(bytes: Uint8Array, before = 0): number {
   const [t0, t1, t2, t3, t4, t5, t6, t7] = TABLES;
   let sum = ~before;
   let i = 0;
+  // Chunks are aligned in their file; two words are faster to read than eight bytes.
+  if (LITTLE && bytes.byteOffset % 4 === 0) {
+    const words = new Int32Array(bytes.buffer, bytes.byteOffset, 2 * Math.floor(bytes.length / 8));
+    for (let word = 0; word < words.length; word += 2) {
+      const [low, high] = [sum ^ words[word], words[word + 1]];
+      sum =
+        t7[low & 255] ^ t6[(low >>> 8) & 255] ^ t5[(low >>> 16) & 255] ^ t4[low >>> 24] ^
+        t3[high & 255] ^ t2[(high >>> 8) & 255] ^ t1[(high >>> 16) & 255] ^ t0[high >>> 24];
+    }
+    i = 4 * words.length;
+  }
   for (const end = bytes.length - 7; i < end; i += 8) {
     const low = sum ^ (bytes[i] | (bytes[i + 1] << 8) | (bytes[i + 2] << 16) | (bytes[i + 3] << 24));
     sum =

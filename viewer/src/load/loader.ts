@@ -9,7 +9,8 @@ import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readH
 import { type Mask, readMask } from "../format/mask.js";
 import { isLinear, type Metadata, networkOf, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
-import { decodeLevel, type DecodedLevel, type LevelColors } from "./level.js";
+import { Crew } from "./crew.js";
+import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, type LevelEntry } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
 import { type ByteSource, openSource, type OwnSource, type Transfer } from "./source.js";
 
@@ -37,7 +38,19 @@ export interface Opened {
 export interface Listener {
   opened(opened: Opened): void;
   progress(arrived: number): void;
-  level(level: DecodedLevel): void;
+  /** Blocks of a level, in any order; `round` counts the calls of `again`. */
+  part(part: DecodedPart, round: number): void;
+  /** All parts of the level have come. */
+  entry(entry: LevelEntry, round: number): void;
+}
+
+/** Levels that come together, as they are in the file from `start` on. */
+interface Piece {
+  levels: number[];
+  bytes: Uint8Array;
+  start: number;
+  /** Colours of the level before, where the first one has inherited blocks. */
+  coarser: LevelColors | null;
 }
 
 /** One container on its way. */
@@ -45,61 +58,102 @@ export class Loader {
   private readonly source: ByteSource;
   private entries: Entry[] = [];
   private opened: Opened | null = null;
-  /** Levels as they are in the file, to be decoded again after the device lost them. */
-  private readonly kept: { levels: number[]; bytes: Uint8Array; start: number }[] = [];
+  readonly crew = new Crew();
+  /** What was decoded, to be decoded again after the device lost it. */
+  private readonly kept: Piece[] = [];
+  private round = 0;
+  /** What is being decoded, and waits to be. */
+  private queue: Promise<unknown> = Promise.resolve();
 
-  /** Colours of the level before, where the next one has inherited blocks. */
-  private coarser: LevelColors | null = null;
-
-  constructor(source: OwnSource) {
+  constructor(
+    source: OwnSource,
+    private readonly listener: Listener,
+  ) {
     this.source = openSource(source);
   }
 
   /** Loads every level that fits the device. */
-  async load(device: DeviceLimits, listener: Listener): Promise<void> {
+  async load(device: DeviceLimits): Promise<void> {
     try {
-      await this.levels(device, listener);
+      await this.levels(device);
     } finally {
       // What does not fit is not wanted, nor is what follows an error.
       this.source.cancel();
     }
   }
 
-  private async levels(device: DeviceLimits, listener: Listener): Promise<void> {
-    const head = await this.open(device, listener);
-    const { opened } = this;
+  private async levels(device: DeviceLimits): Promise<void> {
+    const head = await this.open(device);
+    const { opened, listener } = this;
     if (!opened) return;
     let loaded = head.length;
     // Bytes of the file from `start` on that no level has taken yet.
     let rest: Uint8Array = head;
     let start = 0;
+    let coarser: LevelColors | null = null;
     for (const levels of this.pieces(opened)) {
       const end = opened.prefixes[levels[levels.length - 1]];
       const bytes = joined(rest, await this.source.read(loaded, end, listener.progress));
       loaded = start + bytes.length;
       if (loaded < end) throw new FieldError(`The file ends after ${loaded} bytes and should have ${opened.fileBytes}.`);
-      const piece = { levels, bytes, start };
-      for (const level of levels) listener.level(this.decode(opened, level, piece));
-      this.kept.push(piece);
+      const piece: Piece = { levels, bytes, start, coarser };
+      coarser = await this.inTurn(async () => {
+        for (;;) {
+          const { round } = this;
+          const colors = await this.decode(opened, piece);
+          // What the device lost meanwhile has to come once more.
+          if (round !== this.round) continue;
+          this.kept.push(piece);
+          return colors;
+        }
+      });
       [rest, start] = [bytes.subarray(end - start), end];
     }
   }
 
   /** Decodes once more what was loaded. */
-  again(listener: Pick<Listener, "level">): void {
+  async again(): Promise<void> {
     const { opened } = this;
-    if (!opened) return;
-    for (const piece of this.kept) for (const level of piece.levels) listener.level(this.decode(opened, level, piece));
+    this.round++;
+    const pieces = [...this.kept];
+    await this.inTurn(async () => {
+      for (const piece of pieces) if (opened) await this.decode(opened, piece);
+    });
   }
 
-  private decode(opened: Opened, level: number, piece: { bytes: Uint8Array; start: number }): DecodedLevel {
-    const { decoded, colors } = decodeLevel(opened.metadata, this.entries, opened.plan, level, piece.bytes, piece.start, this.coarser);
-    this.coarser = level > 0 && opened.metadata.levels[level - 1].blocks_filled ? colors : null;
-    return decoded;
+  /** Does one thing after the other. */
+  private inTurn<T>(work: () => Promise<T>): Promise<T> {
+    const done = this.queue.then(work);
+    this.queue = done.catch(() => {});
+    return done;
+  }
+
+  /** Decodes a piece; the colours that the next one's inherited blocks are made of. */
+  private async decode(opened: Opened, { levels, bytes, start, coarser }: Piece): Promise<LevelColors | null> {
+    const { metadata, plan } = opened;
+    const { round, listener } = this;
+    const part = (part: DecodedPart) => listener.part(part, round);
+    let colors = coarser;
+    for (const level of levels) {
+      const chunks = levelChunks(this.entries, level, bytes, start);
+      const decoder = new LevelDecoder(metadata, plan, level, chunks, colors);
+      const { blocks_filled: inherited = 0, blocks_stored: blocks } = metadata.levels[level];
+      const isInherited = level > 0 && (metadata.levels[level - 1].blocks_filled ?? 0) > 0;
+      let { marks } = decoder;
+      if (inherited === 0 && this.crew.takes(blocks)) {
+        marks = await this.crew.decode({ metadata, plan, level, chunks }, blocks, part);
+      } else {
+        for (const one of decoder.parts(0, blocks)) part(one);
+      }
+      listener.entry(decoder.entry(marks), round);
+      colors = isInherited ? decoder.colors() : null;
+    }
+    return colors;
   }
 
   /** Header, directory and the chunks of no level before the first one; all bytes read. */
-  private async open(device: DeviceLimits, listener: Listener): Promise<Uint8Array> {
+  private async open(device: DeviceLimits): Promise<Uint8Array> {
+    const { listener } = this;
     let bytes: Uint8Array = await this.source.read(0, FIRST_BYTES, listener.progress);
     const more = async (end: number) => {
       if (end > bytes.length) bytes = joined(bytes, await this.source.read(bytes.length, end, listener.progress));

@@ -1,15 +1,22 @@
 /** What the page and the worker say to each other. */
 
-import type { DecodedLevel } from "./level.js";
+import type { DecodedPart, LevelEntry } from "./level.js";
 import type { Opened } from "./loader.js";
 import type { DeviceLimits } from "./plan.js";
 import type { OwnSource } from "./source.js";
 
-export type Request = { kind: "load"; source: OwnSource; device: DeviceLimits } | { kind: "again" };
+/** Load a container; decode again what was loaded; let the helpers at `ports` decode, too; be one, at `port`. */
+export type Request =
+  | { kind: "load"; source: OwnSource; device: DeviceLimits }
+  | { kind: "again" }
+  | { kind: "crew"; ports: MessagePort[] }
+  | { kind: "help"; port: MessagePort };
 
+/** `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
 export type Reply =
   | { kind: "opened"; opened: Opened }
   | { kind: "progress"; arrived: number }
-  | { kind: "level"; level: DecodedLevel }
+  | { kind: "part"; part: DecodedPart; round: number }
+  | { kind: "entry"; entry: LevelEntry; round: number }
   | { kind: "done" }
   | { kind: "failed"; message: string; remedy: string };

@@ -52,6 +52,8 @@ export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [numb
 
 /** The macro cells of one level. */
 export class MacroCells {
+  /** Groups of `edge` cells of the level a side: 1 where a corner of one of them can be seen. */
+  readonly marks: Uint8Array;
   private readonly edge: number;
   private readonly counts: Triple;
   private readonly finest: Triple;
@@ -66,14 +68,15 @@ export class MacroCells {
     this.finest = metadata.levels[0].dimensions;
     this.nodes = stored.dimensions;
     this.block = stored.block_size;
+    this.marks = new Uint8Array(this.groupCounts().reduce((product, count) => product * count, 1));
     this.limit = invisibleDensity(metadata.activation, stored.density?.decode ?? "raw_density");
   }
 
-  /** Skip distances for the level. `blocks` hold its densities with aprons. */
-  skipDistances(blocks: Float32Array, places: Triple[]): Uint8Array {
+  /** Skip distances for the level, of the `marks` that all of its blocks have set. */
+  skipDistances(marks: Uint8Array): Uint8Array {
     const [nx, ny, nz] = this.counts;
     const skipDistances = new Uint8Array(nx * ny * nz).fill(255);
-    this.mark(this.groups(blocks, places), skipDistances);
+    this.clear(marks, skipDistances);
     // One sweep from each end, over the 13 neighbours that it has passed, is exact for the largest of the
     // distances along the axes.
     sweep(skipDistances, this.counts);
@@ -82,34 +85,48 @@ export class MacroCells {
     return skipDistances.reverse();
   }
 
-  /** Groups of `edge` cells of the level a side: 1 where a corner of one of them can be seen. */
-  private groups(blocks: Float32Array, places: Triple[]): Uint8Array {
-    const [gx, gy, gz] = this.groupCounts();
-    const groups = new Uint8Array(gx * gy * gz);
+  /** Marks the groups in which a corner of a cell can be seen. `bricks` are the densities of the blocks at `places`. */
+  mark(bricks: Float32Array, places: Triple[]): void {
+    const { marks, limit } = this;
+    const [, gy, gz] = this.groupCounts();
     const side = this.block + 1;
-    places.forEach((place, block) => {
-      const first = place.map((block) => block * this.block);
-      const end = first.map((first, axis) => Math.min(first + this.block, this.nodes[axis] - 1));
-      // Only the last nodes of an axis, which are no cell's lowest.
-      if (first.some((first, axis) => first === end[axis])) return;
-      // The groups of the cells below and above a node, of those whose lowest nodes the block holds.
-      const range = (axis: number, inside: number) => {
-        const at = first[axis] + inside;
-        return [Math.max(at - 1, first[axis]), Math.min(at, end[axis] - 1)].map((cell) => Math.floor(cell / this.edge));
-      };
-      const ranges = [0, 1, 2].map((axis) => Array.from({ length: side }, (_, inside) => range(axis, inside)));
-      let node = block * side ** 3;
+    const [low, high] = [new Int32Array(3 * side), new Int32Array(3 * side)];
+    for (let block = 0; block < places.length; block++) {
+      if (!this.ranges(places[block], low, high)) continue;
+      let node = block * side * side * side;
       for (let x = 0; x < side; x++) {
-        for (let y = 0; y < side; y++) {
-          for (let z = 0; z < side; z++, node++) {
-            if (blocks[node] <= this.limit) continue;
-            const [[x0, x1], [y0, y1], [z0, z1]] = [ranges[0][x], ranges[1][y], ranges[2][z]];
-            for (let i = x0; i <= x1; i++) for (let j = y0; j <= y1; j++) for (let k = z0; k <= z1; k++) groups[(i * gy + j) * gz + k] = 1;
+        for (let y = side; y < 2 * side; y++) {
+          for (let z = 2 * side; z < 3 * side; z++, node++) {
+            if (bricks[node] <= limit) continue;
+            for (let i = low[x]; i <= high[x]; i++) {
+              for (let j = low[y]; j <= high[y]; j++) {
+                for (let k = low[z]; k <= high[z]; k++) marks[(i * gy + j) * gz + k] = 1;
+              }
+            }
           }
         }
       }
-    });
-    return groups;
+    }
+  }
+
+  /**
+   * The first and last group of the cells below and above each node of a block, along each axis, of those whose lowest
+   * nodes the block holds. False where it holds no such cell.
+   */
+  private ranges(place: Triple, low: Int32Array, high: Int32Array): boolean {
+    const side = this.block + 1;
+    for (let axis = 0; axis < 3; axis++) {
+      const first = place[axis] * this.block;
+      const end = Math.min(first + this.block, this.nodes[axis] - 1);
+      // Only the last nodes of an axis, which are no cell's lowest.
+      if (first === end) return false;
+      for (let inside = 0; inside < side; inside++) {
+        const at = first + inside;
+        low[axis * side + inside] = Math.floor(Math.max(at - 1, first) / this.edge);
+        high[axis * side + inside] = Math.floor(Math.min(at, end - 1) / this.edge);
+      }
+    }
+    return true;
   }
 
   private groupCounts(): Triple {
@@ -117,7 +134,7 @@ export class MacroCells {
   }
 
   /** Writes 0 into the macro cells that marked groups overlap. */
-  private mark(groups: Uint8Array, skipDistances: Uint8Array): void {
+  private clear(groups: Uint8Array, skipDistances: Uint8Array): void {
     const [, gy, gz] = this.groupCounts();
     const [, ny, nz] = this.counts;
     const ranges = this.groupCounts().map((count, axis) => Array.from({ length: count }, (_, group) => this.overlap(axis, group)));
@@ -141,25 +158,47 @@ export class MacroCells {
   }
 }
 
+/** Each cell's least distance by way of the cells that lie before it. */
 function sweep(skipDistances: Uint8Array, [nx, ny, nz]: Triple): void {
-  let at = 0;
-  for (let x = 0; x < nx; x++) {
-    for (let y = 0; y < ny; y++) {
-      for (let z = 0; z < nz; z++, at++) {
+  // Of the plane before, the least of each cell and its 8 neighbours; of this plane, that of its 2 along the row.
+  const before = new Uint8Array(ny * nz).fill(255);
+  const rows = new Uint8Array(ny * nz);
+  for (let x = 0, at = 0; x < nx; x++) {
+    for (let y = 0, cell = 0; y < ny; y++) {
+      const [start, end] = [cell, cell + nz];
+      let last = 255;
+      for (; cell < end; cell++, at++) {
         let least = skipDistances[at] - 1;
-        for (let i = x > 0 ? -1 : 0; i <= 0; i++) {
-          const [from, to] = [y > 0 ? -1 : 0, i < 0 && y + 1 < ny ? 1 : 0];
-          for (let j = from; j <= to; j++) {
-            const passed = i < 0 || j < 0;
-            const last = passed ? (z + 1 < nz ? 1 : 0) : -1;
-            for (let k = z > 0 ? -1 : 0; k <= last; k++) {
-              const distance = skipDistances[at + (i * ny + j) * nz + k];
-              if (distance < least) least = distance;
-            }
-          }
-        }
-        skipDistances[at] = least + 1;
+        if (before[cell] < least) least = before[cell];
+        if (y > 0 && rows[cell - nz] < least) least = rows[cell - nz];
+        if (last < least) least = last;
+        last = least + 1;
+        skipDistances[at] = last;
+      }
+      leastAlong(skipDistances, at - nz, rows, start, nz);
+    }
+    for (let y = 0, cell = 0; y < ny; y++) {
+      const [low, high] = [y > 0 ? -nz : 0, y + 1 < ny ? nz : 0];
+      for (const end = cell + nz; cell < end; cell++) {
+        let least = rows[cell];
+        if (rows[cell + low] < least) least = rows[cell + low];
+        if (rows[cell + high] < least) least = rows[cell + high];
+        before[cell] = least;
       }
     }
+  }
+}
+
+/** Of a row of `count` values, the least of each and those beside it; `from` and `to` are the first ones. */
+function leastAlong(values: Uint8Array, from: number, out: Uint8Array, to: number, count: number): void {
+  let before = 255;
+  let own = values[from];
+  for (let i = 0; i < count; i++) {
+    const next = i + 1 < count ? values[from + i + 1] : 255;
+    let least = own < before ? own : before;
+    if (next < least) least = next;
+    out[to + i] = least;
+    before = own;
+    own = next;
   }
 }

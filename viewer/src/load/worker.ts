@@ -1,6 +1,8 @@
 /** Loads one container and hands its levels over. Errors come as words. */
 
 import { FieldError, REMEDY } from "../errors.js";
+import { prepareInflate } from "../format/zstd.js";
+import { buffersOf, help } from "./crew.js";
 import { type Listener, Loader } from "./loader.js";
 import type { Reply, Request } from "./messages.js";
 
@@ -10,24 +12,28 @@ const port = self as unknown as {
 };
 
 let loader: Loader | null = null;
+const prepared = prepareInflate();
 
 const listener: Listener = {
   opened: (opened) => port.postMessage({ kind: "opened", opened }),
   progress: (arrived) => port.postMessage({ kind: "progress", arrived }),
-  level: (level) => {
-    const arrays = [level.table, level.density, level.color, level.skipDistances];
-    port.postMessage({ kind: "level", level }, arrays.flatMap((array) => (array ? [array.buffer] : [])));
-  },
+  part: (part, round) => port.postMessage({ kind: "part", part, round }, buffersOf(part)),
+  entry: (entry, round) => port.postMessage({ kind: "entry", entry, round }),
 };
 
 port.onmessage = async ({ data }) => {
   try {
+    await prepared;
     if (data.kind === "load") {
-      loader = new Loader(data.source);
-      await loader.load(data.device, listener);
+      loader = new Loader(data.source, listener);
+      await loader.load(data.device);
       port.postMessage({ kind: "done" });
+    } else if (data.kind === "crew") {
+      data.ports.forEach((port) => loader?.crew.add(port));
+    } else if (data.kind === "help") {
+      help(data.port);
     } else {
-      loader?.again(listener);
+      await loader?.again();
     }
   } catch (error) {
     const { message, remedy } = error instanceof FieldError ? error : new FieldError(unexpected(error), REMEDY.device);

@@ -19,21 +19,19 @@ import {
 } from "three";
 import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
-import type { DecodedLevel } from "../load/level.js";
+import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { type Plan, slotPlace } from "../load/plan.js";
 import { macroCounts, occupiedShares } from "../load/skip.js";
 import { packWeights, WEIGHTS_WIDTH } from "./network.js";
 
-/** Bytes that go to the device in one frame, so that no frame takes long. */
-const UPLOAD_BYTES = 16 << 20;
+/** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
+const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
+/** Blocks between two looks at the clock. */
+const UPLOAD_BLOCKS = 32;
 
-/** A decoded level on its way to the device. */
-interface Upload {
-  level: DecodedLevel;
-  /** Blocks that are there. */
-  done: number;
-}
+/** What is on its way to the device: blocks, and after all of a level's the level itself. */
+type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry };
 
 export class Atlas {
   readonly density: Data3DTexture;
@@ -89,10 +87,15 @@ export class Atlas {
     this.mask = mask && volume(mask.values, [mask.nodes[2], mask.nodes[1], mask.nodes[0]], RedFormat, FloatType);
   }
 
-  /** Takes a decoded level; it is live when `upload` has brought all of it to the device. */
-  add(level: DecodedLevel): void {
-    this.uploads.push({ level, done: 0 });
-    if (level.skipDistances) this.occupied ??= occupiedShares(level.skipDistances, this.macro);
+  /** Takes blocks of a level. */
+  add(part: DecodedPart): void {
+    this.uploads.push({ part, done: 0 });
+  }
+
+  /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
+  finish(entry: LevelEntry): void {
+    this.uploads.push({ entry });
+    if (entry.skipDistances) this.occupied ??= occupiedShares(entry.skipDistances, this.macro);
   }
 
   /** Whether something waits for `upload`. */
@@ -126,20 +129,24 @@ export class Atlas {
         return false;
       }
     }
+    if (!this.waiting) return true;
     const gl = renderer.getContext() as WebGL2RenderingContext;
+    const end = performance.now() + UPLOAD_MS;
     let left = UPLOAD_BYTES;
-    while (left > 0 && this.uploads.length > 0) {
+    // three.js remembers the state of the context, so it is told; before release 187 it does not remember these.
+    const state = renderer.state as typeof renderer.state & Partial<Pick<WebGL2RenderingContext, "pixelStorei">>;
+    const set = (name: number, value: number | boolean) => ("pixelStorei" in state ? state : gl).pixelStorei!(name, value);
+    set(gl.UNPACK_ALIGNMENT, 1);
+    set(gl.UNPACK_FLIP_Y_WEBGL, false);
+    set(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+    while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
       const [upload] = this.uploads;
-      // three.js remembers the state of the context, so it is told; before release 187 it does not remember these.
-      const state = renderer.state as typeof renderer.state & Partial<Pick<WebGL2RenderingContext, "pixelStorei">>;
-      const set = (name: number, value: number | boolean) => ("pixelStorei" in state ? state : gl).pixelStorei!(name, value);
-      set(gl.UNPACK_ALIGNMENT, 1);
-      set(gl.UNPACK_FLIP_Y_WEBGL, false);
-      set(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
-      left -= this.bring(upload, left, gl, (texture) => state.bindTexture(gl.TEXTURE_3D, handle(texture)!));
-      if (upload.done < upload.level.blocks) break;
+      if ("entry" in upload) this.enter(upload.entry);
+      else {
+        left -= this.bring(upload, gl, (texture) => state.bindTexture(gl.TEXTURE_3D, handle(texture)!));
+        if (upload.done < upload.part.blocks) continue;
+      }
       this.uploads.shift();
-      this.enter(upload.level);
     }
     return true;
   }
@@ -161,28 +168,29 @@ export class Atlas {
     }
   }
 
-  /** Uploads blocks of a level up to `most` bytes; how many bytes that were. */
-  private bring(upload: Upload, most: number, gl: WebGL2RenderingContext, bind: (texture: Texture) => void): number {
-    const { level } = upload;
+  /** Uploads a few blocks; how many bytes that were. */
+  private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, bind: (texture: Texture) => void): number {
+    const { part } = upload;
     const { slot, slots, quads, firstSlot } = this.plan;
-    const nodes = level.side ** 3;
-    const blockBytes = nodes * (8 * quads + (level.density?.BYTES_PER_ELEMENT ?? 0));
-    const end = Math.min(level.blocks, upload.done + Math.max(1, Math.floor(most / blockBytes)));
+    const nodes = part.side ** 3;
+    const blockBytes = nodes * (8 * quads + (part.density?.BYTES_PER_ELEMENT ?? 0));
+    const end = Math.min(part.blocks, upload.done + UPLOAD_BLOCKS);
+    const start = firstSlot[part.level] + part.first;
     const put = (place: Triple, format: number, type: number, data: ArrayBufferView) => {
       const [x, y, z] = place.map((slots) => slots * slot);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, level.side, level.side, level.side, format, type, data);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, part.side, part.side, part.side, format, type, data);
     };
-    const { density, color } = level;
+    const { density, color } = part;
     if (density) {
       bind(this.density);
       const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
       for (let block = upload.done; block < end; block++) {
-        put(slotPlace(this.plan, firstSlot[level.level] + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
+        put(slotPlace(this.plan, start + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
       }
     }
     bind(this.color);
     for (let block = upload.done; block < end; block++) {
-      const [x, y, z] = slotPlace(this.plan, firstSlot[level.level] + block);
+      const [x, y, z] = slotPlace(this.plan, start + block);
       for (let quad = 0; quad < quads; quad++) {
         const at = (block * quads + quad) * nodes * 4;
         put([x, y, z + quad * slots[2]], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + nodes * 4));
@@ -194,7 +202,7 @@ export class Atlas {
   }
 
   /** Enters a level into the tables. */
-  private enter({ level, table, skipDistances }: DecodedLevel): void {
+  private enter({ level, table, skipDistances }: LevelEntry): void {
     const [nx, ny, nz] = blockCounts(this.opened.metadata.levels[level]);
     const [width, height] = this.tableSize;
     for (let x = 0; x < nx; x++) {

@@ -38,6 +38,7 @@ export class Painter {
   /** Whether the next picture has to show something at once. */
   private isFresh = true;
   private isBusy = false;
+  private waits = false;
   /** Where the next part of the full picture starts; null where it is whole. */
   private cursor: [number, number] | null = null;
   private spent = 0;
@@ -82,11 +83,13 @@ export class Painter {
     this.redraw(true);
   }
 
-  /** Draws what is due; to be called every frame. */
-  draw(): void {
+  /** Draws what is due; to be called every frame. Nothing is drawn in full that is about to change: where content `waits`. */
+  draw(waits: boolean): void {
+    this.waits = waits;
     if (this.isBusy || this.renderer.getContext().isContextLost()) return;
     const isMoving = performance.now() - this.moved < REST_MS;
     if (this.isStale && (isMoving || this.isFresh)) this.drawCoarse();
+    else if (waits) return;
     else if (this.isStale || (!isMoving && this.sharpness < 1)) this.startFull();
     else if (this.cursor && !isMoving) this.drawPart(this.cursor);
   }
@@ -134,7 +137,7 @@ export class Painter {
     this.paint(x, y, wide, high, (time) => {
       this.spent += time;
       if (!this.veil.hidden) this.veil.getContext("2d")?.clearRect(x, y, wide, high);
-      if (!isLast) return this.draw();
+      if (!isLast) return this.draw(this.waits);
       // A move may have begun anew meanwhile.
       this.veil.hidden = true;
       this.frameTime = this.spent;

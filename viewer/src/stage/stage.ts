@@ -239,7 +239,20 @@ export class Stage {
       this.controls.enableDamping = !this.calm.matches;
       this.controls.update();
     }
-    this.painter.draw();
+    this.painter.draw(this.upload());
+  }
+
+  /** Brings decoded blocks of all fields to the device, a few milliseconds of them; whether more of them wait. */
+  private upload(): boolean {
+    let waits = false;
+    if (this.renderer.getContext().isContextLost()) return waits;
+    this.scene.traverse((object) => {
+      if (!("isRadianceField" in object)) return;
+      const field = object as RadianceField;
+      if (field.upload(this.renderer)) this.redraw(true);
+      waits ||= field.waiting;
+    });
+    return waits;
   }
 
   private fly(now: number): void {

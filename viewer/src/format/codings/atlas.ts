@@ -16,5 +16,8 @@ export interface Atlas {
   name: string;
 }
 
-/** Codes of an atlas: frame by frame, channel by channel, nodes in C order. */
-export type Coding = (atlas: Atlas, chunk: Uint8Array) => Codes;
+/**
+ * Codes of at least the frames `[from, to)` of an atlas, from frame `first` on: frame by frame, channel by channel, nodes
+ * in C order.
+ */
+export type Coding = (atlas: Atlas, chunk: Uint8Array, from: number, to: number) => { first: number; codes: Codes };

@@ -3,31 +3,38 @@
 import { FieldError } from "../../errors.js";
 import { contentSize, inflate } from "../zstd.js";
 import type { Atlas, Codes, Coding } from "./atlas.js";
+import { restore, restoreWide } from "./restore.js";
 
 const STORED = 0x80000000;
 /** Channels before one that its predictions look at. */
 const BEFORE = 3;
 
-/** Bytes of a code, and the mean of a block's first node. */
+/** Bytes of a code, the mean of a block's first node, the largest code, and what residuals are stored above. */
 const WIDTHS = {
-  u8: { bytes: 1, origin: 0 },
-  u16: { bytes: 2, origin: 0 },
-  f16: { bytes: 2, origin: 0x8000 },
-  f32: { bytes: 4, origin: 0x80000000 },
+  u8: { bytes: 1, origin: 0, most: 0xff, bias: 0x80 },
+  u16: { bytes: 2, origin: 0, most: 0xffff, bias: 0x8080 },
+  f16: { bytes: 2, origin: 0x8000, most: 0xffff, bias: 0x8080 },
+  f32: { bytes: 4, origin: 0x80000000, most: 0xffffffff, bias: 0x80808080 },
 } as const;
 
-export const decodeRuns: Coding = (atlas, chunk) => {
+export const decodeRuns: Coding = (atlas, chunk, from, to) => {
   const width = WIDTHS[atlas.encoding.number].bytes;
-  const size = atlas.channels * atlas.edge ** 3;
-  const count = atlas.frames * size;
+  const size = atlas.channels * atlas.edge * atlas.edge * atlas.edge;
+  const wanted: { bytes: Uint8Array; frame: number; frames: number; stored: boolean }[] = [];
+  let next = 0;
+  for (const run of runs(atlas, chunk)) {
+    if (next < to && next + run.frames > from) wanted.push({ ...run, frame: next });
+    next += run.frames;
+  }
+  const first = wanted[0]?.frame ?? from;
+  const count = wanted.reduce((sum, { frames }) => sum + frames, 0) * size;
   const codes: Codes = width === 1 ? new Uint8Array(count) : width === 2 ? new Uint16Array(count) : new Uint32Array(count);
-  let frame = 0;
-  for (const { bytes, frames, stored } of runs(atlas, chunk)) {
-    decodeRun(atlas, stored ? bytes : inflateRun(atlas, frames, bytes), frames, codes.subarray(frame * size, (frame + frames) * size));
-    frame += frames;
+  for (const { bytes, frame, frames, stored } of wanted) {
+    const inflated = stored ? bytes : inflateRun(atlas, frames, bytes);
+    decodeRun(atlas, inflated, frames, codes.subarray((frame - first) * size, (frame - first + frames) * size));
   }
   check(atlas, codes);
-  return codes;
+  return { first, codes };
 };
 
 /** The runs of a chunk, in order. */
@@ -64,8 +71,8 @@ function terms(channel: number): number {
 /** The codes of a run: frame by frame, channel by channel. */
 function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes): void {
   const { channels, edge } = atlas;
-  const { bytes: width, origin } = WIDTHS[atlas.encoding.number];
-  const nodes = edge ** 3;
+  const { bytes: width, origin, most, bias } = WIDTHS[atlas.encoding.number];
+  const nodes = edge * edge * edge;
   let at = 0;
   const take = (count: number) => {
     at += count;
@@ -88,7 +95,7 @@ function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes):
     for (let frame = 0; frame < frames; frame++) {
       if (modeOf[frame] !== mode) continue;
       starts[frame] = live;
-      for (let byte = 0; byte < liveBytes; byte++) live += ones(bits[frame * liveBytes + byte]);
+      for (let byte = frame * liveBytes; byte < (frame + 1) * liveBytes; byte++) live += ONES[bits[byte]];
     }
   }
   for (let frame = 0; frame < frames; frame++) {
@@ -97,101 +104,71 @@ function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes):
   }
   const residuals = take(live * channels * width);
   if (at !== run.length) throw wrong("bytes after its residuals");
-  // Differences of code and mean of the channels so far, by their number modulo 4.
-  const differences = Array.from({ length: BEFORE + 1 }, () => new Float64Array(nodes));
+  const block = { edge, origin, most, mask: new Int32Array(nodes), rank: new Int32Array(nodes) };
+  const narrow = width === 1 ? residuals : width === 2 ? pairs(residuals, live, channels) : null;
+  const wide = narrow ? new Float64Array(0) : fours(residuals, live, channels);
+  // Differences of code and mean, by the channel's number modulo 4.
+  const differences = [0, 1, 2, 3].map(() => new Int32Array(nodes));
+  const wideDifferences = [0, 1, 2, 3].map(() => new Float64Array(narrow ? 0 : nodes));
   for (let frame = 0; frame < frames; frame++) {
-    const from = bits.subarray(frame * liveBytes, (frame + 1) * liveBytes);
+    findResiduals(bits, frame * liveBytes, block);
     for (let channel = 0; channel < channels; channel++) {
-      const first = (frame * channels + channel) * nodes;
-      restore(
-        { edge, width, origin, live: from, weights: weights[modeOf[frame]][channel] },
-        residuals.subarray(channel * width * live + starts[frame]),
-        live,
-        [0, 1, 2, 3].map((before) => differences[(channel - before + 4) % 4]),
-        Math.min(channel, BEFORE),
-        codes.subarray(first, first + nodes),
-      );
-    }
-  }
-}
-
-function ones(byte: number): number {
-  let count = 0;
-  for (let left = byte; left > 0; left &= left - 1) count++;
-  return count;
-}
-
-interface Rule {
-  edge: number;
-  width: number;
-  origin: number;
-  /** A bit for each node: whether it has a residual. */
-  live: Uint8Array;
-  weights: Int8Array;
-}
-
-/**
- * The codes of one block and channel. `differences` are those of this channel, which are written, and of the ones before
- * it, of which there are `before`. The bytes of a residual lie `stride` apart. Numbers of up to 43 bits are exact in doubles.
- */
-function restore(
-  { edge, width, origin, live, weights }: Rule,
-  residuals: Uint8Array,
-  stride: number,
-  differences: Float64Array[],
-  before: number,
-  codes: Codes,
-): void {
-  const [dx, dy] = [edge * edge, edge];
-  const [own, first, second, third] = differences;
-  const [w0, w1, w2, w3, w4] = weights;
-  const range = 256 ** width;
-  const bias = 0x80 * ((range - 1) / 255);
-  let node = 0;
-  let next = 0;
-  for (let x = 0; x < edge; x++) {
-    for (let y = 0; y < edge; y++) {
-      for (let z = 0; z < edge; z++, node++) {
-        let sum = 0;
-        let neighbours = 0;
-        if (x > 0) (sum += codes[node - dx]), neighbours++;
-        if (y > 0) (sum += codes[node - dy]), neighbours++;
-        if (z > 0) (sum += codes[node - 1]), neighbours++;
-        const mean = neighbours === 0 ? origin : Math.floor(sum / neighbours);
-        let code = mean;
-        if ((live[node >> 3] >> (node & 7)) & 1) {
-          let slopes = 0;
-          if (x > 0 && y > 0) slopes += codes[node - dx - dy] - mean;
-          if (x > 0 && z > 0) slopes += codes[node - dx - 1] - mean;
-          if (y > 0 && z > 0) slopes += codes[node - dy - 1] - mean;
-          let terms = w0 * slopes;
-          if (neighbours === 3) terms += w1 * (codes[node - dx - dy - 1] - mean);
-          if (before > 0) terms += w2 * first[node];
-          if (before > 1) terms += w3 * second[node];
-          if (before > 2) terms += w4 * third[node];
-          let residual = residuals[next];
-          for (let byte = 1; byte < width; byte++) residual += residuals[next + byte * stride] * 256 ** byte;
-          next++;
-          code = mean + Math.floor((terms + 16) / 32) + residual - bias;
-          code -= Math.floor(code / range) * range;
-        }
-        codes[node] = code;
-        own[node] = code - mean;
+      const first = channel * live + starts[frame];
+      const [own, d1, d2, d3] = [channel & 3, (channel + 3) & 3, (channel + 2) & 3, (channel + 1) & 3];
+      const channelWeights = weights[modeOf[frame]][channel];
+      const start = (frame * channels + channel) * nodes;
+      if (narrow && !(codes instanceof Uint32Array)) {
+        const before = [differences[d1], differences[d2], differences[d3]] as const;
+        restore(block, { values: narrow, first, bias }, { weights: channelWeights, before }, codes, start, differences[own]);
+      } else {
+        const before = [wideDifferences[d1], wideDifferences[d2], wideDifferences[d3]];
+        restoreWide(block, { values: wide, first, bias }, { weights: channelWeights, before }, codes, start, wideDifferences[own]);
       }
     }
   }
+}
+
+/** Set bits of each byte. */
+const ONES = Uint8Array.from({ length: 256 }, (_, byte) => byte.toString(2).replaceAll("0", "").length);
+
+/** Which nodes of a block have a residual, of bits from byte `at` on. */
+function findResiduals(bits: Uint8Array, at: number, { mask, rank }: { mask: Int32Array; rank: Int32Array }): void {
+  let count = 0;
+  for (let node = 0; node < mask.length; node++) {
+    const bit = (bits[at + (node >> 3)] >> (node & 7)) & 1;
+    mask[node] = -bit;
+    rank[node] = -bit & count;
+    count += bit;
+  }
+}
+
+/** Residuals of two bytes each, whose bytes lie apart in each channel. */
+function pairs(bytes: Uint8Array, live: number, channels: number): Uint16Array {
+  const out = new Uint16Array(live * channels);
+  for (let channel = 0; channel < channels; channel++) {
+    for (let i = channel * live, byte = 2 * i; i < (channel + 1) * live; i++, byte++) out[i] = bytes[byte] | (bytes[byte + live] << 8);
+  }
+  return out;
+}
+
+/** The same of four bytes. */
+function fours(bytes: Uint8Array, live: number, channels: number): Float64Array {
+  const out = new Float64Array(live * channels);
+  for (let channel = 0; channel < channels; channel++) {
+    for (let i = channel * live, byte = 4 * i; i < (channel + 1) * live; i++, byte++) {
+      for (let part = 0; part < 4; part++) out[i] += bytes[byte + part * live] * 256 ** part;
+    }
+  }
+  return out;
 }
 
 /** Codes within the bits that the metadata states; floats that are numbers. */
 function check(atlas: Atlas, codes: Codes): void {
   const { number, bits } = atlas.encoding;
   const wrong = (code: number) => new FieldError(`${atlas.name} holds the code ${code}, which ${number} of ${bits} bits cannot be.`);
-  if (number === "u8" || number === "u16") {
-    const most = 2 ** bits - 1;
-    for (const code of codes) if (code > most) throw wrong(code);
-    return;
-  }
   // Ordered bits of infinities and NaNs lie at both ends.
-  const [least, most] = number === "f16" ? [0x0400, 0xfbff] : [0x00800000, 0xff7fffff];
-  for (const code of codes) if (code < least || code > most) throw wrong(code);
+  const ends: Record<typeof number, [number, number]> = { u8: [0, 2 ** bits - 1], u16: [0, 2 ** bits - 1], f16: [0x0400, 0xfbff], f32: [0x00800000, 0xff7fffff] };
+  const [least, most] = ends[number];
+  if (least === 0 && most === WIDTHS[number].most) return;
+  for (let i = 0; i < codes.length; i++) if (codes[i] < least || codes[i] > most) throw wrong(codes[i]);
 }

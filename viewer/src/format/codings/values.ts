@@ -21,8 +21,14 @@ export function values(encoding: Encoding, name: string, map: Value): Value {
       return map(float32[0]);
     };
   }
-  const table = encoding.number === "f16" ? halfTable(map) : integerTable(encoding, name, map);
+  const table = valueTable(encoding, name, map)!;
   return (code) => table[code];
+}
+
+/** Values of integer codes and halves after `map`, by code; null for 32-bit floats, which have too many codes. */
+export function valueTable(encoding: Encoding, name: string, map: Value): Float64Array | null {
+  if (encoding.number === "f32") return null;
+  return encoding.number === "f16" ? halfTable(map) : integerTable(encoding, name, map);
 }
 
 function integerTable(encoding: Encoding, name: string, map: Value): Float64Array {

@@ -1,0 +1,66 @@
+/** The blocks of a level that are stored: chunk TABL. */
+
+import { FieldError } from "../errors.js";
+import type { Triple } from "../format/metadata.js";
+import { inflate } from "../format/zstd.js";
+
+export class Blocks {
+  /** Blocks with a frame, in order. */
+  readonly places: Triple[] = [];
+  /** The frame of each block in C order; -1 of those without. */
+  readonly frames: Int32Array;
+  readonly inheritedCount: number;
+  /** By frame, whether the block's colours are inherited from the next coarser level. */
+  private readonly inherited: boolean[] = [];
+
+  constructor(
+    readonly counts: Triple,
+    chunk: { name: string; bytes: Uint8Array },
+  ) {
+    const [nx, ny, nz] = counts;
+    const occupied = inflate(chunk.bytes, nx * ny * nz, chunk.name);
+    this.frames = new Int32Array(occupied.length).fill(-1);
+    occupied.forEach((stored, block) => {
+      if (stored > 2) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored nor inherited.`);
+      if (stored === 0) return;
+      this.frames[block] = this.places.length;
+      this.inherited.push(stored === 2);
+      this.places.push([Math.floor(block / nz / ny), Math.floor(block / nz) % ny, block % nz]);
+    });
+    this.inheritedCount = this.inherited.filter((inherited) => inherited).length;
+  }
+
+  isInherited(frame: number): boolean {
+    return this.inherited[frame];
+  }
+
+  /** The frame of a block; -1 where it is not stored or there is none. */
+  frame(x: number, y: number, z: number): number {
+    const [nx, ny, nz] = this.counts;
+    return x < nx && y < ny && z < nz ? this.frames[(x * ny + y) * nz + z] : -1;
+  }
+
+  /** One past the last frame that the frames before `end` repeat nodes of. */
+  reach(end: number): number {
+    if (end === 0) return 0;
+    const [nx, ny, nz] = this.counts;
+    const [x, y, z] = this.places[end - 1];
+    const block = (Math.min(x + 1, nx - 1) * ny + Math.min(y + 1, ny - 1)) * nz + Math.min(z + 1, nz - 1);
+    let low = end;
+    for (let high = this.places.length; low < high; ) {
+      const middle = (low + high) >> 1;
+      const [i, j, k] = this.places[middle];
+      if ((i * ny + j) * nz + k <= block) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  table(place: (frame: number) => Triple): Uint32Array {
+    return Uint32Array.from(this.frames, (frame) => {
+      if (frame < 0) return 0;
+      const [x, y, z] = place(frame);
+      return (1 << 30) | (z << 20) | (y << 10) | x;
+    });
+  }
+}
