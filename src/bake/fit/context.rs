@@ -13,11 +13,9 @@ use crate::model::grid::NodeMask;
 /// The length of a fit, and its cameras.
 #[derive(Debug, Clone, Copy)]
 pub struct FitOptions<'a> {
-    /// Steps for each level, at most.
+    /// Steps, at most, each of which moves all levels.
     pub steps: usize,
-    /// Seconds in all; none is without bound. Levels share evenly those that the targets leave, and
-    /// a level leaves what it does not need to the next ones. The result of a bounded fit depends on
-    /// the machine.
+    /// Seconds in all; none is without bound. The result of a bounded fit depends on the machine.
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],
@@ -30,21 +28,13 @@ pub struct FittedLevel {
     pub level: usize,
     /// Steps that were taken.
     pub steps: usize,
-    /// PSNR of the validation rays before the fit, in dB.
+    /// PSNR of rays of pictures that no step uses, each of as many pixels as a picture
+    /// `2^level` times smaller has: of the levels of `rate-tent`, in dB.
     pub psnr_before: f64,
     /// The same after the fit.
     pub psnr_after: f64,
-}
-
-/// The end of one level's fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
-    /// After its last step, or because nothing was gained any more.
-    Reached,
-    /// Its share of the time was up.
-    OutOfTime,
-    /// The caller has enough, of this level and of those that follow.
-    Enough,
+    /// False where the level is as `rate-tent` makes it, because a scale would look worse else.
+    pub kept: bool,
 }
 
 /// Inputs of the fits of all levels.
@@ -55,8 +45,6 @@ pub struct FitContext<'a> {
     /// The rule that levels are fitted under.
     pub start: LevelOfDetail,
     pub clock: Instant,
-    /// Seconds that the targets took.
-    pub before: f64,
     pub progress: &'a dyn Progress,
 }
 
