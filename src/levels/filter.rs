@@ -11,7 +11,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::sizes::{default_level_count, level_sizes};
 use super::{AlphaDomain, Kernel, LevelRule};
-use crate::model::baked::{Bends, Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::baked::{
+    Bends, Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule,
+};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 

@@ -12,7 +12,7 @@ const RISE: f32 = 0.12;
 /// Steps of a knot's level, tried one after another.
 const STEPS: [f32; 3] = [0.24, 0.12, 0.06];
 /// Rounds over all knots for each step, at most.
-const MAX_ROUNDS: usize = 3;
+const MAX_ROUNDS: usize = 2;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 

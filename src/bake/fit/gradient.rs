@@ -41,7 +41,8 @@ pub struct Gradient<const C: usize> {
 impl<const C: usize> Gradient<C> {
     /// Zeros for this many nodes of each level.
     pub fn new(nodes: &[usize]) -> Self {
-        let zeros = |&nodes: &usize| Sums { density: vec![0.0; nodes], color: vec![[0.0; C]; nodes] };
+        let zeros =
+            |&nodes: &usize| Sums { density: vec![0.0; nodes], color: vec![[0.0; C]; nodes] };
         Self { levels: nodes.iter().map(zeros).collect(), samples: Vec::new() }
     }
 }

@@ -24,7 +24,7 @@ const LEAST_RAYS: usize = 512;
 /// Validation rays of each scale.
 const VALIDATION: usize = 2048;
 /// Validation rays of each scale that curves are compared by.
-const CURVE_RAYS: usize = 1024;
+const CURVE_RAYS: usize = 512;
 /// Steps between two measurements.
 const STEPS_BETWEEN: usize = 25;
 /// Gain of the mean over scales between two measurements, in dB, below which the fit has stalled.
@@ -81,17 +81,18 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let mut best = Best { states: self.states(), rule, psnr };
         let nodes: Vec<usize> = self.adams.iter().map(Adam::nodes).collect();
         let mut gradients: Vec<Gradient<C>> = (0..PARTS).map(|_| Gradient::new(&nodes)).collect();
-        let (mut taken, mut stalled, mut searches, mut cut_short) = (0, 0, SEARCHES.as_slice(), false);
-        let first = self.spent();
+        let (mut taken, mut stalled, mut searches) = (0, 0, SEARCHES.as_slice());
+        let (first, seconds) = (self.spent(), options.seconds.unwrap_or(f64::INFINITY));
+        let mut cut_short = first >= seconds;
         while taken < options.steps && stalled < PATIENCE && !cut_short {
             self.tell(taken, &best);
-            let seconds = options.seconds.unwrap_or(f64::INFINITY);
-            let by_seconds = if seconds > first { (self.spent() - first) / (seconds - first) } else { 1.0 };
+            let by_seconds = (self.spent() - first) / (seconds - first);
             let done = by_seconds.max(taken as f64 / options.steps as f64);
             if let Some((_, later)) = searches.split_first().filter(|(at, _)| done >= **at) {
                 searches = later;
                 rule = self.search(rule)?;
-                best = Best { psnr: self.quality_of(rule, VALIDATION)?, rule, states: self.states() };
+                best =
+                    Best { psnr: self.quality_of(rule, VALIDATION)?, rule, states: self.states() };
             }
             self.step(&mut gradients, taken, done as f32, (rule, &best.psnr))?;
             taken += 1;
@@ -125,7 +126,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// than the filter's: all that are fitted, all but one, or none. Returns which are fitted.
     fn keep_best(&mut self, unfitted: &Best<C>, best: &mut Best<C>) -> Result<Vec<bool>> {
         let levels = self.adams.len();
-        let fits = |psnr: &[f64]| psnr.iter().zip(&unfitted.psnr).all(|(now, before)| now >= before);
+        let fits =
+            |psnr: &[f64]| psnr.iter().zip(&unfitted.psnr).all(|(now, before)| now >= before);
         self.restore(&best.states);
         if fits(&best.psnr) {
             return Ok(vec![true; levels]);

@@ -72,8 +72,7 @@ pub fn fit(
     let targets = Targets::new(&rendered, coarser, options.cameras, limits, progress)?;
     progress.begin(Step::Fit, options.steps as u64);
     let start = levels.level_of_detail;
-    let context =
-        FitContext { targets: &targets, retained, options, start, clock, progress };
+    let context = FitContext { targets: &targets, retained, options, start, clock, progress };
     let (view, values) = rendered.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored))
 }

@@ -1,8 +1,8 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
-    BENT_RULE, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, BENT_RULE, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header,
+    INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -249,8 +249,7 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let lod = &metadata.level_of_detail;
     let bound = lod.bound.unwrap_or(0.0);
     let bends = lod.bends.as_slice();
-    let found =
-        format!("factor {}, bias {}, bound {bound}, bends {bends:?}", lod.factor, lod.bias);
+    let found = format!("factor {}, bias {}, bound {bound}, bends {bends:?}", lod.factor, lod.bias);
     let expected = "a finite bias and bound, and slopes above 0";
     rules.require(lod.is_valid(), "level_of_detail", found, expected)
 }
