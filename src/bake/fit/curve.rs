@@ -16,7 +16,10 @@ const MAX_ROUNDS: usize = 2;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
-/// Levels at whole numbers of `log2(rho)`, from 0 on.
+/// `log2(rho)` up to which level 0 is read alone: pictures of full size stay as they are.
+const FULL_SIZE: f32 = -0.5;
+
+/// Levels at whole numbers of `log2(rho)`, from 0 on, above a line from level 0 at [`FULL_SIZE`].
 #[derive(Debug, Clone)]
 pub struct Curve {
     line: LevelOfDetail,
@@ -26,22 +29,28 @@ pub struct Curve {
 impl Curve {
     /// The curve that a fit starts from, around a `line`, for this many coarser levels.
     pub fn above(line: LevelOfDetail, coarser: usize) -> Self {
-        let knots = (coarser + 1).clamp(2, MOST_BENDS + 2);
+        let knots = (coarser + 1).min(MOST_BENDS + 1);
         let level = |knot: usize| {
             let x = knot as f32;
-            line.factor * x + line.bias + RISE * x * x
+            (line.factor * x + line.bias).max(-FULL_SIZE * LEAST_SLOPE) + RISE * x * x
         };
         Self { line, levels: (0..knots).map(level).collect() }
     }
 
     /// The curve as a rule.
     pub fn rule(&self) -> LevelOfDetail {
-        let slopes: Vec<f32> = self.levels.windows(2).map(|ends| ends[1] - ends[0]).collect();
-        let bend = |(i, ends): (usize, &[f32])| [(i + 1) as f32, ends[1] - ends[0]];
-        let bends: Vec<[f32; 2]> =
-            slopes.windows(2).enumerate().map(bend).filter(|[_, by]| *by != 0.0).collect();
+        let bias = self.levels[0];
+        let factor = bias / -FULL_SIZE;
+        let mut slope = factor;
+        let bend = |(knot, ends): (usize, &[f32])| {
+            let by = ends[1] - ends[0] - slope;
+            slope += by;
+            [knot as f32, by]
+        };
+        let bends = self.levels.windows(2).enumerate().map(bend);
+        let bends: Vec<[f32; 2]> = bends.filter(|[_, by]| *by != 0.0).collect();
         let bends = Bends::new(&bends).unwrap_or_default();
-        LevelOfDetail { factor: slopes[0], bias: self.levels[0], bends, ..self.line }
+        LevelOfDetail { factor, bias, bends, ..self.line }
     }
 
     /// Moves knots uphill in `quality`, whose value of the curve as it is is `highest`. Returns the
@@ -77,6 +86,7 @@ impl Curve {
     }
 
     fn rises(&self) -> bool {
-        self.levels.windows(2).all(|ends| ends[1] - ends[0] >= LEAST_SLOPE)
+        let first = self.levels[0] >= -FULL_SIZE * LEAST_SLOPE;
+        first && self.levels.windows(2).all(|ends| ends[1] - ends[0] >= LEAST_SLOPE)
     }
 }
