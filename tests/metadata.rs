@@ -55,7 +55,7 @@ fn network(metadata: &mut Metadata) -> &mut NetworkMetadata {
 
 #[test]
 fn numbers_are_held_to_their_ranges() {
-    let cases: [Case<f32>; 15] = [
+    let cases: [Case<f32>; 17] = [
         ("bounds", |m, v| m.bounds.max[1] = v, &[9.0], &[-9.0, NAN, INFINITE]),
         ("activation.shift", |m, v| m.activation.shift = v, &[-1e30, 1e30], &[NAN, INFINITE]),
         (
