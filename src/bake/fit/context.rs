@@ -9,6 +9,8 @@ use crate::base::progress::Progress;
 use crate::model::baked::LevelOfDetail;
 use crate::model::camera::Camera;
 use crate::model::grid::NodeMask;
+use crate::view::render::View;
+use crate::view::sample::Dense;
 
 /// The length of a fit, and its cameras.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +39,45 @@ pub struct FittedLevel {
     pub kept: bool,
 }
 
+/// Fitted levels.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// From level 1 on, `[channel][node]`, density first.
+    values: Vec<Vec<Vec<f32>>>,
+    /// The rule under which the levels look best.
+    pub level_of_detail: LevelOfDetail,
+    /// The fit of each level, from level 1 on.
+    pub levels: Vec<FittedLevel>,
+    /// True if the fit stopped at its time limit or at the wish of the caller.
+    pub cut_short: bool,
+}
+
+impl Fitted {
+    /// Without levels.
+    pub(super) fn none(level_of_detail: LevelOfDetail) -> Self {
+        Self { values: Vec::new(), level_of_detail, levels: Vec::new(), cut_short: false }
+    }
+
+    /// The coarser levels of `field` as they are.
+    pub(super) fn new<const C: usize>(
+        view: &View,
+        field: &Dense<C>,
+        level_of_detail: LevelOfDetail,
+        levels: Vec<FittedLevel>,
+        cut_short: bool,
+    ) -> Self {
+        let values = (1..=levels.len()).map(|level| channels(view, field, level)).collect();
+        Self { values, level_of_detail, levels, cut_short }
+    }
+
+    /// Puts fitted values in the place of plane `x` of a channel of `level`.
+    pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
+        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.values.get(level)) {
+            plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);
+        }
+    }
+}
+
 /// Inputs of the fits of all levels.
 pub struct FitContext<'a> {
     pub targets: &'a Targets,
@@ -51,4 +92,11 @@ pub struct FitContext<'a> {
 /// PSNR of a mean squared error, in dB.
 pub fn psnr(mean_square: f64) -> f64 {
     -10.0 * libm::log10(mean_square.max(1e-12))
+}
+
+/// A level's values by channel, density first.
+fn channels<const C: usize>(view: &View, field: &Dense<C>, level: usize) -> Vec<Vec<f32>> {
+    let (density, color) = field.values(level);
+    let lane = |lane: usize| color.iter().map(|color| color[lane]).collect();
+    [density.to_vec()].into_iter().chain((0..3 + view.features).map(lane)).collect()
 }

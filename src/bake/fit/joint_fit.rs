@@ -1,10 +1,9 @@
 //! The fit of all levels at once, from its first step to its best state.
 
 use super::adam::{Adam, State};
-use super::context::{FitContext, FittedLevel, psnr};
+use super::context::{FitContext, Fitted, FittedLevel, psnr};
 use super::curve::Curve;
 use super::gradient::{Gradient, Rays};
-use super::run::Fitted;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::Step;
@@ -181,10 +180,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let numbers: Vec<&[u32]> = self.adams.iter().map(Adam::numbers).collect();
         let rays = self.rays(&numbers);
         parallel::map_mut(gradients, |part, gradient| {
-            for scale in 0..scales {
+            for (scale, psnr) in psnr.iter().enumerate() {
                 let share = BATCH as f64 * THINNING.powi(scale as i32) / whole;
                 let count = (share as usize).max(LEAST_RAYS) / PARTS;
-                let worth = libm::exp10(0.1 * psnr[scale]) / (share * 1e3);
+                let worth = libm::exp10(0.1 * psnr) / (share * 1e3);
                 for i in 0..count {
                     if self.context.progress.cancelled() {
                         return Err(Error::cancelled());

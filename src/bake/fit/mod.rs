@@ -28,5 +28,5 @@ mod joint_fit;
 mod run;
 mod target;
 
-pub use context::{FitOptions, FittedLevel};
-pub use run::{Fitted, fit};
+pub use context::{FitOptions, Fitted, FittedLevel};
+pub use run::fit;
