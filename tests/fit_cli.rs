@@ -50,7 +50,7 @@ fn seconds_end_a_fit_with_what_there_is() {
 }
 
 #[test]
-fn each_level_has_its_share_of_the_seconds() {
+fn seconds_after_the_pictures_are_for_steps() {
     let folder = folder();
     let here = folder.path();
     // Small pictures take no time.

@@ -61,7 +61,7 @@ fn a_fit_is_forecast_by_its_steps() {
     let forecast = report(folder.path(), &[&fit[..], &["--dry-run"]].concat());
     assert!(forecast["seconds"].is_null() && forecast["peak_memory_bytes"].is_null());
     assert!(forecast["least_memory_bytes"].is_null(), "a fit takes no bound");
-    assert_eq!(forecast["fit_steps"], 28, "four coarser levels");
+    assert_eq!(forecast["fit_steps"], 7, "each moves all levels");
     let usual = report(folder.path(), &["--block-size", "4", "--dry-run"]);
     assert_eq!(forecast["pruned"], usual["pruned"]);
     assert!(usual["seconds"].as_f64() > Some(0.0) && usual.get("fit_steps").is_none());

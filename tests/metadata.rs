@@ -8,7 +8,8 @@ use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::check_metadata;
 use mipvog_bake::unstable::model::baked::{
-    Blend, Decode, DensityDomain, Encoding, Metadata, NetworkMetadata, NumberType, ViewMetadata,
+    Bends, Blend, Decode, DensityDomain, Encoding, Metadata, NetworkMetadata, NumberType,
+    ViewMetadata,
 };
 
 const NAN: f32 = f32::NAN;
@@ -54,7 +55,7 @@ fn network(metadata: &mut Metadata) -> &mut NetworkMetadata {
 
 #[test]
 fn numbers_are_held_to_their_ranges() {
-    let cases: [Case<f32>; 15] = [
+    let cases: [Case<f32>; 17] = [
         ("bounds", |m, v| m.bounds.max[1] = v, &[9.0], &[-9.0, NAN, INFINITE]),
         ("activation.shift", |m, v| m.activation.shift = v, &[-1e30, 1e30], &[NAN, INFINITE]),
         (
@@ -113,6 +114,18 @@ fn numbers_are_held_to_their_ranges() {
             |m, v| m.level_of_detail.bound = Some(v),
             &[0.0, 9.0],
             &[-1e-30, NAN, INFINITE],
+        ),
+        (
+            "level_of_detail",
+            |m, v| m.level_of_detail.bends = Bends::new(&[[0.5, v]]).expect("one"),
+            &[-0.1, 3.0],
+            &[-5.0, NAN, INFINITE],
+        ),
+        (
+            "level_of_detail",
+            |m, v| m.level_of_detail.bends = Bends::new(&[[0.5, 0.1], [v, 0.1]]).expect("two"),
+            &[0.6],
+            &[0.5, 0.4, NAN, INFINITE],
         ),
         (
             "levels[1].diffuse",

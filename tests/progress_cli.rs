@@ -71,11 +71,11 @@ fn parts_of_long_steps_are_named() {
     };
     let fit =
         said(&[&bake[..], &["--filter", "fit", "--fit-steps", "30", "--levels", "3"]].concat());
-    // Of 192 pictures and of some hundred steps, one a second is told.
-    assert!(fit.contains("reference pictures: picture ") && fit.contains("/192, "), "{fit}");
-    assert!(fit.contains("fit: level ") && fit.contains(" of 2, step "), "{fit}");
+    // Of 64 pictures and of some hundred steps, one a second is told.
+    assert!(fit.contains("reference pictures: picture ") && fit.contains("/64, "), "{fit}");
+    assert!(fit.contains("fit: all levels, step "), "{fit}");
     assert!(fit.contains("/30, ") && fit.contains(" dB, ") && fit.contains(" left"), "{fit}");
-    // Time is up before the second level.
+    // Time is up before the first step.
     let tiny = fixture("trained/tiny/fine_last.tar").display().to_string();
     let short =
         said(&["bake", &tiny, "-o", "b.mipvog", "--filter", "fit", "--fit-seconds", "0.01"]);

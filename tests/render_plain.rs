@@ -12,7 +12,9 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
-use mipvog_bake::unstable::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail};
+use mipvog_bake::unstable::model::baked::{
+    BakedField, Bends, Blend, FootprintNeighbour, LevelOfDetail,
+};
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{
     Activation, ActivationOrder, ColorDomain, FreeSpace, Grid, Lookup, RadianceField,
@@ -142,6 +144,9 @@ fn linear(random: &mut Random, scene: RadianceField) -> RadianceField {
     field
 }
 
+/// Changes of slope, of which rules have some.
+const BENDS: [[f32; 2]; 4] = [[-0.6, 0.2], [0.4, 0.3], [1.1, -0.6], [1.9, 0.5]];
+
 fn random_rule(random: &mut Random) -> LevelOfDetail {
     LevelOfDetail {
         factor: [0.333, 0.5, 1.0][random.below(3)],
@@ -149,6 +154,7 @@ fn random_rule(random: &mut Random) -> LevelOfDetail {
         neighbour: [FootprintNeighbour::SameIndex, FootprintNeighbour::SameDistance]
             [random.below(2)],
         bound: [None, Some(0.7), Some(4.0)][random.below(3)],
+        bends: Bends::new(&BENDS[..random.below(BENDS.len() + 1)]).expect("few"),
     }
 }
 

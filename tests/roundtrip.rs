@@ -12,7 +12,7 @@ use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::{FootprintNeighbour, Group, LevelOfDetail};
+use mipvog_bake::unstable::model::baked::{Bends, FootprintNeighbour, Group, LevelOfDetail};
 use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, Nonfinite};
 use mipvog_bake::unstable::model::grid::Nodes;
 
@@ -102,6 +102,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
             bias: 0.0,
             bound,
             neighbour: FootprintNeighbour::SameDistance,
+            bends: Bends::default(),
         };
         for container in [&asked, &changed] {
             assert_eq!(container.metadata(), &expected);

@@ -79,6 +79,36 @@ fn both_readers_decode_the_same_bits() {
     }
 }
 
+/// A container of former versions, but for a rule that bends.
+fn bent(features: u64) -> Vec<u8> {
+    let container = root().join("fixtures/frozen/0.1/dvgo.mask.mipvog");
+    let mut parts = chunks::chunks(&std::fs::read(&container).expect("a container"));
+    let metadata = String::from_utf8(parts[0].bytes.clone()).expect("JSON");
+    let bent = metadata.replacen(r#","bias":"#, r#","bends":[[0.5,0.25],[2.0,-0.125]],"bias":"#, 1);
+    assert_ne!(metadata, bent);
+    parts[0].bytes = bent.into_bytes();
+    let mut bytes = chunks::container(&parts);
+    bytes[10..12].copy_from_slice(&2u16.to_le_bytes());
+    bytes[16..24].copy_from_slice(&features.to_le_bytes());
+    mend_checksums(&mut bytes);
+    bytes
+}
+
+#[test]
+fn both_readers_read_a_rule_that_bends() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bent.mipvog");
+    let unpacked = folder.path().join("unpacked.safetensors");
+    std::fs::write(&path, bent(4)).expect("writable");
+    unpack(&path, &unpacked);
+    let (status, printed) = read(&[&path, "--compare".as_ref(), &unpacked]);
+    assert_eq!(status, Some(0), "{printed}");
+    // The header must say so.
+    std::fs::write(&path, bent(0)).expect("writable");
+    let (status, printed) = read(&[&path, "--compare".as_ref(), &unpacked]);
+    assert_eq!(status, Some(2), "{printed}");
+}
+
 /// Reads the additions that `formats/compatibility.md` allows in a later minor version.
 #[test]
 fn the_second_reader_takes_a_later_minor_version() {

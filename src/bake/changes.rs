@@ -84,7 +84,8 @@ impl Changes {
         if let Some(rule) = self.lod_rule {
             metadata.level_of_detail = rule.applied_to(metadata.level_of_detail);
         }
-        metadata.level_of_detail.factor *= self.lod_scale.unwrap_or(1.0);
+        let scale = self.lod_scale.unwrap_or(1.0);
+        metadata.level_of_detail = metadata.level_of_detail.scaled(scale);
         self.apply_to_march(&mut metadata.march);
         metadata.background = self.background.unwrap_or(metadata.background);
     }

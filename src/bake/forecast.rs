@@ -130,7 +130,7 @@ pub fn forecast(
     let coarser = metadata.levels.len().saturating_sub(1);
     Ok(Forecast {
         seconds: (!is_fitted).then(|| stages.list.iter().map(|stage| stage.seconds).sum()),
-        fit_steps: is_fitted.then_some(options.fit_steps * coarser),
+        fit_steps: is_fitted.then_some(if coarser > 0 { options.fit_steps } else { 0 }),
         more_memory_bytes: (!is_fitted).then_some(more_held + more_codes as u64),
         more_bytes_read,
         least_memory_bytes: MemoryPlan::least(field, options),

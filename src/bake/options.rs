@@ -183,7 +183,7 @@ impl BakeOptions {
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
         let own = self.filter.rule(FootprintNeighbour::SameDistance);
         let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
-        LevelOfDetail { factor: rule.factor * self.lod_scale, ..rule }
+        rule.scaled(self.lod_scale)
     }
 
     /// Checks that every option is in its range and contradicts no other.

@@ -11,7 +11,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::sizes::{default_level_count, level_sizes};
 use super::{AlphaDomain, Kernel, LevelRule};
-use crate::model::baked::{Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::baked::{
+    Bends, Blend, DensityDomain, FootprintNeighbour, LevelOfDetail, StepRule,
+};
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -142,7 +144,7 @@ impl dyn LevelFilter + '_ {
     /// depend on the place where rays enter the box.
     pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let (factor, bias, bound) = self.level_of_detail();
-        LevelOfDetail { factor, bias, neighbour, bound }
+        LevelOfDetail { factor, bias, neighbour, bound, bends: Bends::default() }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::baked::LevelOfDetail;
+use crate::model::baked::{Bends, LevelOfDetail};
 
 /// A published rule, in place of the one that a filter was measured to look best with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +41,6 @@ impl LevelRule {
     /// `rule` with these constants; how footprints are measured stays.
     pub fn applied_to(self, rule: LevelOfDetail) -> LevelOfDetail {
         let (factor, bound) = self.constants();
-        LevelOfDetail { factor, bias: 0.0, bound, ..rule }
+        LevelOfDetail { factor, bias: 0.0, bound, bends: Bends::default(), ..rule }
     }
 }

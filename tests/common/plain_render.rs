@@ -267,7 +267,12 @@ impl PlainField {
         let last = (self.levels.len() - 1) as f64;
         let last = rule.bound.map_or(last, |bound| last.min(bound.into()));
         match rho > 0.0 {
-            true => (f64::from(rule.factor) * rho.log2() + f64::from(rule.bias)).clamp(0.0, last),
+            true => {
+                let line = f64::from(rule.factor) * rho.log2() + f64::from(rule.bias);
+                let bends = rule.bends.as_slice().iter().map(|bend| bend.map(f64::from));
+                let bent: f64 = bends.map(|[at, by]| by * (rho.log2() - at).max(0.0)).sum();
+                (line + bent).clamp(0.0, last)
+            }
             false => 0.0,
         }
     }

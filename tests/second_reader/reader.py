@@ -147,12 +147,19 @@ def view_form(value):
     check(value, HARMONICS if type(value) is dict and "kind" in value else NETWORK)
 
 
+RULE = {
+    "aside": {"same_distance", "same_index"},
+    "bends": many([f32, f32], 1, 6),
+    "bias": number,
+    "factor": number,
+    "most": maybe(number),
+}
 META = {
     "bounds": BOX,
     "activation": lambda value: check(value, present(ACTIVATION, value, ("function",))),
     "march": lambda value: check(value, present(MARCH, value, ("sampled", "voxel"))),
     "step_rule": {"constant", "level_of_detail"},
-    "level_of_detail": {"aside": {"same_distance", "same_index"}, "bias": number, "factor": number, "most": maybe(number)},
+    "level_of_detail": lambda value: check(value, present(RULE, value, ("bends",))),
     "blend": {"before_activation", "after_activation"},
     "background": [number] * 3,
     "color_space": {"srgb_display"},
@@ -187,6 +194,11 @@ def metadata(data):
     need(all(length > 0 for length in lengths), "a step without length")
     diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
     need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
+    bends, slope = meta["level_of_detail"].get("bends", []), meta["level_of_detail"]["factor"]
+    for _, by in bends:
+        slope += by
+        need(slope > 0, "the level does not rise with the footprint")
+    need(all(low[0] < high[0] for low, high in zip(bends, bends[1:])), "bends out of order")
     need(levels[0]["density"] is not None, "level 0 has no density")
     for level, finer in zip(levels[1:], levels):
         need(all(a <= b for a, b in zip(level["dimensions"], finer["dimensions"])), "a level is finer than the next")
@@ -256,7 +268,7 @@ def directory(data):
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
     need(major == 1, f"major version {major}")
-    need(required in range(4), f"unknown required features {required:#x}")
+    need(required in range(8), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -298,7 +310,7 @@ def arrange(chunks, required):
     need(chunks and chunks[0][0] == "META", "the first chunk is not META")
     meta = metadata(chunks[0][2])
     filled = any("blocks_filled" in level for level in meta["levels"])
-    need(required == filled + 2 * is_linear(meta), "the required features disagree with the metadata")
+    need(required == filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]), "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]

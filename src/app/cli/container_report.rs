@@ -89,9 +89,13 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
     let rule = &metadata.level_of_detail;
     writeln!(
         text,
-        "  samples read level {} log2(footprint in voxels) {:+}{}",
+        "  samples read level {} log2(footprint in voxels) {:+}{}{}",
         rule.factor,
         rule.bias,
+        match rule.bends.as_slice() {
+            [] => String::new(),
+            bends => format!(", steeper by {bends:?}"),
+        },
         rule.bound.map_or_else(String::new, |bound| format!(", at most {bound}"))
     )
     .ok();

@@ -53,13 +53,16 @@ impl FitArguments {
 
 /// Warns of levels that a fit left as they were.
 pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
-    for FittedLevel { level, steps, psnr_before, psnr_after } in &fitted.levels {
+    for FittedLevel { level, steps, psnr_before, psnr_after, kept } in &fitted.levels {
         if *steps == 0 {
             let message = "took no step before the fit was ended, and is as rate-tent makes it";
             warn(&format!("level {level} {message}"), common);
+        } else if !kept {
+            let message = "is as rate-tent makes it, because a scale would look worse else";
+            warn(&format!("level {level} {message}"), common);
         } else if psnr_after <= psnr_before {
             let message = format!("gained nothing in {steps} steps at {psnr_before:.2} dB");
-            warn(&format!("level {level} {message}, and is as rate-tent makes it"), common);
+            warn(&format!("level {level} {message}"), common);
         }
     }
 }

@@ -12,8 +12,8 @@ const ENCODE: f64 = 1.5e-7;
 const WRITE: f64 = 1e-8;
 /// Seconds for a pixel of a rendered picture.
 const PIXEL: f64 = 3e-6;
-/// Seconds of a fit for each node and level, and of its reference pictures for each node.
-const FIT: f64 = 4e-6;
+/// Seconds of a fit for each node, and of its reference pictures for each node.
+const FIT: f64 = 8e-6;
 const TARGETS: f64 = 8e-6;
 
 /// The steps that a verb will take in their order, and the part of the bar that is done.
@@ -80,10 +80,8 @@ pub fn of_bake(options: &BakeOptions, nodes: Nodes, judges: &[Camera]) -> Vec<(S
         stages.push((Step::Cover, PIXEL * pixels(judges)));
     }
     if options.filter.is_fitted() {
-        let levels = options.filter.level_count(nodes).min(options.levels.unwrap_or(usize::MAX));
-        let levels = levels.saturating_sub(1) as f64;
         let most = options.fit_seconds.unwrap_or(f64::INFINITY);
-        let fit = (FIT * count * levels).min(most);
+        let fit = (FIT * count).min(most);
         stages.extend([(Step::Targets, TARGETS * count), (Step::Fit, fit)]);
     }
     if options.max_error.is_some() {

@@ -3,7 +3,7 @@
 //! Level `n` becomes level 0, and pictures that read no finer level stay what they were:
 //!
 //! * **Level of detail.** A footprint is measured in voxels of level 0. Those are now about `2^n`
-//!   times as long, so `log2(rho)` falls by `n` and the bias makes up for the rest.
+//!   times as long, so `log2(rho)` falls by `n`: bends move, and the bias makes up for the rest.
 //! * **Steps that grow with the level.** A sample of level `n` stood for `2^n` intervals. The new
 //!   interval is that, so voxel size and interval grow, and the step length in voxels stays. A
 //!   stored square root of optical depth over one interval grows by `sqrt(2^n)`: its codes stay,
@@ -91,6 +91,7 @@ pub fn drop_from_metadata(metadata: &mut Metadata, count: usize) -> Result<Vec<f
     let shrunk = ratios.into_iter().map(libm::log2).sum::<f64>() / 3.0;
     let bias = f64::from(rule.bias) - count as f64 - f64::from(rule.factor) * shrunk;
     rule.bias = bias as f32;
+    rule.bends.as_mut_slice().iter_mut().for_each(|[at, _]| *at += shrunk as f32);
     rule.bound = rule.bound.map(|bound| (bound - count as f32).max(0.0));
     let march = &mut metadata.march;
     march.voxel_size *= times as f32;

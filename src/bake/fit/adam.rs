@@ -1,6 +1,6 @@
 //! Steps of the optimizer (Adam, Kingma and Ba 2015), on the visible nodes of one level.
 
-use super::gradient::{Gradient, NOT_FITTED};
+use super::gradient::{Gradient, NOT_FITTED, Sums};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::field::ColorDomain;
@@ -35,6 +35,9 @@ struct Moments<const C: usize> {
     /// Steps in which the node got a derivative.
     steps: u32,
 }
+
+/// The values of a level's fitted nodes: density and colours.
+pub type State<const C: usize> = Vec<(f32, [f32; C])>;
 
 /// The optimizer's state.
 #[derive(Debug)]
@@ -84,13 +87,13 @@ impl<const C: usize> Adam<C> {
     }
 
     /// The values of the fitted nodes.
-    pub fn state(&self, field: &Dense<C>) -> Vec<(f32, [f32; C])> {
+    pub fn state(&self, field: &Dense<C>) -> State<C> {
         let (density, color) = field.values(self.level);
         self.moments.iter().map(|moments| (density[moments.node], color[moments.node])).collect()
     }
 
     /// Gives the fitted nodes a state back.
-    pub fn restore(&self, field: &mut Dense<C>, state: &[(f32, [f32; C])]) {
+    pub fn restore(&self, field: &mut Dense<C>, state: &State<C>) {
         let (density, color) = field.values_mut(self.level);
         for (moments, &(best_density, best_color)) in self.moments.iter().zip(state) {
             density[moments.node] = best_density;
@@ -98,23 +101,26 @@ impl<const C: usize> Adam<C> {
         }
     }
 
-    /// Takes a step against the sum of `gradients`, and clears them; `progress` goes from 0 to 1.
+    /// Takes a step against the sum of the `gradients` of level `index + 1`, and clears them;
+    /// `progress` goes from 0 to 1.
     pub fn step(
         &mut self,
         field: &mut Dense<C>,
         gradients: &mut [Gradient<C>],
+        index: usize,
         progress: f32,
     ) -> Result<()> {
         // Falls evenly to its last value.
         let fade = 1.0 + (LAST_RATE - 1.0) * progress;
         let [density_rate, color_rate] = [DENSITY_RATE, self.color_rate].map(|rate| rate * fade);
         let nodes = self.moments.len();
-        let squares = *self.squares.get_or_insert_with(|| mean_squares(gradients, nodes));
+        let parts: Vec<_> = gradients.iter().map(|gradient| &gradient.levels[index]).collect();
+        let squares = *self.squares.get_or_insert_with(|| mean_squares(&parts, nodes));
         let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);
         let rates = [[density_rate, least[0]], [color_rate, least[1]]];
         let chunks = self.moments.chunks_mut(CHUNK).enumerate();
         let mut work: Vec<_> = chunks.map(|(i, chunk)| (i * CHUNK, chunk)).collect();
-        let sums = &*gradients;
+        let sums = &parts;
         let updates = parallel::map_mut(&mut work, |_, (first, chunk)| {
             let update = |(i, moments): (usize, &mut Moments<C>)| {
                 let density = sums.iter().fold(0.0, |sum, part| sum + part.density[i]);
@@ -138,8 +144,8 @@ impl<const C: usize> Adam<C> {
             color[at].iter_mut().zip(by_color).for_each(|(raw, by)| *raw -= by);
         }
         parallel::map_mut(gradients, |_, gradient| {
-            gradient.density.fill(0.0);
-            gradient.color.fill([0.0; C]);
+            gradient.levels[index].density.fill(0.0);
+            gradient.levels[index].color.fill([0.0; C]);
             Ok(())
         })?;
         Ok(())
@@ -147,7 +153,7 @@ impl<const C: usize> Adam<C> {
 }
 
 /// Mean squares of derivatives that are not zero, by density and by colour.
-fn mean_squares<const C: usize>(gradients: &[Gradient<C>], nodes: usize) -> [f32; 2] {
+fn mean_squares<const C: usize>(gradients: &[&Sums<C>], nodes: usize) -> [f32; 2] {
     let (mut sums, mut counts) = ([0.0f64; 2], [0.0f64; 2]);
     let mut add = |kind: usize, derivative: f32| {
         sums[kind] += f64::from(derivative).powi(2);

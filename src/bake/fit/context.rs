@@ -9,15 +9,15 @@ use crate::base::progress::Progress;
 use crate::model::baked::LevelOfDetail;
 use crate::model::camera::Camera;
 use crate::model::grid::NodeMask;
+use crate::view::render::View;
+use crate::view::sample::Dense;
 
 /// The length of a fit, and its cameras.
 #[derive(Debug, Clone, Copy)]
 pub struct FitOptions<'a> {
-    /// Steps for each level, at most.
+    /// Steps, at most, each of which moves all levels.
     pub steps: usize,
-    /// Seconds in all; none is without bound. Levels share evenly those that the targets leave, and
-    /// a level leaves what it does not need to the next ones. The result of a bounded fit depends on
-    /// the machine.
+    /// Seconds in all; none is without bound. The result of a bounded fit depends on the machine.
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],
@@ -30,21 +30,52 @@ pub struct FittedLevel {
     pub level: usize,
     /// Steps that were taken.
     pub steps: usize,
-    /// PSNR of the validation rays before the fit, in dB.
+    /// PSNR of rays of pictures that no step uses, each of as many pixels as a picture
+    /// `2^level` times smaller has: of the levels of `rate-tent`, in dB.
     pub psnr_before: f64,
     /// The same after the fit.
     pub psnr_after: f64,
+    /// False where the level is as `rate-tent` makes it, because a scale would look worse else.
+    pub kept: bool,
 }
 
-/// The end of one level's fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
-    /// After its last step, or because nothing was gained any more.
-    Reached,
-    /// Its share of the time was up.
-    OutOfTime,
-    /// The caller has enough, of this level and of those that follow.
-    Enough,
+/// Fitted levels.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// From level 1 on, `[channel][node]`, density first.
+    values: Vec<Vec<Vec<f32>>>,
+    /// The rule under which the levels look best.
+    pub level_of_detail: LevelOfDetail,
+    /// The fit of each level, from level 1 on.
+    pub levels: Vec<FittedLevel>,
+    /// True if the fit stopped at its time limit or at the wish of the caller.
+    pub cut_short: bool,
+}
+
+impl Fitted {
+    /// Without levels.
+    pub(super) fn none(level_of_detail: LevelOfDetail) -> Self {
+        Self { values: Vec::new(), level_of_detail, levels: Vec::new(), cut_short: false }
+    }
+
+    /// The coarser levels of `field` as they are.
+    pub(super) fn new<const C: usize>(
+        view: &View,
+        field: &Dense<C>,
+        level_of_detail: LevelOfDetail,
+        levels: Vec<FittedLevel>,
+        cut_short: bool,
+    ) -> Self {
+        let values = (1..=levels.len()).map(|level| channels(view, field, level)).collect();
+        Self { values, level_of_detail, levels, cut_short }
+    }
+
+    /// Puts fitted values in the place of plane `x` of a channel of `level`.
+    pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
+        if let Some(fitted) = level.checked_sub(1).and_then(|level| self.values.get(level)) {
+            plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);
+        }
+    }
 }
 
 /// Inputs of the fits of all levels.
@@ -55,12 +86,17 @@ pub struct FitContext<'a> {
     /// The rule that levels are fitted under.
     pub start: LevelOfDetail,
     pub clock: Instant,
-    /// Seconds that the targets took.
-    pub before: f64,
     pub progress: &'a dyn Progress,
 }
 
 /// PSNR of a mean squared error, in dB.
 pub fn psnr(mean_square: f64) -> f64 {
     -10.0 * libm::log10(mean_square.max(1e-12))
+}
+
+/// A level's values by channel, density first.
+fn channels<const C: usize>(view: &View, field: &Dense<C>, level: usize) -> Vec<Vec<f32>> {
+    let (density, color) = field.values(level);
+    let lane = |lane: usize| color.iter().map(|color| color[lane]).collect();
+    [density.to_vec()].into_iter().chain((0..3 + view.features).map(lane)).collect()
 }

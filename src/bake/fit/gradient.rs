@@ -1,4 +1,4 @@
-//! One ray, and the derivatives of its colour by the values of a level.
+//! One ray, and the derivatives of its colour by the values of coarser levels.
 //!
 //! With the samples' optical depths `t_i` and colours `c_i`, light `T_i` before and `T_(i+1)`
 //! behind a sample, weights `w_i = T_i - T_(i+1)`, accumulated `A = sum w_i c_i` and light left
@@ -9,7 +9,7 @@
 //! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 
-use super::target::Targets;
+use super::target::{Target, Targets};
 use crate::model::activate::lanes;
 use crate::model::field::{ActivationOrder, DensityFunction};
 use crate::model::view_dependence::ViewDependence;
@@ -21,38 +21,42 @@ pub const NOT_FITTED: u32 = u32::MAX;
 /// Optical depth from which a ray ends.
 const OPAQUE_DEPTH: f32 = 9.0;
 
-/// Sums of derivatives by fitted node.
+/// Sums of derivatives by fitted node of one level.
 #[derive(Debug)]
-pub struct Gradient<const C: usize> {
+pub struct Sums<const C: usize> {
     /// By the stored density.
     pub density: Vec<f32>,
     /// By the stored colours.
     pub color: Vec<[f32; C]>,
+}
+
+/// Sums of derivatives.
+#[derive(Debug)]
+pub struct Gradient<const C: usize> {
+    /// From level 1 on.
+    pub levels: Vec<Sums<C>>,
     samples: Vec<Sampled<C>>,
 }
 
 impl<const C: usize> Gradient<C> {
-    /// Zeros for `nodes` nodes.
-    pub fn new(nodes: usize) -> Self {
-        let (density, color) = (vec![0.0; nodes], vec![[0.0; C]; nodes]);
-        Self { density, color, samples: Vec::new() }
+    /// Zeros for this many nodes of each level.
+    pub fn new(nodes: &[usize]) -> Self {
+        let zeros =
+            |&nodes: &usize| Sums { density: vec![0.0; nodes], color: vec![[0.0; C]; nodes] };
+        Self { levels: nodes.iter().map(zeros).collect(), samples: Vec::new() }
     }
 }
 
-/// Rays of one level's fit.
+/// Rays through all levels.
 pub struct Rays<'a, const C: usize> {
     /// The rules.
     pub view: &'a View,
     /// All levels as they are now.
     pub field: &'a Dense<C>,
-    /// The levels, from level 0 on, that rays may read.
-    pub levels: usize,
-    /// The level whose pictures are drawn from; the one that is fitted.
-    pub level: usize,
     /// The colours that the rays should have.
     pub targets: &'a Targets,
-    /// The number of each of the level's nodes among those that are fitted.
-    pub numbers: &'a [u32],
+    /// From level 1 on, the number of each node among those that are fitted.
+    pub numbers: &'a [&'a [u32]],
 }
 
 /// A sample's share of one level.
@@ -94,17 +98,27 @@ struct Traced<const C: usize> {
 }
 
 impl<const C: usize> Rays<'_, C> {
-    /// Adds the derivatives of ray `number`'s squared error.
-    pub fn differentiate(&self, number: usize, gradient: &mut Gradient<C>) {
-        let Some((traced, rule)) = self.trace(number, gradient) else { return };
-        let Traced { by_color, by_left, left, .. } = traced;
+    /// Adds the derivatives of ray `number`'s squared error, times `worth`.
+    pub fn differentiate(
+        &self,
+        scale: usize,
+        number: usize,
+        worth: f32,
+        gradient: &mut Gradient<C>,
+    ) {
+        let target = self.targets.draw(scale, number, false);
+        let Some((traced, rule)) = target.and_then(|target| self.trace(&target, gradient)) else {
+            return;
+        };
+        let by_color = traced.by_color.map(|by| by * worth);
+        let (by_left, left) = (traced.by_left * worth, traced.left);
         let samples = std::mem::take(&mut gradient.samples);
         // Back to front: the derivative by the light behind a sample.
         let mut behind = left * by_left;
         for sample in samples.iter().rev() {
             let worth = sample.color.map_or(0.0, |color| dot(&by_color, &color));
             let by_depth = (sample.left * worth - behind) * sample.intervals;
-            for part in sample.parts.iter().flatten().filter(|part| part.level == self.level) {
+            for part in sample.parts.iter().flatten().filter(|part| part.level > 0) {
                 self.add(part, by_depth, sample, (&rule, &by_color), gradient);
             }
             behind += sample.weight * worth;
@@ -112,24 +126,23 @@ impl<const C: usize> Rays<'_, C> {
         gradient.samples = samples;
     }
 
-    /// Ray `number`'s squared error, over three channels.
-    pub fn square(&self, number: usize, gradient: &mut Gradient<C>) -> f32 {
-        self.trace(number, gradient).map_or(0.0, |(traced, _)| traced.square)
+    /// Validation ray `number`'s squared error, over three channels.
+    pub fn square(&self, scale: usize, number: usize, gradient: &mut Gradient<C>) -> f32 {
+        let Some(target) = self.targets.draw(scale, number, true) else { return 0.0 };
+        match self.trace(&target, gradient) {
+            Some((traced, _)) => traced.square,
+            None => 0.0,
+        }
     }
 
-    /// Composites ray `number`, leaving its samples in `gradient`.
+    /// Composites a ray, leaving its samples in `gradient`.
     fn trace(
         &self,
-        number: usize,
+        target: &Target,
         gradient: &mut Gradient<C>,
     ) -> Option<(Traced<C>, ColorRule<'_>)> {
-        let (target, pixel) = self.targets.draw(self.level, number)?;
-        let camera = &target.camera;
-        let [x, y] = [pixel % camera.lens.width, pixel / camera.lens.width];
-        let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
-        let ray = camera.ray(x, y);
-        let aside = Some([camera.ray(x + 0.5, y), camera.ray(x, y + 0.5)]);
-        let route = Route::new(self.view, self.levels, &ray, aside, None)?;
+        let Target { ray, aside, color } = target;
+        let route = Route::new(self.view, self.field.levels(), ray, Some(*aside), None)?;
         let samples = &mut gradient.samples;
         samples.clear();
         let unit = (ray.direction / ray.direction.length()).to_array();
@@ -144,7 +157,7 @@ impl<const C: usize> Rays<'_, C> {
         });
         let left = lanes::exp(-depth);
         rule.finish(&mut accumulated);
-        let mut traced = self.by_accumulated(unit, &accumulated, left, target.color[pixel]);
+        let mut traced = self.by_accumulated(unit, &accumulated, left, *color);
         rule.by_sums(&accumulated, &mut traced.by_color);
         Some((traced, rule))
     }
@@ -263,13 +276,14 @@ impl<const C: usize> Rays<'_, C> {
             let by_part = by_color.map(|by_color| sample.weight * by_color * part.share);
             by_raw = rule.by_values(&part.color, &by_part);
         }
-        for (node, weight) in self.field.corners(self.level, &part.cell) {
-            let number = self.numbers[node];
+        for (node, weight) in self.field.corners(part.level, &part.cell) {
+            let number = self.numbers[part.level - 1][node];
             if number == NOT_FITTED {
                 continue;
             }
-            gradient.density[number as usize] += weight * by_density;
-            for (sum, by_raw) in gradient.color[number as usize].iter_mut().zip(by_raw) {
+            let sums = &mut gradient.levels[part.level - 1];
+            sums.density[number as usize] += weight * by_density;
+            for (sum, by_raw) in sums.color[number as usize].iter_mut().zip(by_raw) {
                 *sum += weight * by_raw;
             }
         }

@@ -4,16 +4,17 @@
 //! along the ray. So a fit starts from the levels of `rate-tent` and changes them until their
 //! pictures are right:
 //!
-//! 1. [`target`] renders level 0, from given cameras or from spheres around the box, and
-//!    box-downsamples the pictures.
+//! 1. [`target`] renders level 0, from given cameras or from spheres around the box. The mean of a
+//!    window of pixels is a pixel of a smaller picture.
 //! 2. [`gradient`] renders single rays of the small pictures, one ray a pixel. It differentiates
-//!    their colour by the level's values: through the view network, compositing, blending of
+//!    their colour by the values of all levels: through the view network, compositing, blending of
 //!    levels, activation and interpolation.
 //! 3. [`adam`] takes steps.
-//! 4. [`level_fit`] fits one level, with the finer ones as they are by then. It measures
-//!    *validation rays*, which no step uses, keeps the best state and ends when the fit has
-//!    stalled.
-//! 5. [`rule`] moves the level-of-detail rule to where the fitted levels look best.
+//! 4. [`curve`] is the rule that says which level a sample reads. Its knots move to where the levels
+//!    look best.
+//! 5. [`joint_fit`] takes steps with rays of all scales, and moves the curve in between. It measures
+//!    rays of pictures that no step uses, keeps the best state and ends when the fit has stalled. A
+//!    fit that is worse than the filter's levels at any scale loses a level, or all.
 //!
 //! Only visible nodes change. The budget is in steps, rays are drawn by a fixed generator, and sums
 //! of gradients are in a fixed order. So the same bytes come out for any number of threads. A fit
@@ -21,11 +22,11 @@
 
 mod adam;
 mod context;
+mod curve;
 mod gradient;
-mod level_fit;
-mod rule;
+mod joint_fit;
 mod run;
 mod target;
 
-pub use context::{FitOptions, FittedLevel};
-pub use run::{Fitted, fit};
+pub use context::{FitOptions, Fitted, FittedLevel};
+pub use run::fit;

@@ -1,122 +1,152 @@
 //! The pictures that coarser levels are fitted to.
+//!
+//! A *window* is a square of a picture's pixels: one pixel of a picture that many times smaller. Its
+//! mean colour is what one ray through its middle should have. Windows start at any pixel, so a ray
+//! passes nodes at every position.
 
 use glam::DVec3;
 
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::base::picture::box_means;
 use crate::base::progress::{Progress, Step};
-use crate::model::camera::{Camera, Lens};
+use crate::model::camera::{Camera, Lens, Ray};
 use crate::model::grid::Bounds;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// Cameras, evenly on a sphere; of given ones this many are taken.
-const CAMERAS: usize = 192;
+const CAMERAS: usize = 64;
 /// Pixels of a full picture for each of level 0's nodes along the longest axis.
-const PIXELS_A_NODE: f64 = 1.25;
+const PIXELS_A_NODE: f64 = 2.0;
 /// Tangent of half the field of view.
 const HALF_VIEW: f64 = 0.36;
+/// Nearest and farthest camera; at 1 the box fills the view.
+const DISTANCES: [f64; 2] = [0.7, 1.4];
+/// One picture of this many is for validation.
+const VALIDATION: usize = 8;
 
-/// A small picture: the colours that one ray a pixel should have.
+/// A large picture.
 #[derive(Debug)]
-pub struct Target {
-    /// The camera at this size.
-    pub camera: Camera,
+struct Picture {
+    camera: Camera,
     /// Colour over the background, rows from the top.
-    pub color: Vec<[f32; 3]>,
+    color: Vec<[f32; 3]>,
 }
 
-/// Target pictures of all sizes.
+/// Target pictures.
 #[derive(Debug)]
 pub struct Targets {
-    pictures: Vec<Target>,
-    /// For each halving of the size, the pictures' pixels that show anything: `(picture, pixel)`.
-    pixels: Vec<Vec<(u32, u32)>>,
+    pictures: Vec<Picture>,
+    /// Pixels that show anything, `(picture, pixel)`, for steps and for validation.
+    shown: [Vec<(u32, u32)>; 2],
+    /// Scales that windows have: those of scale `s` are `2^(s + 1)` pixels wide.
+    pub scales: usize,
+}
+
+/// One ray and the colour that it should have.
+#[derive(Debug, Clone, Copy)]
+pub struct Target {
+    /// Through the window's middle.
+    pub ray: Ray,
+    /// Half a window to the right and below.
+    pub aside: [Ray; 2],
+    /// Mean colour of the window.
+    pub color: [f32; 3],
 }
 
 impl Targets {
-    /// Targets for levels up to `halvings`, from the `given` cameras, or from around the box.
+    /// Targets for `coarser` levels, from the `given` cameras, or from around the box.
     pub fn new(
         field: &Renderer,
-        halvings: usize,
+        coarser: usize,
         given: &[Camera],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let view = field.view();
         let longest = view.nodes.0.into_iter().max().unwrap_or(2) as f64;
-        // A multiple of the coarsest picture's pixels, so that nothing is cut off.
-        let unit = 1usize << halvings;
-        let side = ((longest * PIXELS_A_NODE) as usize).next_multiple_of(unit);
+        let side = ((longest * PIXELS_A_NODE) as usize).max(8);
         let cameras: Vec<Camera> = match given.len() {
             0 => around(&view.bounds, side).collect(),
             count => {
                 let some = given.iter().step_by(count.div_ceil(CAMERAS));
-                some.map(|camera| fitting(camera, side, unit)).collect()
+                some.map(|camera| fitting(camera, side)).collect()
             }
         };
         let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
         let mut budget = Budget::new(limits);
         for camera in &cameras {
             let pixels = (camera.lens.width * camera.lens.height) as u64;
-            // Of a colour and a number each, on pictures of a quarter of the pixels, a sixteenth
-            // ...
-            let bytes = pixels / 3 * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
+            let bytes = pixels * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
             budget.spend(bytes, "bytes of pictures", &Place::File)?;
         }
         let count = cameras.len();
         progress.begin(Step::Targets, count as u64);
         let mut pictures = Vec::new();
-        let mut pixels = vec![Vec::new(); halvings + 1];
+        let mut shown = [Vec::new(), Vec::new()];
         for (number, camera) in cameras.into_iter().enumerate() {
             progress.part(Step::Targets, &format!("picture {}/{count}", number + 1));
             let frame = render(field, &camera, &options, progress)?;
-            let clamped =
-                |pixel: usize, channel: usize| frame.color[pixel][channel].clamp(0.0, 1.0);
-            for (halving, pixels) in pixels.iter_mut().enumerate().skip(1) {
-                let scale = 1 << halving;
-                let size = [camera.lens.width, camera.lens.height];
-                let means = |of: &dyn Fn(usize) -> f32| -> Vec<f32> {
-                    box_means(size, scale, of).collect()
-                };
-                let [red, green, blue] =
-                    [0, 1, 2].map(|channel| means(&|pixel| clamped(pixel, channel)));
-                let left = means(&|pixel| frame.transmittance[pixel]);
-                let color = (0..red.len()).map(|i| [red[i], green[i], blue[i]]).collect();
-                let [wide, high] = size.map(|side| side / scale);
-                let shows = |pixel: usize| {
-                    let [x, y] = [pixel % wide, pixel / wide];
-                    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-                    near(y, high).any(|y| near(x, wide).any(|x| left[y * wide + x] < 0.9999))
-                };
-                let picture = pictures.len() as u32;
-                let shown = (0..left.len()).filter(|&pixel| shows(pixel));
-                pixels.extend(shown.map(|pixel| (picture, pixel as u32)));
-                let lens = camera.lens.shrunk(scale);
-                pictures.push(Target { camera: Camera { lens, ..camera.clone() }, color });
-            }
+            // A set for validation needs more pictures than one.
+            let validates = number % VALIDATION == VALIDATION - 1;
+            let shows = (0..frame.color.len()).filter(|&pixel| frame.transmittance[pixel] < 0.9999);
+            shown[usize::from(validates)].extend(shows.map(|pixel| (number as u32, pixel as u32)));
+            let color = frame.color.iter().map(|color| color.map(|value| value.clamp(0.0, 1.0)));
+            pictures.push(Picture { color: color.collect(), camera });
             progress.advance(Step::Targets, 1);
         }
-        Ok(Self { pictures, pixels })
+        if shown[1].is_empty() {
+            shown[1] = shown[0].clone();
+        }
+        let shortest = |camera: &Camera| camera.lens.width.min(camera.lens.height);
+        let least = pictures.iter().map(|picture| shortest(&picture.camera)).min().unwrap_or(0);
+        let scales = (0..=coarser).take_while(|scale| 2 << scale <= least).count();
+        Ok(Self { pictures, shown, scales })
     }
 
-    /// A pixel for fitting `level`, drawn by `number`; none if no picture shows anything.
-    pub fn draw(&self, level: usize, number: usize) -> Option<(&Target, usize)> {
-        let random = scramble(number as u64 ^ (level as u64) << 48);
-        // Half the pixels where the level is alone, half where it takes over from the finer one.
-        let halving = (level - (random & 1) as usize).max(1);
-        let pixels = self.pixels.get(halving).filter(|pixels| !pixels.is_empty())?;
-        let (picture, pixel) = pixels[((random >> 1) % pixels.len() as u64) as usize];
-        Some((&self.pictures[picture as usize], pixel as usize))
+    /// The target of window `number`; none if no picture shows anything.
+    pub fn draw(&self, scale: usize, number: usize, validates: bool) -> Option<Target> {
+        let random = scramble(number as u64 ^ (scale as u64) << 48);
+        let shown = Some(&self.shown[usize::from(validates)]).filter(|shown| !shown.is_empty())?;
+        let (picture, pixel) = shown[(random % shown.len() as u64) as usize];
+        let picture = &self.pictures[picture as usize];
+        let Lens { width, height, .. } = picture.camera.lens;
+        let random = scramble(random);
+        let side = match random & 1 {
+            // Steps see sizes between those of scales, too.
+            1 if !validates && 3 << scale <= width.min(height) => 3 << scale,
+            _ => 2 << scale,
+        };
+        // The pixel is in the window or at most half a window beside it.
+        let start = |at: usize, random: u64, end: usize| {
+            let back = (random % (2 * side) as u64) as usize;
+            (at + side / 2).saturating_sub(back).min(end - side)
+        };
+        let pixel = pixel as usize;
+        let x = start(pixel % width, random >> 8, width);
+        let y = start(pixel / width, random >> 32, height);
+        let mut sum = [0.0f32; 3];
+        for row in picture.color.chunks_exact(width).skip(y).take(side) {
+            for color in &row[x..x + side] {
+                sum.iter_mut().zip(color).for_each(|(sum, value)| *sum += value);
+            }
+        }
+        let half = 0.5 * side as f64;
+        let (x, y) = (x as f64 + half, y as f64 + half);
+        let ray = |x: f64, y: f64| picture.camera.ray(x, y);
+        Some(Target {
+            ray: ray(x, y),
+            aside: [ray(x + half, y), ray(x, y + half)],
+            color: sum.map(|sum| sum / (side * side) as f32),
+        })
     }
 }
 
-/// A given camera with a picture of the size that levels are made for, a multiple of `unit` pixels.
-fn fitting(camera: &Camera, side: usize, unit: usize) -> Camera {
+/// A given camera with a picture of the size that levels are made for.
+fn fitting(camera: &Camera, side: usize) -> Camera {
     let Lens { width, height, .. } = camera.lens;
     let scale = side as f64 / width.max(height) as f64;
-    let [width, height] = [width, height]
-        .map(|pixels| ((pixels as f64 * scale) as usize).next_multiple_of(unit).max(unit));
+    let [width, height] =
+        [width, height].map(|pixels| ((pixels as f64 * scale).round() as usize).max(1));
     Camera { lens: camera.lens.resized(width, height), ..camera.clone() }
 }
 
@@ -134,9 +164,10 @@ fn around(bounds: &Bounds, side: usize) -> impl Iterator<Item = Camera> {
         let around = 2.399_963_229_728_653 * i as f64;
         let flat = (1.0 - up * up).sqrt();
         let back = DVec3::new(libm::cos(around) * flat, libm::sin(around) * flat, up);
-        // Distances from where the box fills the view to 1.4 times that, so that footprints vary.
-        let distance =
-            radius / HALF_VIEW * (0.85 + 0.4 * ((i * 5) % CAMERAS) as f64 / CAMERAS as f64);
+        // Distances over an octave, so that footprints are of every size.
+        let [near, far] = DISTANCES;
+        let share = ((i * 5) % CAMERAS) as f64 / CAMERAS as f64;
+        let distance = radius / HALF_VIEW * (near + (far - near) * share);
         Camera::looking_at(middle, back, distance, format!("fit_{i:02}"), lens)
     })
 }

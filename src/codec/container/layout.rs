@@ -15,8 +15,10 @@ pub const INHERITED_BLOCKS: u64 = 1;
 /// Required feature: colours are linear, coefficients of harmonics among them, or the function of
 /// density is not softplus. Since 1.2.
 pub const LINEAR_VALUES: u64 = 2;
+/// Required feature: the rule of the level of detail bends. Since 1.2.
+pub const BENT_RULE: u64 = 4;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES;
+pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.

@@ -1,8 +1,8 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS,
-    KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, BENT_RULE, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header,
+    INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -112,7 +112,8 @@ pub fn required_features(metadata: &Metadata) -> u64 {
         || metadata.march.sampled.is_some()
         || metadata.march.voxel.is_some()
         || metadata.view.as_ref().and_then(ViewMetadata::harmonics).is_some();
-    let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES)];
+    let bends = !metadata.level_of_detail.bends.is_empty();
+    let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES), (bends, BENT_RULE)];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
 
@@ -247,11 +248,10 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     rules.require(finite, "background", format!("{background:?}"), "finite numbers")?;
     let lod = &metadata.level_of_detail;
     let bound = lod.bound.unwrap_or(0.0);
-    let fits =
-        positive(lod.factor) && lod.bias.is_finite() && (0.0..f32::INFINITY).contains(&bound);
-    let found = format!("factor {}, bias {}, bound {bound}", lod.factor, lod.bias);
-    let expected = "a positive factor, a finite bias and bound";
-    rules.require(fits, "level_of_detail", found, expected)
+    let bends = lod.bends.as_slice();
+    let found = format!("factor {}, bias {}, bound {bound}, bends {bends:?}", lod.factor, lod.bias);
+    let expected = "a finite bias and bound, and slopes above 0";
+    rules.require(lod.is_valid(), "level_of_detail", found, expected)
 }
 
 /// Rules of one level; `finer` are the dimensions of the next finer one.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ColorLayout, Decode, DensityDomain, Encoding, Group};
+use super::{ColorLayout, Decode, DensityDomain, Encoding, Group, LevelOfDetail};
 use crate::model::activate;
 use crate::model::field::{Activation, ColorDomain, March, nullable};
 use crate::model::grid::{BlockGrid, Bounds, Nodes};
@@ -196,34 +196,6 @@ pub enum Blend {
 pub enum ColorSpace {
     /// Display-referred sRGB, as the training pictures.
     SrgbDisplay,
-}
-
-/// The sample of the neighbouring ray that a sample's footprint is measured to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FootprintNeighbour {
-    /// The one at the same distance: the pixel's size there.
-    SameDistance,
-    /// The one of the same index, as in the paper and the research code. If the box is entered
-    /// through an oblique face, the entries differ, and samples behind it are blurred.
-    SameIndex,
-}
-
-/// `lambda = clamp(factor * log2(rho) + bias, 0, min(last level, most))`, where `rho` is the
-/// footprint of half a pixel in voxels of size `(max - min) / N`, doubled.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LevelOfDetail {
-    /// 1/3 in the paper, 1/2 in the research code, 1 for mipmaps.
-    pub factor: f32,
-    /// Added after the factor.
-    pub bias: f32,
-    /// The sample of the neighbouring ray that the footprint is measured to.
-    #[serde(rename = "aside")]
-    pub neighbour: FootprintNeighbour,
-    /// An upper bound beside the last level, if there is one.
-    #[serde(rename = "most", deserialize_with = "nullable")]
-    pub bound: Option<f32>,
 }
 
 /// View-dependent colour.

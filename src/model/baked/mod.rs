@@ -9,6 +9,7 @@ mod codes;
 mod domain;
 mod encoding;
 mod field;
+mod level_of_detail;
 mod metadata;
 mod occupancy;
 
@@ -17,8 +18,9 @@ pub(crate) use codes::with_codes;
 pub use domain::{Decode, DensityDomain};
 pub use encoding::{ColorLayout, Encoding, GROUPS, Group, NumberType};
 pub use field::{BakedField, BakedLevel};
+pub use level_of_detail::{Bends, FootprintNeighbour, LevelOfDetail, MOST_BENDS};
 pub use metadata::{
-    Blend, ColorSpace, FootprintNeighbour, HarmonicsMetadata, LevelMetadata, LevelOfDetail,
-    Metadata, NetworkMetadata, StepRule, ViewMetadata,
+    Blend, ColorSpace, HarmonicsMetadata, LevelMetadata, Metadata, NetworkMetadata, StepRule,
+    ViewMetadata,
 };
 pub use occupancy::{Occupancy, Table};

@@ -2,11 +2,11 @@
 //!
 //! `rho` is the larger, over the picture's x and y, of the distance in voxels of size `(max - min)
 //! / N` between a sample and one on the ray half a pixel aside (of the same distance or the same
-//! index, as the rule says), divided by that half pixel; `lambda = clamp(factor * log2(rho) + bias,
-//! 0, last)`. Both rays' samples move linearly with their index, so the offset is linear and
-//! `rho^2` a quadratic in it.
+//! index, as the rule says), divided by that half pixel; [`LevelOfDetail`] turns it into a level.
+//! Both rays' samples move linearly with their index, so the offset is linear and `rho^2` a
+//! quadratic in it.
 
-use crate::model::baked::LevelOfDetail;
+use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 
 /// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
@@ -14,8 +14,7 @@ pub struct Footprint {
     /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole
     /// pixel.
     sides: [[[f64; 3]; 2]; 2],
-    factor: f32,
-    bias: f32,
+    rule: LevelOfDetail,
     finest: f32,
     last: f32,
 }
@@ -26,13 +25,20 @@ impl Footprint {
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
-        Self { sides, factor: rule.factor, bias: rule.bias, finest, last }
+        Self { sides, rule: *rule, finest, last }
     }
 
     /// A level that does not depend on the footprint.
     pub fn fixed(level: usize) -> Self {
-        let bias = level as f32;
-        Self { sides: [[[0.0; 3]; 2]; 2], factor: 0.0, bias, finest: bias, last: bias }
+        let only = level as f32;
+        let rule = LevelOfDetail {
+            factor: 0.0,
+            bias: only,
+            neighbour: FootprintNeighbour::SameDistance,
+            bound: None,
+            bends: Bends::default(),
+        };
+        Self { sides: [[[0.0; 3]; 2]; 2], rule, finest: only, last: only }
     }
 
     /// The fractional level of sample `k`.
@@ -46,8 +52,8 @@ impl Footprint {
 
     /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
     pub fn range(&self, first: f64, last: f64) -> [f32; 2] {
-        if self.factor == 0.0 {
-            return [self.bias; 2];
+        if self.finest == self.last {
+            return [self.last; 2];
         }
         // Each side's square is convex: largest at an end, least at its vertex.
         let highest = self.lambda(first).max(self.lambda(last));
@@ -65,6 +71,6 @@ impl Footprint {
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
         let log = 0.5 * libm::log2(square.max(f64::MIN_POSITIVE)) as f32;
-        (self.factor * log + self.bias).clamp(self.finest, self.last)
+        self.rule.level(log).clamp(self.finest, self.last)
     }
 }

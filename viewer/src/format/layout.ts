@@ -10,6 +10,8 @@ const ALIGNMENT = 64;
 const INHERITED_BLOCKS = 1n;
 /** Required feature: colours are linear, coefficients of harmonics among them, or the function of density is not softplus. */
 const LINEAR_VALUES = 2n;
+/** Required feature: the rule of the level of detail bends. */
+const BENT_RULE = 4n;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_LEVEL = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
@@ -24,6 +26,8 @@ export interface Header {
   inherited: boolean;
   /** Whether colours are linear, or the function of density is not softplus. */
   linear: boolean;
+  /** Whether the rule of the level of detail bends. */
+  bent: boolean;
 }
 
 export interface Entry {
@@ -62,9 +66,9 @@ export function readHeader(bytes: Uint8Array): Header {
   const major = data.getUint16(8, true);
   if (major !== 1) throw new FieldError(`The container is of version ${major}; this viewer knows version 1.`, REMEDY.newer);
   const features = data.getBigUint64(16, true);
-  if ((features & ~(INHERITED_BLOCKS | LINEAR_VALUES)) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
+  if ((features & ~(INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE)) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
   const has = (feature: bigint) => (features & feature) !== 0n;
-  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES) };
+  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES), bent: has(BENT_RULE) };
   checkReserved(bytes, [[12, 16], [44, 48], [52, 64]], "The header");
   if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");
   if (header.chunks === 0 || header.chunks > MOST_CHUNKS) throw new FieldError(`The header speaks of ${header.chunks} chunks; 1 to ${MOST_CHUNKS} can be.`);

@@ -64,7 +64,7 @@ export interface Metadata {
     voxel_size: number;
   };
   step_rule: "constant" | "level_of_detail";
-  level_of_detail: { aside: "same_distance" | "same_index"; bias: number; factor: number; most: number | null };
+  level_of_detail: { aside: "same_distance" | "same_index"; bias: number; factor: number; most: number | null; bends?: [number, number][] };
   blend: "before_activation" | "after_activation";
   background: Triple;
   color_space: "srgb_display";
@@ -179,6 +179,7 @@ const METADATA = record({
     bias: finite,
     factor: positive,
     most: nullable(fromZero),
+    bends: optional(list(1, 6, list(2, 2, finite))),
   }),
   blend: oneOf("before_activation", "after_activation"),
   background: triple,
@@ -294,6 +295,11 @@ function checkAgreement(metadata: Metadata): void {
   if (metadata.blend === "after_activation" && levels.some((level) => level.density === null)) {
     fail("blend", "before_activation where a level has no density");
   }
+  let { factor: slope, bends = [] } = metadata.level_of_detail;
+  bends.forEach(([at, by], i) => {
+    slope += by;
+    if (slope <= 0 || (i > 0 && at <= bends[i - 1][0])) fail("level_of_detail.bends", "in rising order, with slopes above 0");
+  });
   if (activation.function && activation.shift !== 0) fail("activation.shift", "0 beside relu");
   if (harmonics && metadata.features !== 3 * ((harmonics.degree + 1) ** 2 - 1)) fail("features", "those of the degree of harmonics");
   if (harmonics?.clamp === "sigmoid" && harmonics.where === "ray") fail("view.clamp", "a sigmoid at samples only");

@@ -166,6 +166,9 @@ export class Loader {
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
     if (header.linear !== isLinear(metadata)) throw new FieldError("Header and metadata disagree whether values are linear.");
+    if (header.bent !== (metadata.level_of_detail.bends !== undefined)) {
+      throw new FieldError("Header and metadata disagree whether the rule of the level of detail bends.");
+    }
     if (header.inherited !== metadata.levels.some((level) => level.blocks_filled)) {
       throw new FieldError("Header and metadata disagree whether there are inherited blocks.");
     }

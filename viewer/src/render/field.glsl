@@ -55,6 +55,10 @@ uniform float u_interval;
 uniform float u_mostSteps;
 // factor, bias, most.
 uniform vec3 u_levelOfDetail;
+#ifdef BENDS
+// From log2 of the footprint of x on, the slope grows by y.
+uniform vec2 u_bends[BENDS];
+#endif
 uniform ivec3 u_macroCounts;
 uniform vec3 u_macroScale;
 

@@ -19,7 +19,11 @@ struct Line { vec3 start; vec3 step; };
 Line right, below;
 
 float levelOf(float square) {
-  float lambda = u_levelOfDetail.x * 0.5 * log2(max(square, 1e-37)) + u_levelOfDetail.y;
+  float size = 0.5 * log2(max(square, 1e-37));
+  float lambda = u_levelOfDetail.x * size + u_levelOfDetail.y;
+#ifdef BENDS
+  for (int i = 0; i < BENDS; i++) lambda += u_bends[i].y * max(size - u_bends[i].x, 0.0);
+#endif
   return max(clamp(lambda, 0.0, u_levelOfDetail.z), float(u_finest));
 }
 

@@ -49,6 +49,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened, atlas: Atlas): U
     u_perVoxel: new Vector3(...(march.voxel ?? [0, 0, 0].fill(march.voxel_size)).map((edge) => 1 / edge)),
     u_mostSteps: Math.floor(Math.hypot(x, y, z) / march.stepsize),
     u_levelOfDetail: new Vector3(rule.factor, rule.bias, Math.min(levels.length - 1, rule.most ?? Infinity)),
+    ...(rule.bends && { u_bends: rule.bends.map(([at, by]) => new Vector2(at, by)) }),
     u_macroCounts: macroCounts(metadata),
     u_macroScale: new Vector3(...levels[0].dimensions.map((nodes) => (nodes - 1) / edge)),
     u_finest: 0,

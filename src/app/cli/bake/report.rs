@@ -132,7 +132,7 @@ impl Baked {
             writeln!(text, "  {count} of {all} islands were dropped: {nodes} nodes").ok();
         }
         if let Some(fitted) = &report.fitted {
-            for FittedLevel { level, steps, psnr_before, psnr_after } in &fitted.levels {
+            for FittedLevel { level, steps, psnr_before, psnr_after, .. } in &fitted.levels {
                 writeln!(
                     text,
                     "  level {level} fitted in {steps} steps, {psnr_before:.2} to {psnr_after:.2} dB"

@@ -1,0 +1,92 @@
+//! The rule of levels as a curve through knots, and the search for the best one.
+//!
+//! A straight line through `log2(rho)` that suits near pictures reads levels from afar that are too
+//! fine. So the fit starts with a curve that rises ever faster, and looks for the best height of
+//! each knot once levels are fitted.
+
+use crate::base::error::Result;
+use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
+
+/// Added to a line at `log2(rho)` of `x`: this times `x^2`.
+const RISE: f32 = 0.12;
+/// Steps of a knot's level, tried one after another.
+const STEPS: [f32; 3] = [0.24, 0.12, 0.06];
+/// Rounds over all knots for each step, at most.
+const MAX_ROUNDS: usize = 2;
+/// Least slope between knots.
+const LEAST_SLOPE: f32 = 0.1;
+
+/// `log2(rho)` up to which level 0 is read alone: pictures of full size stay as they are.
+const FULL_SIZE: f32 = -0.5;
+
+/// Levels at whole numbers of `log2(rho)`, from 0 on, above a line from level 0 at [`FULL_SIZE`].
+#[derive(Debug, Clone)]
+pub struct Curve {
+    line: LevelOfDetail,
+    levels: Vec<f32>,
+}
+
+impl Curve {
+    /// The curve that a fit starts from, around a `line`, for this many coarser levels.
+    pub fn above(line: LevelOfDetail, coarser: usize) -> Self {
+        let knots = (coarser + 1).min(MOST_BENDS + 1);
+        let level = |knot: usize| {
+            let x = knot as f32;
+            (line.factor * x + line.bias).max(-FULL_SIZE * LEAST_SLOPE) + RISE * x * x
+        };
+        Self { line, levels: (0..knots).map(level).collect() }
+    }
+
+    /// The curve as a rule.
+    pub fn rule(&self) -> LevelOfDetail {
+        let bias = self.levels[0];
+        let factor = bias / -FULL_SIZE;
+        let mut slope = factor;
+        let bend = |(knot, ends): (usize, &[f32])| {
+            let by = ends[1] - ends[0] - slope;
+            slope += by;
+            [knot as f32, by]
+        };
+        let bends = self.levels.windows(2).enumerate().map(bend);
+        let bends: Vec<[f32; 2]> = bends.filter(|[_, by]| *by != 0.0).collect();
+        let bends = Bends::new(&bends).unwrap_or_default();
+        LevelOfDetail { factor, bias, bends, ..self.line }
+    }
+
+    /// Moves knots uphill in `quality`, whose value of the curve as it is is `highest`. Returns the
+    /// quality reached.
+    pub fn climb(
+        &mut self,
+        mut highest: f64,
+        mut quality: impl FnMut(LevelOfDetail) -> Result<f64>,
+    ) -> Result<f64> {
+        for step in STEPS {
+            for _ in 0..MAX_ROUNDS {
+                let before = highest;
+                for knot in 0..self.levels.len() {
+                    for by in [step, -step] {
+                        let mut moved = self.clone();
+                        moved.levels[knot] += by;
+                        if !moved.rises() {
+                            continue;
+                        }
+                        let found = quality(moved.rule())?;
+                        if found > highest {
+                            (*self, highest) = (moved, found);
+                            break;
+                        }
+                    }
+                }
+                if highest == before {
+                    break;
+                }
+            }
+        }
+        Ok(highest)
+    }
+
+    fn rises(&self) -> bool {
+        let first = self.levels[0] >= -FULL_SIZE * LEAST_SLOPE;
+        first && self.levels.windows(2).all(|ends| ends[1] - ends[0] >= LEAST_SLOPE)
+    }
+}

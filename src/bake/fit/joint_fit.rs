@@ -1,0 +1,253 @@
+//! The fit of all levels at once, from its first step to its best state.
+
+use super::adam::{Adam, State};
+use super::context::{FitContext, Fitted, FittedLevel, psnr};
+use super::curve::Curve;
+use super::gradient::{Gradient, Rays};
+use crate::base::error::{Error, Result};
+use crate::base::parallel;
+use crate::base::progress::Step;
+use crate::levels::{Filter, SharedFilter};
+use crate::model::baked::LevelOfDetail;
+use crate::view::render::View;
+use crate::view::sample::Dense;
+
+/// Parts of a batch of rays that are differentiated at once; fixed, so that sums are too.
+const PARTS: usize = 8;
+/// Rays of a step, over all scales.
+const BATCH: usize = 12288;
+/// Each scale has this share of the rays of the next finer one, and at least [`LEAST_RAYS`].
+const THINNING: f64 = 0.7;
+/// Rays of a scale in a step, at least.
+const LEAST_RAYS: usize = 512;
+/// Validation rays of each scale.
+const VALIDATION: usize = 2048;
+/// Validation rays of each scale that curves are compared by.
+const CURVE_RAYS: usize = 512;
+/// Steps between two measurements.
+const STEPS_BETWEEN: usize = 25;
+/// Gain of the mean over scales between two measurements, in dB, below which the fit has stalled.
+const LEAST_GAIN: f64 = 0.005;
+/// Measurements without gain, one after another, that end a fit.
+const PATIENCE: usize = 3;
+/// Parts of the steps after which the curve is searched.
+const SEARCHES: [f64; 2] = [0.4, 0.8];
+
+/// All levels' fit.
+pub struct JointFit<'a, const C: usize> {
+    context: &'a FitContext<'a>,
+    view: View,
+    field: Dense<C>,
+    curve: Curve,
+    /// From level 1 on.
+    adams: Vec<Adam<C>>,
+}
+
+/// Values of all fitted levels.
+type States<const C: usize> = Vec<State<C>>;
+
+/// The best state so far.
+struct Best<const C: usize> {
+    states: States<C>,
+    rule: LevelOfDetail,
+    /// PSNR of each scale, in dB.
+    psnr: Vec<f64>,
+}
+
+impl<'a, const C: usize> JointFit<'a, C> {
+    /// From the filter's levels in `field`.
+    pub fn new(context: &'a FitContext<'a>, view: View, mut field: Dense<C>) -> Self {
+        let retained = context.retained.iter().enumerate().skip(1);
+        let colors = view.color_domain;
+        let adams: Vec<_> =
+            retained.map(|(level, nodes)| Adam::new(&mut field, level, nodes, colors)).collect();
+        let curve = Curve::above(context.start, adams.len());
+        Self { context, view, field, curve, adams }
+    }
+
+    /// Fits, and keeps what is best at every scale.
+    pub fn run(mut self) -> Result<Fitted> {
+        let FitContext { options, progress, .. } = self.context;
+        let unfitted = Best {
+            states: self.states(),
+            rule: SharedFilter::from(Filter::RateTent).rule(self.context.start.neighbour),
+            psnr: Vec::new(),
+        };
+        let psnr = self.quality_of(unfitted.rule, VALIDATION)?;
+        let unfitted = Best { psnr, ..unfitted };
+        let mut rule = self.curve.rule();
+        let psnr = self.quality_of(rule, VALIDATION)?;
+        let mut best = Best { states: self.states(), rule, psnr };
+        let nodes: Vec<usize> = self.adams.iter().map(Adam::nodes).collect();
+        let mut gradients: Vec<Gradient<C>> = (0..PARTS).map(|_| Gradient::new(&nodes)).collect();
+        let (mut taken, mut stalled, mut searches) = (0, 0, SEARCHES.as_slice());
+        let (first, seconds) = (self.spent(), options.seconds.unwrap_or(f64::INFINITY));
+        let mut cut_short = first >= seconds;
+        while taken < options.steps && stalled < PATIENCE && !cut_short {
+            self.tell(taken, &best);
+            let by_seconds = (self.spent() - first) / (seconds - first);
+            let done = by_seconds.max(taken as f64 / options.steps as f64);
+            if let Some((_, later)) = searches.split_first().filter(|(at, _)| done >= **at) {
+                searches = later;
+                rule = self.search(rule)?;
+                best =
+                    Best { psnr: self.quality_of(rule, VALIDATION)?, rule, states: self.states() };
+            }
+            self.step(&mut gradients, taken, done as f32, (rule, &best.psnr))?;
+            taken += 1;
+            progress.advance(Step::Fit, 1);
+            cut_short = progress.enough() || self.spent() >= seconds;
+            if taken.is_multiple_of(STEPS_BETWEEN) || taken == options.steps || cut_short {
+                let psnr = self.quality_of(rule, VALIDATION)?;
+                let gain = mean(&psnr) - mean(&best.psnr);
+                stalled = if gain < LEAST_GAIN { stalled + 1 } else { 0 };
+                if gain > 0.0 {
+                    best = Best { states: self.states(), rule, psnr };
+                }
+            }
+        }
+        // Steps that were not taken count as done.
+        progress.advance(Step::Fit, (options.steps - taken) as u64);
+        let kept = self.keep_best(&unfitted, &mut best)?;
+        let at = |psnr: &[f64], level: usize| psnr[(level - 1).min(psnr.len() - 1)];
+        let report = |level: usize| FittedLevel {
+            level,
+            steps: taken,
+            psnr_before: at(&unfitted.psnr, level),
+            psnr_after: at(&best.psnr, level),
+            kept: kept[level - 1],
+        };
+        let levels = (1..=self.adams.len()).map(report).collect();
+        Ok(Fitted::new(&self.view, &self.field, best.rule, levels, cut_short))
+    }
+
+    /// Leaves in the field the levels with the highest mean PSNR of those that are at no scale worse
+    /// than the filter's: all that are fitted, all but one, or none. Returns which are fitted.
+    fn keep_best(&mut self, unfitted: &Best<C>, best: &mut Best<C>) -> Result<Vec<bool>> {
+        let levels = self.adams.len();
+        let fits =
+            |psnr: &[f64]| psnr.iter().zip(&unfitted.psnr).all(|(now, before)| now >= before);
+        self.restore(&best.states);
+        if fits(&best.psnr) {
+            return Ok(vec![true; levels]);
+        }
+        let mut found: Option<(usize, Vec<f64>)> = None;
+        for level in 0..levels {
+            self.adams[level].restore(&mut self.field, &unfitted.states[level]);
+            let psnr = self.quality_of(best.rule, VALIDATION)?;
+            self.adams[level].restore(&mut self.field, &best.states[level]);
+            let higher = found.as_ref().is_none_or(|(_, most)| mean(&psnr) > mean(most));
+            if fits(&psnr) && higher {
+                found = Some((level, psnr));
+            }
+        }
+        match found {
+            Some((level, psnr)) => {
+                self.adams[level].restore(&mut self.field, &unfitted.states[level]);
+                best.psnr = psnr;
+                Ok((0..levels).map(|kept| kept != level).collect())
+            }
+            None => {
+                self.restore(&unfitted.states);
+                (best.rule, best.psnr) = (unfitted.rule, unfitted.psnr.clone());
+                Ok(vec![false; levels])
+            }
+        }
+    }
+
+    fn states(&self) -> States<C> {
+        self.adams.iter().map(|adam| adam.state(&self.field)).collect()
+    }
+
+    fn restore(&mut self, states: &States<C>) {
+        for (adam, state) in self.adams.iter().zip(states) {
+            adam.restore(&mut self.field, state);
+        }
+    }
+
+    /// One step of all levels. Squared errors count by the inverse of their scale's mean, so that a
+    /// decibel is worth the same at every scale.
+    fn step(
+        &mut self,
+        gradients: &mut [Gradient<C>],
+        taken: usize,
+        done: f32,
+        (rule, psnr): (LevelOfDetail, &[f64]),
+    ) -> Result<()> {
+        self.view.level_of_detail = Some(rule);
+        let scales = self.context.targets.scales;
+        let whole: f64 = (0..scales).map(|scale| THINNING.powi(scale as i32)).sum();
+        let numbers: Vec<&[u32]> = self.adams.iter().map(Adam::numbers).collect();
+        let rays = self.rays(&numbers);
+        parallel::map_mut(gradients, |part, gradient| {
+            for (scale, psnr) in psnr.iter().enumerate() {
+                let share = BATCH as f64 * THINNING.powi(scale as i32) / whole;
+                let count = (share as usize).max(LEAST_RAYS) / PARTS;
+                let worth = libm::exp10(0.1 * psnr) / (share * 1e3);
+                for i in 0..count {
+                    if self.context.progress.cancelled() {
+                        return Err(Error::cancelled());
+                    }
+                    let number = (taken * PARTS + part) * count + i;
+                    rays.differentiate(scale, number, worth as f32, gradient);
+                }
+            }
+            Ok(())
+        })?;
+        for (index, adam) in self.adams.iter_mut().enumerate() {
+            adam.step(&mut self.field, gradients, index, done)?;
+        }
+        Ok(())
+    }
+
+    /// The best rule for the levels as they are.
+    fn search(&mut self, rule: LevelOfDetail) -> Result<LevelOfDetail> {
+        let mut curve = self.curve.clone();
+        let highest = mean(&self.quality_of(rule, CURVE_RAYS)?);
+        curve.climb(highest, |rule| Ok(mean(&self.quality_of(rule, CURVE_RAYS)?)))?;
+        self.curve = curve;
+        Ok(self.curve.rule())
+    }
+
+    /// Names the step and the quality so far.
+    fn tell(&self, taken: usize, best: &Best<C>) {
+        let (step, steps, psnr) = (taken + 1, self.context.options.steps, mean(&best.psnr));
+        let part = format!("all levels, step {step}/{steps}, {psnr:.1} dB");
+        self.context.progress.part(Step::Fit, &part);
+    }
+
+    /// Seconds since the fit's start.
+    fn spent(&self) -> f64 {
+        self.context.clock.elapsed().as_secs_f64()
+    }
+
+    fn rays<'b>(&'b self, numbers: &'b [&'b [u32]]) -> Rays<'b, C> {
+        Rays { view: &self.view, field: &self.field, targets: self.context.targets, numbers }
+    }
+
+    /// PSNR of each scale under a rule, in dB, of `count` rays each, a multiple of 8.
+    fn quality_of(&mut self, rule: LevelOfDetail, count: usize) -> Result<Vec<f64>> {
+        self.view.level_of_detail = Some(rule);
+        let rays = self.rays(&[]);
+        let scales = self.context.targets.scales;
+        let progress = self.context.progress;
+        let sums = parallel::map(scales * PARTS, |part| {
+            let (scale, share) = (part / PARTS, count / PARTS);
+            let mut gradient = Gradient::new(&[]);
+            let mut sum = 0.0;
+            for number in part % PARTS * share..(part % PARTS + 1) * share {
+                if progress.cancelled() {
+                    return Err(Error::cancelled());
+                }
+                sum += f64::from(rays.square(scale, number, &mut gradient));
+            }
+            Ok(sum)
+        })?;
+        let square = |sums: &[f64]| sums.iter().sum::<f64>() / (3 * count) as f64;
+        Ok(sums.chunks(PARTS).map(|sums| psnr(square(sums))).collect())
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
