@@ -66,7 +66,8 @@ class Handler(BaseHTTPRequestHandler):
             behind.request(self.command, self.path, body, dict(self.headers))
             answer = behind.getresponse()
             headers = {
-                name: value for name, value in answer.getheaders()
+                name: value
+                for name, value in answer.getheaders()
                 if name.lower() not in ("transfer-encoding", "connection", "date", "server")
             }
             self.reply(answer.status, headers, answer.read())
@@ -121,8 +122,11 @@ def test_every_scene_gets_into_a_store_that_fails_now_and_then(
     store.put(tmp_path / "scene.json", "s3://scenes/in/scene.json")
     inputs = ["sound.npz", "s3://scenes/in/remote.npz", "cut.npz", "s3://scenes/in/none.npz"]
     lines = [
-        {"input": inputs[number % 4], "output": f"{number}.mipvog",
-         "options": {"bits": 4 + number // 4}}
+        {
+            "input": inputs[number % 4],
+            "output": f"{number}.mipvog",
+            "options": {"bits": 4 + number // 4},
+        }
         for number in range(24)
     ]
     manifest = tmp_path / "scenes.jsonl"

@@ -17,7 +17,7 @@ _INTERRUPTED = 130
 
 
 def main(arguments: Optional[list[str]] = None) -> int:
-    """Bakes the scenes of a manifest. Gives 0, 1 if a scene failed, or the exit code of a failure."""
+    """Bakes the scenes of a manifest: 0, 1 if a scene failed, or the exit code of a failure."""
     asked = _parser().parse_args(arguments)
     try:
         return _run(asked)
@@ -32,8 +32,8 @@ def main(arguments: Optional[list[str]] = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m mipvog_bake.ray",
-        description="Bakes the scenes of a manifest on a Ray cluster. Scenes that are there and have "
-        "not changed are passed over, so a run that was stopped goes on where it was.",
+        description="Bakes the scenes of a manifest on a Ray cluster. Scenes that are there and "
+        "have not changed are passed over, so a run that was stopped goes on where it was.",
     )
     parser.add_argument("manifest", help="JSON lines: {input, output, options}; a path or a URI")
     parser.add_argument(

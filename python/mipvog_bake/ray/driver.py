@@ -137,9 +137,8 @@ def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
 def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
     """The result of a scene, or the job that it needs to be."""
     try:
-        found = ray.get(reference)
-        if isinstance(found, Needs):
-            return _larger(job, found)
+        answer: Union[dict[str, Any], Needs] = ray.get(reference)
+        return _larger(job, answer) if isinstance(answer, Needs) else answer
     except RayTaskError as error:
         message = f"the worker failed: {error.cause!r}; report this"
         found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
@@ -153,7 +152,8 @@ def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
 
 
 def _larger(job: Job, needs: Needs) -> Job:
-    """A job with the memory that a forecast asks for, and the cores that share so much of a node."""
+    """A job with the memory that a forecast asks for, and the cores that share so much of a
+    node."""
     memory = int(needs.memory * _MARGIN)
     nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
     fitting = [node for node in nodes if node.get("memory", 0) >= memory and node.get("CPU", 0)]

@@ -49,11 +49,9 @@ def below(folder: str, name: str) -> str:
 
 def read_lines(name: str) -> Iterator[str]:
     """The lines of a text."""
-    if is_remote(name):
-        opened = _tried("read", name, lambda: fsspec.open(name, encoding="utf-8", mode="rt").open())
-    else:
-        opened = _tried("read", name, lambda: open(local_path(name), encoding="utf-8"))
-    with opened as file:
+    place = name if is_remote(name) else local_path(name)
+    text = fsspec.open(place, mode="rt", encoding="utf-8")
+    with _tried("read", name, text.open) as file:
         try:
             yield from file
         except UnicodeDecodeError as error:
@@ -171,7 +169,9 @@ def _tried(verb: str, name: str, work: Callable[[], Result]) -> Result:
 
 def _is_refusal(error: Exception) -> bool:
     words = f"{type(error).__name__} {error}"
-    return any(word in words for word in ("Credentials", "AccessDenied", "Forbidden", "NoSuchBucket"))
+    return any(
+        word in words for word in ("Credentials", "AccessDenied", "Forbidden", "NoSuchBucket")
+    )
 
 
 def _sentence(verb: str, name: str, error: Exception) -> str:

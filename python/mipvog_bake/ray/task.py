@@ -96,8 +96,9 @@ def _bake(job: Job) -> Union[dict[str, Any], Needs]:
         target = store.below(job.output, scene.output)
         is_remote = store.is_remote(target)
         output = scratch / "output.mipvog" if is_remote else Path(store.local_path(target))
-        options = {name: _staged_option(name, value, job, scratch) for name, value in
-                   scene.options.items()}
+        options = {
+            name: _staged_option(name, value, job, scratch) for name, value in scene.options.items()
+        }
         words = {
             "input": str(_staged(source, scratch / "input")),
             "output": str(output),
