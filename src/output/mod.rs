@@ -1,6 +1,6 @@
 //! Formats that other programs read, a file or a folder each.
 //!
-//! [`formats`] is the table of `export`; [`format`] is the trait behind it. [`volume`] is a field's
+//! [`formats`] is the table of `export`; [`mod@format`] is the trait behind it. [`volume`] is a field's
 //! level as the formats of volumes have it.
 
 pub mod export_files;
