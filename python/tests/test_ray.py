@@ -222,6 +222,21 @@ def test_bad_options_fail_their_scene_alone(tmp_path: Path) -> None:
     assert files(tmp_path / "out") == {"a.mipvog"}
 
 
+def test_missing_inputs_end_without_a_process(tmp_path: Path) -> None:
+    from mipvog_bake.ray import task
+
+    shutil.copy(SMALL, tmp_path / "there.npz")
+    scenes = [manifest.Scene(f"{name}.npz", f"{name}.mipvog") for name in ("there", "none")]
+    jobs = [
+        task.Job(scene, str(tmp_path), str(tmp_path / "out"), "no-such-program", 1 << 28, 1)
+        for scene in scenes
+    ]
+    there, missing = task.look(jobs)
+    assert there is None and missing is not None
+    assert missing["status"] == "failed" and missing["exit_code"] == 5
+    assert "none.npz: there is no such file" in missing["error"]
+
+
 def test_a_program_that_crashes_is_a_result(tmp_path: Path) -> None:
     from mipvog_bake.ray import task
 
@@ -251,7 +266,7 @@ def test_a_store_without_renames_gets_whole_files(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="no /proc")
 def test_the_driver_holds_no_more_than_names(tmp_path: Path) -> None:
-    count = 400
+    count = 10_000
     lines = tmp_path / "long.jsonl"
     with lines.open("w", encoding="utf-8") as file:
         for number in range(count):

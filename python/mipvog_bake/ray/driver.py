@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import socket
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Optional, Union
 
 import ray
@@ -24,6 +26,8 @@ _MARGIN = 1.2
 _RETRIES = 5
 # Tasks in flight for each core, and at least: enough that no core waits for the driver.
 _IN_FLIGHT, _LEAST_IN_FLIGHT = 3, 16
+# Scenes whose inputs one task looks for: a missing input costs no task of its own.
+_LOOKED_FOR = 32
 # Seconds between two looks at the size of the cluster.
 _LOOK = 5.0
 # Seconds to reach a cluster.
@@ -109,46 +113,71 @@ def _no_cluster(address: str) -> str:
 
 
 def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
-    bake = _remote(task.bake, memory=_MEMORY)
-    flying: dict[Any, Job] = {}
+    look, bake = _remote(task.look), _remote(task.bake, memory=_MEMORY)
+    flying: dict[Any, Union[Job, list[Job]]] = {}
+    # Scenes whose input is there.
+    waiting: deque[Job] = deque()
     failed, most, looked = 0, _LEAST_IN_FLIGHT, 0.0
     while True:
         if time.monotonic() - looked > _LOOK:
             looked = time.monotonic()
             cores = ray.cluster_resources().get("CPU", 1)
             most = max(_LEAST_IN_FLIGHT, int(_IN_FLIGHT * cores))
-        while len(flying) < most and (job := next(jobs, None)) is not None:
+        while len(flying) < most and waiting:
+            job = waiting.popleft()
             flying[bake.remote(job)] = job
+        while len(flying) < most and (several := list(islice(jobs, _LOOKED_FOR))):
+            flying[look.remote(several)] = several
         if not flying:
             return failed
         # One by one would be a round trip each: all that are ready are taken.
         ray.wait(list(flying), num_returns=1, timeout=_LOOK, fetch_local=False)
         ready, _ = ray.wait(list(flying), num_returns=len(flying), timeout=0, fetch_local=False)
         for reference in ready:
-            found = _result(reference, flying.pop(reference))
-            if isinstance(found, Job):
-                larger = bake.options(num_cpus=found.threads, memory=found.memory)
-                flying[larger.remote(found)] = found
-                continue
-            failed += found["status"] == "failed"
-            tell(found)
+            work = flying.pop(reference)
+            if isinstance(work, list):
+                found = _looked_for(reference, work)
+                waiting.extend(one for one in found if isinstance(one, Job))
+            else:
+                found = [_result(reference, work)]
+                for larger in (one for one in found if isinstance(one, Job)):
+                    options = {"num_cpus": larger.threads, "memory": larger.memory}
+                    flying[bake.options(**options).remote(larger)] = larger
+            for result in (one for one in found if not isinstance(one, Job)):
+                failed += result["status"] == "failed"
+                tell(result)
+
+
+def _looked_for(reference: Any, jobs: list[Job]) -> list[Union[dict[str, Any], Job]]:
+    """The jobs whose input is there, and the results of the others."""
+    try:
+        missing = _answer(reference)
+        return [
+            job if result is None else result for job, result in zip(jobs, missing, strict=True)
+        ]
+    except Failure as failure:
+        return [task.line(job.scene, task.failed(failure), 0.0) for job in jobs]
 
 
 def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
     """The result of a scene, or the job that it needs to be."""
     try:
-        answer: Union[dict[str, Any], Needs] = ray.get(reference)
+        answer: Union[dict[str, Any], Needs] = _answer(reference)
         return _larger(job, answer) if isinstance(answer, Needs) else answer
+    except Failure as failure:
+        return task.line(job.scene, task.failed(failure), 0.0)
+
+
+def _answer(reference: Any) -> Any:
+    try:
+        return ray.get(reference)
     except RayTaskError as error:
         message = f"the worker failed: {error.cause!r}; report this"
-        found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
+        raise Failure(message, INPUT_OUTPUT) from error
     except RayError as error:
         words = str(error).split("\n", 1)[0]
         message = f"its worker was lost {_RETRIES + 1} times ({words}); run again"
-        found = task.line(job.scene, task.failed(Failure(message, INPUT_OUTPUT)), 0.0)
-    except Failure as failure:
-        found = task.line(job.scene, task.failed(failure), 0.0)
-    return found
+        raise Failure(message, INPUT_OUTPUT) from error
 
 
 def _larger(job: Job, needs: Needs) -> Job:

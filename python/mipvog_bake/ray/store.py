@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -61,8 +62,8 @@ def read_lines(name: str) -> Iterator[str]:
 def size(name: str) -> int:
     """The bytes of an input; of a folder 0."""
     if not is_remote(name):
-        path = local_path(name)
-        return _tried("read", name, lambda: os.stat(path).st_size if os.path.isfile(path) else 0)
+        found = _tried("read", name, lambda: os.stat(local_path(name)))
+        return found.st_size if stat.S_ISREG(found.st_mode) else 0
     info = _with_store("read", name, lambda store, path: store.info(path))
     return int(info.get("size") or 0)
 

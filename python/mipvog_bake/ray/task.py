@@ -6,7 +6,7 @@ import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Union
+from typing import Any, Optional, Union
 
 from . import program, store
 from .failure import USAGE, Failure
@@ -50,6 +50,20 @@ class Needs:
     memory: int
 
 
+def look(jobs: list[Job]) -> list[Optional[dict[str, Any]]]:
+    """The results of scenes whose input cannot be read; None for the others."""
+    return [_missing(job) for job in jobs]
+
+
+def _missing(job: Job) -> Optional[dict[str, Any]]:
+    clock = time.monotonic()
+    try:
+        store.size(store.below(job.folder, job.scene.input))
+    except Failure as failure:
+        return line(job.scene, failed(failure), time.monotonic() - clock)
+    return None
+
+
 def bake(job: Job) -> Union[dict[str, Any], Needs]:
     """The result of a scene, a line of the report; or the memory that it needs."""
     clock = time.monotonic()
@@ -88,7 +102,6 @@ def _bake(job: Job) -> Union[dict[str, Any], Needs]:
             message = f"option {name} writes another file; make it from the container afterwards"
             raise Failure(message, USAGE)
     source = store.below(job.folder, scene.input)
-    # Missing inputs end here, before a process starts.
     size = store.size(source)
     tool = program.find(job.program)
     with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:
