@@ -15,6 +15,7 @@ use mipvog_bake::unstable::app::check::{Report, check};
 use mipvog_bake::unstable::base::finding::{Code, Severity};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, NodeChoice};
+use mipvog_bake::unstable::output::gltf::mesh::meshes;
 use serde_json::{Value, json};
 
 const ONE: &str = "dvgo.mask.mipvog";
@@ -323,33 +324,45 @@ fn an_independent_reader_finds_the_mesh() {
     let folder = folder();
     let here = folder.path();
     let scene = fixture("trained/tiny/fine_last.tar").display().to_string();
-    report(here, &["bake", &scene, "-o", "a.mipvog", "--gltf", "a.glb"]);
+    let lods = ["--fallback-triangles", "400", "--fallback-lods", "2"];
+    let bake = ["bake", &scene, "-o", "a.mipvog", "--gltf", "a.glb"];
+    let baked = report(here, &[&bake[..], &lods].concat());
     let container = common::open_bytes(&std::fs::read(here.join("a.mipvog")).expect("written"));
-    let mesh =
-        mipvog_bake::unstable::output::gltf::mesh::mesh(&container.expect("a container"), 10_000)
-            .expect("a mesh");
+    let meshes = meshes(&container.expect("a container"), 400, 2).expect("meshes");
+    let counts: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
+    assert_eq!(counts.len(), 3);
+    assert!(counts.windows(2).all(|pair| 4 * pair[1] <= pair[0]), "{counts:?}");
+    assert_eq!(baked["gltf"]["triangles"], counts[0]);
+    assert_eq!(baked["gltf"]["coarser_triangles"], json!(counts[1..]));
     let bytes = std::fs::read(here.join("a.glb")).expect("written");
     // Validates the crate's own rules of glTF, too.
     let asset = gltf::Gltf::from_slice(&bytes).expect("a valid asset");
     let node = asset.default_scene().and_then(|scene| scene.nodes().next()).expect("a node");
-    let primitive = node.mesh().and_then(|mesh| mesh.primitives().next()).expect("a primitive");
-    let reader = primitive.reader(|_| asset.blob.as_deref());
-    let positions: Vec<[f32; 3]> = reader.read_positions().expect("positions").collect();
-    assert_eq!(positions, mesh.positions);
-    let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
-    assert_eq!(indices, mesh.triangles.as_flattened());
-    let colors = reader.read_colors(0).expect("colours").into_rgb_f32();
-    for (found, wanted) in colors.zip(&mesh.colors) {
-        for (found, wanted) in found.iter().zip(wanted) {
-            assert!((f64::from(*found) - wanted).abs() < 1.0 / 65535.0);
+    let extension = |node: &gltf::Node, name: &str| node.extension_value(name).cloned();
+    assert_eq!(extension(&node, "MSFT_lod"), Some(json!({ "ids": [1, 2] })));
+    assert!(extension(&node, NAME).is_some());
+    assert_eq!(asset.default_scene().map(|scene| scene.nodes().count()), Some(1));
+    for (node, mesh) in asset.nodes().zip(&meshes) {
+        let primitive = node.mesh().and_then(|mesh| mesh.primitives().next());
+        let primitive = primitive.expect("a primitive");
+        let reader = primitive.reader(|_| asset.blob.as_deref());
+        let positions: Vec<[f32; 3]> = reader.read_positions().expect("positions").collect();
+        assert_eq!(positions, mesh.positions);
+        let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
+        assert_eq!(indices, mesh.triangles.as_flattened());
+        let colors = reader.read_colors(0).expect("colours").into_rgb_f32();
+        for (found, wanted) in colors.zip(&mesh.colors) {
+            for (found, wanted) in found.iter().zip(wanted) {
+                assert!((f64::from(*found) - wanted).abs() < 1.0 / 65535.0);
+            }
         }
+        let bounds = primitive.bounding_box();
+        assert_eq!([bounds.min, bounds.max], mesh.extent());
+        // Training's z, up there, is y here; x stays.
+        let rotation = node.transform().matrix();
+        let turned = |axis: usize| [0, 1, 2].map(|row| rotation[axis][row].round());
+        assert_eq!([turned(0), turned(2)], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     }
-    let bounds = primitive.bounding_box();
-    assert_eq!([bounds.min, bounds.max], mesh.extent());
-    // Training's z, up there, is y here; x stays.
-    let rotation = node.transform().matrix();
-    let turned = |axis: usize| [0, 1, 2].map(|row| rotation[axis][row].round());
-    assert_eq!([turned(0), turned(2)], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
 }
 
 #[test]

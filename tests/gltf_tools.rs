@@ -28,6 +28,7 @@ fn other_programs_take_what_is_written() {
     for (container, asset, more) in [
         ("a.mipvog", "a.glb", &["--fallback-triangles", "3000"][..]),
         ("a.mipvog", "a.gltf", &[]),
+        ("a.mipvog", "lods.glb", &["--fallback-triangles", "2000", "--fallback-lods", "3"]),
         ("a.mipvog", "outside.glb", &["--external"]),
         ("b.mipvog", "small.glb", &["--fallback-triangles", "4", "--levels", "1"]),
         ("c.mipvog", "code.gltf", &["--filter", "code"]),
@@ -60,6 +61,7 @@ fn other_programs_take_what_is_written() {
     let names = [
         "a.glb",
         "a.gltf",
+        "lods.glb",
         "outside.glb",
         "small.glb",
         "code.gltf",

@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 
 use common::{Random, baked_bytes, field, open_bytes, random_field};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::output::gltf::mesh::{Mesh, mesh};
+use mipvog_bake::unstable::base::error::Result;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::output::gltf::mesh::{Mesh, meshes};
 
 fn options(filter: Filter) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -23,6 +25,11 @@ fn normal(mesh: &Mesh, triangle: &[u32; 3]) -> [f64; 3] {
     let [a, b, c] = triangle.map(|index| corner(mesh, index));
     let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
     [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+}
+
+/// The finest mesh.
+fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
+    meshes(container, triangles, 0).map(|mut meshes| meshes.remove(0))
 }
 
 /// The volume inside, positive where triangles face outwards.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{Args, value_parser};
 use serde::Serialize;
 
 use super::output::{create as create_output, refuse_stdout};
@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::Container;
 use crate::output::gltf::attach::write_fallback;
-use crate::output::gltf::mesh::{FEWEST_TRIANGLES, mesh};
+use crate::output::gltf::mesh::{FEWEST_TRIANGLES, meshes};
 
 /// Kind of asset, and quality of the mesh for other viewers.
 #[derive(Debug, Args)]
@@ -26,6 +26,10 @@ pub struct GltfArguments {
     /// Triangles of the mesh, at most
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "gltf")]
     fallback_triangles: usize,
+    /// Coarser meshes beside it, each of a quarter of the triangles, as levels of detail (MSFT_lod)
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "gltf",
+        value_parser = value_parser!(u8).range(0..=8))]
+    fallback_lods: u8,
 }
 
 /// The written asset.
@@ -36,6 +40,7 @@ pub struct GltfReport {
     embedded: bool,
     triangles: usize,
     vertices: usize,
+    coarser_triangles: Vec<usize>,
 }
 
 /// True if a new asset of this name is a GLB.
@@ -79,15 +84,18 @@ impl GltfArguments {
         let asset = self.gltf.as_deref().unwrap_or(Path::new(""));
         let file = Arc::new(SourceFile::open(written)?);
         let container = Container::open(file, limits)?;
-        let mesh = mesh(&container, self.fallback_triangles)?;
+        let coarser = usize::from(self.fallback_lods);
+        let meshes = meshes(&container, self.fallback_triangles, coarser)?;
         let glb = is_glb(asset)?;
-        let attached = write_fallback(&mesh, &container, path, asset, glb, self.external, output)?;
+        let attached =
+            write_fallback(&meshes, &container, path, asset, glb, self.external, output)?;
         Ok(GltfReport {
             output: asset.to_string_lossy().into_owned(),
             output_bytes: output.length(),
             embedded: attached.embedded,
-            triangles: mesh.triangles.len(),
-            vertices: mesh.positions.len(),
+            triangles: meshes.first().map_or(0, |mesh| mesh.triangles.len()),
+            vertices: meshes.first().map_or(0, |mesh| mesh.positions.len()),
+            coarser_triangles: meshes.iter().skip(1).map(|mesh| mesh.triangles.len()).collect(),
         })
     }
 }

@@ -11,6 +11,7 @@ mod fitted;
 mod planes;
 mod run;
 mod seen;
+mod shaded;
 mod stored;
 mod views;
 

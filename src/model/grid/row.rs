@@ -146,7 +146,7 @@ fn word_between(i: usize, start: usize, end: usize) -> u64 {
 }
 
 /// `row |= row >> 1`: a bit joins the one below it.
-pub(super) fn or_shifted_down(row: &mut [u64]) {
+pub fn or_shifted_down(row: &mut [u64]) {
     for i in 0..row.len() {
         let carry = row.get(i + 1).map_or(0, |next| next << 63);
         row[i] |= row[i] >> 1 | carry;
@@ -154,14 +154,15 @@ pub(super) fn or_shifted_down(row: &mut [u64]) {
 }
 
 /// `row |= row << 1`: a bit joins the one above it.
-pub(super) fn or_shifted_up(row: &mut [u64]) {
+pub fn or_shifted_up(row: &mut [u64]) {
     for i in (0..row.len()).rev() {
         let carry = if i > 0 { row[i - 1] >> 63 } else { 0 };
         row[i] |= row[i] << 1 | carry;
     }
 }
 
-pub(super) fn clear_from(row: &mut [u64], end: usize) {
+/// Removes the bits from `end` on.
+pub fn clear_from(row: &mut [u64], end: usize) {
     for (i, word) in row.iter_mut().enumerate() {
         *word &= word_between(i, 0, end);
     }

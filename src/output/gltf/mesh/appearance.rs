@@ -10,6 +10,7 @@ use glam::DVec3;
 use super::triangles::TriangleSoup;
 use crate::base::error::Result;
 use crate::base::progress::Silent;
+use crate::codec::container::Container;
 use crate::model::camera::Ray;
 use crate::view::render::Renderer;
 
@@ -20,15 +21,24 @@ const RAYS: usize = 4;
 /// The least mean of opacities of a vertex's rays that tells a colour.
 const LEAST_OPACITY: f64 = 0.1;
 
-/// Gives the vertices the colours of the finest level that `field` has. `cell` is the edge of a
-/// cell of the grid that the mesh was made of, in world units.
+/// The field of a container as rays from near its surfaces see it.
 ///
 /// # Errors
 /// A field whose rules cannot be rendered.
-pub fn color(soup: &mut TriangleSoup, mut field: Renderer, cell: f64) -> Result<()> {
+pub fn renderer(container: &Container) -> Result<Renderer> {
+    let mut field = Renderer::of_container(container)?;
     let view = field.view_mut();
     // Rays start at surfaces, closer than any camera of the scene.
     (view.march.near, view.march.far, view.background) = (0.0, None, [0.0; 3]);
+    Ok(field)
+}
+
+/// Gives the vertices the colours of the finest level that `field`, a [`renderer`], has. `cell` is
+/// the edge of a cell of the grid that the mesh was made of, in world units.
+///
+/// # Errors
+/// Those of rendering.
+pub fn color(soup: &mut TriangleSoup, field: &Renderer, cell: f64) -> Result<()> {
     let rays: Vec<Ray> = soup
         .positions
         .iter()

@@ -7,7 +7,6 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::codec::container::Container;
-use crate::view::render::Renderer;
 
 /// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
 const MAX_NODES: usize = 128;
@@ -15,11 +14,12 @@ const MAX_NODES: usize = 128;
 /// The fewest triangles of a closed surface.
 pub const FEWEST_TRIANGLES: usize = 4;
 
-/// The mesh of a field, of at most `triangles` triangles (but 12 for an empty field).
+/// The mesh of a field, of at most `triangles` triangles (but 12 for an empty field), and up to
+/// `coarser` others, each of a quarter of the triangles of the one before.
 ///
 /// # Errors
 /// Fewer than [`FEWEST_TRIANGLES`]; a container that cannot be read.
-pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
+pub fn meshes(container: &Container, triangles: usize, coarser: usize) -> Result<Vec<Mesh>> {
     if triangles < FEWEST_TRIANGLES {
         let expected = format!("at least {FEWEST_TRIANGLES}");
         return Err(Error::invalid_option("fallback_triangles", triangles.to_string(), expected));
@@ -41,8 +41,24 @@ pub fn mesh(container: &Container, triangles: usize) -> Result<Mesh> {
             break;
         }
     }
+    let field = appearance::renderer(container)?;
     let mut soup = simplify::simplify(best, triangles, cell);
-    appearance::color(&mut soup, Renderer::of_container(container)?, cell)?;
-    let mesh = Mesh::of_soup(&soup);
-    if mesh.triangles.is_empty() { Ok(Mesh::of_box(&metadata.bounds)) } else { Ok(mesh) }
+    let mut meshes = Vec::new();
+    while !soup.triangles.is_empty() {
+        appearance::color(&mut soup, &field, cell)?;
+        meshes.extend(Some(Mesh::of_soup(&soup)).filter(|mesh| !mesh.triangles.is_empty()));
+        let fewer = soup.triangles.len() / 4;
+        if meshes.len() > coarser || fewer < FEWEST_TRIANGLES {
+            break;
+        }
+        let before = soup.triangles.len();
+        soup = simplify::simplify(soup, fewer, cell);
+        if soup.triangles.len() == before {
+            break;
+        }
+    }
+    if meshes.is_empty() {
+        meshes.push(Mesh::of_box(&metadata.bounds));
+    }
+    Ok(meshes)
 }

@@ -23,5 +23,5 @@ mod surface;
 mod triangles;
 mod vector;
 
-pub use field_mesh::{FEWEST_TRIANGLES, mesh};
+pub use field_mesh::{FEWEST_TRIANGLES, meshes};
 pub use triangles::Mesh;
