@@ -11,7 +11,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{chunks, mend_checksums, python};
+use common::{chunks, folder, mend_checksums, python};
 
 const INSTALL: &str = "pip install -r tests/second_reader/requirements.txt";
 
@@ -69,7 +69,7 @@ fn unpack(container: &Path, output: &Path) {
 
 #[test]
 fn both_readers_decode_the_same_bits() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder();
     for container in containers() {
         let unpacked = folder.path().join("unpacked.safetensors");
         unpack(&container, &unpacked);
@@ -96,7 +96,7 @@ fn bent(features: u64) -> Vec<u8> {
 
 #[test]
 fn both_readers_read_a_rule_that_bends() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder();
     let path = folder.path().join("bent.mipvog");
     let unpacked = folder.path().join("unpacked.safetensors");
     std::fs::write(&path, bent(4)).expect("writable");
@@ -112,7 +112,7 @@ fn both_readers_read_a_rule_that_bends() {
 /// Reads the additions that `formats/compatibility.md` allows in a later minor version.
 #[test]
 fn the_second_reader_takes_a_later_minor_version() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder();
     let container = root().join("fixtures/frozen/0.1/dvgo.mask.mipvog");
     let unpacked = folder.path().join("unpacked.safetensors");
     unpack(&container, &unpacked);
@@ -138,7 +138,7 @@ fn the_second_reader_refuses_rays_without_end() {
 /// The comparison above would be worth nothing if it never failed.
 #[test]
 fn the_second_reader_sees_a_difference_and_damage() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder();
     let container = containers().remove(0);
     let unpacked = folder.path().join("unpacked.safetensors");
     unpack(&container, &unpacked);

@@ -192,9 +192,10 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     mipvog_bake::unstable::base::parallel::with_threads(threads, work).expect("threads")
 }
 
-/// A temporary folder that goes with the value.
+/// A temporary folder that goes with the value. It lies beside the build: a machine's own place for
+/// temporary files may be small.
 pub fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
+    tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a temporary folder")
 }
 
 /// Bakes to bytes.
