@@ -100,7 +100,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
             if taken.is_multiple_of(STEPS_BETWEEN) || taken == options.steps || cut_short {
                 let psnr = self.quality_of(rule, VALIDATION)?;
                 let gain = mean(&psnr) - mean(&best.psnr);
-                stalled = if gain < LEAST_GAIN { stalled + 1 } else { 0 };
+                stalled = if gain < LEAST_GAIN && done >= SEARCHES[1] { stalled + 1 } else { 0 };
                 if gain > 0.0 {
                     best = Best { states: self.states(), rule, psnr };
                 }
