@@ -61,7 +61,8 @@ pub struct BakeOptions {
     pub lod_rule: Option<LevelRule>,
     /// Multiplies the rule's factor. Default: 1
     pub lod_scale: f32,
-    /// Steps of a fit for each level, at most; only [`Filter::Fit`] takes any. Default: 150
+    /// Steps of a fit, at most, each of which moves all levels; only [`Filter::Fit`] takes any.
+    /// Default: 150
     pub fit_steps: usize,
     /// Seconds of a fit in all, at most; the result then depends on the machine. Default: no bound
     pub fit_seconds: Option<f64>,

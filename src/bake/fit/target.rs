@@ -21,10 +21,9 @@ const PIXELS_A_NODE: f64 = 2.0;
 const HALF_VIEW: f64 = 0.36;
 /// Nearest and farthest camera; at 1 the box fills the view.
 const DISTANCES: [f64; 2] = [0.7, 1.4];
-/// Windows that lie around one pixel: their rays read the same nodes, which are in a cache then.
+/// Windows of steps that lie around one pixel: their rays read the same nodes, which are in a cache
+/// then, and whose derivatives have less noise.
 const GROUP: usize = 4;
-/// Scales whose windows lie in groups: others read levels that fit in a cache.
-const GROUPED_SCALES: usize = 2;
 /// One picture of this many is for validation.
 const VALIDATION: usize = 8;
 
@@ -111,7 +110,7 @@ impl Targets {
     pub fn draw(&self, scale: usize, number: usize, validates: bool) -> Option<Target> {
         let random = |number: usize| scramble(number as u64 ^ (scale as u64) << 48);
         let shown = Some(&self.shown[usize::from(validates)]).filter(|shown| !shown.is_empty())?;
-        let group = if validates || scale >= GROUPED_SCALES { 1 } else { GROUP };
+        let group = if validates { 1 } else { GROUP };
         let drawn = random(number / group * group);
         let (picture, pixel) = shown[(drawn % shown.len() as u64) as usize];
         let picture = &self.pictures[picture as usize];
