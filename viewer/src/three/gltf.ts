@@ -2,7 +2,7 @@
 
 import { LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
-import { FieldError } from "./errors.js";
+import { FieldError } from "../errors.js";
 import { RadianceField } from "./field.js";
 
 export const EXTENSION = "MIPVOG_radiance_field";
