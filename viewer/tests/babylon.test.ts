@@ -79,6 +79,15 @@ for (const rightHanded of [true, false]) {
   });
 }
 
+test("a device that was lost gets the field back", async () => {
+  const container = at("field.mipvog");
+  const look = { ...lookAt(container), rightHanded: false, address: offer(container) };
+  const [before, after] = await page.evaluate(async (look) => [await window.drawBabylon(look), await window.drawBabylon({ ...look, losesDevice: true })], look);
+  assert.deepEqual(after, before);
+  // Babylon.js tells that the device went and came.
+  assert.deepEqual(problems.splice(0).filter((problem) => !/WebGL context (lost|successfully restored)\.$/.test(problem)), []);
+});
+
 test("a field that cannot be opened leaves the mesh of its node, and says why", async () => {
   const asset = readFileSync(at("field.glb"));
   const address = server.offer("sound.glb", asset);

@@ -158,7 +158,11 @@ export class RadianceField extends Mesh {
   private wrap(): void {
     const { textures: handles } = this.streamed;
     if (handles === (this.wrapped?.handles ?? null)) return;
-    for (const texture of this.wrapped?.textures ?? []) texture.dispose();
+    for (const texture of this.wrapped?.textures ?? []) {
+      // Handles are freed by who made them, and may be those of a lost device.
+      texture.getInternalTexture()?._hardwareTexture?.reset();
+      texture.dispose();
+    }
     this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, handle]) => this.wrapOne(name, handle)) };
   }
 

@@ -16,6 +16,8 @@ export interface Look {
 export interface BabylonLook extends Look {
   rightHanded: boolean;
   wall?: number;
+  /** Whether the device is taken away and given back before the picture. */
+  losesDevice?: boolean;
 }
 
 /** An object of a loaded scene. */

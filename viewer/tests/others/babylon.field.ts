@@ -60,6 +60,18 @@ async function drawWhole(scene: Scene, field: RadianceField): Promise<void> {
   scene.render();
 }
 
+/** Takes the device from an engine and gives it back. */
+async function loseDevice(engine: Engine): Promise<void> {
+  const extension = engine._gl.getExtension("WEBGL_lose_context")!;
+  // It can be given back once the event is over.
+  const lost = new Promise((resolve) => engine.getRenderingCanvas()!.addEventListener("webglcontextlost", () => setTimeout(resolve)));
+  const back = new Promise((resolve) => engine.onContextRestoredObservable.addOnce(resolve));
+  extension.loseContext();
+  await lost;
+  extension.restoreContext();
+  await back;
+}
+
 async function pixelsOf(engine: Engine, size: number): Promise<number[]> {
   return fromTop((await engine.readPixels(0, 0, size, size)) as Uint8Array, size);
 }
@@ -67,6 +79,10 @@ async function pixelsOf(engine: Engine, size: number): Promise<number[]> {
 window.drawBabylon = async (look) => {
   const { engine, scene, field } = await open(look);
   await drawWhole(scene, field);
+  if (look.losesDevice) {
+    await loseDevice(engine);
+    await drawWhole(scene, field);
+  }
   const pixels = await pixelsOf(engine, look.size);
   field.dispose();
   engine.dispose();
