@@ -66,15 +66,17 @@ export function free(gl: WebGL2RenderingContext, textures: Textures): void {
  * to these questions itself; that to the alignment of rows it would have to ask the device for.
  */
 export function keeping<T>(gl: WebGL2RenderingContext, uploads: () => T): T {
-  const [volume, flat] = [gl.TEXTURE_BINDING_3D, gl.TEXTURE_BINDING_2D].map((name) => gl.getParameter(name) as WebGLTexture | null);
+  const unit = gl.getParameter(gl.ACTIVE_TEXTURE) as number;
   const switches = [gl.UNPACK_FLIP_Y_WEBGL, gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL].map((name) => [name, gl.getParameter(name) as boolean] as const);
+  // Frameworks use units from the first one on, so that nothing is bound to the last.
+  gl.activeTexture(gl.TEXTURE0 + (gl.getParameter(gl.MAX_COMBINED_TEXTURE_IMAGE_UNITS) as number) - 1);
   for (const [name] of switches) gl.pixelStorei(name, false);
   try {
     return uploads();
   } finally {
     for (const [name, value] of switches) gl.pixelStorei(name, value);
-    gl.bindTexture(gl.TEXTURE_3D, volume);
-    gl.bindTexture(gl.TEXTURE_2D, flat);
+    for (const target of [gl.TEXTURE_3D, gl.TEXTURE_2D]) gl.bindTexture(target, null);
+    gl.activeTexture(unit);
   }
 }
 

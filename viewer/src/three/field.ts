@@ -36,6 +36,9 @@ import { type FieldEvents, StreamedField } from "../streamed.js";
 /** What `RadianceField` tells, beside what all objects of three.js tell. */
 export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
 
+/** A range that three.js does not draw. It does draw one of no length, for which textures have to fit, too. */
+const NOTHING = [0, -1] as const;
+
 /** Pixels along a picture of which one is picked, and the opacity that it must have. */
 const [PICKED, LEAST_PICKED] = [1024, 0.1];
 
@@ -70,7 +73,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   /** Loads `source`, the address of a container or its bytes. Draws as soon as the coarsest levels are there. */
   constructor(source: Source) {
     super(new BoxGeometry(), new ShaderMaterial());
-    this.geometry.setDrawRange(0, 0);
+    this.geometry.setDrawRange(...NOTHING);
     this.name = "MIPVOG_radiance_field";
     this.streamed = new StreamedField(source, {
       begin: (opened) => this.begin(opened),
@@ -198,7 +201,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const size = min.map((min, axis) => max[axis] - min);
     this.geometry.dispose();
     this.geometry = new BoxGeometry(size[0], size[1], size[2]).translate(min[0] + size[0] / 2, min[1] + size[1] / 2, min[2] + size[2] / 2);
-    this.geometry.setDrawRange(0, 0);
+    this.geometry.setDrawRange(...NOTHING);
     this.material.dispose();
     // three.js asks once which uniforms there are.
     const values = { ...fieldUniforms(opened), ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: true }) };
@@ -218,17 +221,16 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
 
   /** Before every draw: levels that wait go to the device, uniforms follow the camera. */
   private prepare(renderer: WebGLRenderer, camera: Camera, shown: Partial<Shown>): void {
-    this.geometry.setDrawRange(0, 0);
+    this.geometry.setDrawRange(...NOTHING);
     if (!(camera as PerspectiveCamera).isPerspectiveCamera) return;
     this.upload(renderer);
     const { file, finest, textures } = this.streamed;
-    if (!file || !textures) return;
+    if (!file || !textures || finest === null) return;
     for (const [name, handle] of Object.entries(textures)) {
       // A renderer, or one whose device came back, has not seen what it did not make.
       const known = renderer.properties.get(this.material.uniforms[name].value) as { __webglTexture?: WebGLTexture; __webglInit?: boolean };
       [known.__webglTexture, known.__webglInit] = [handle, true];
     }
-    if (finest === null) return;
     this.geometry.setDrawRange(0, Infinity);
     const { keepsRange, fixedLevel, matrixWorld } = this;
     const uniforms = viewUniforms(file.metadata, viewOf(camera as PerspectiveCamera, matrixWorld.elements, renderer), { finest, fixedLevel, keepsRange, ...shown });
