@@ -23,8 +23,8 @@ const worker = (outfile) =>
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });
   // What two of them need is in a file of its own, so that a page has one class of each name.
-  const entryPoints = ["src/index.ts", "src/element.ts"];
-  await build({ ...common, entryPoints, outdir: "build/package", splitting: true, external: ["three", "three/*"] });
+  const entryPoints = { index: "src/index.ts", element: "src/element.ts", babylon: "src/babylon/index.ts" };
+  await build({ ...common, entryPoints, outdir: "build/package", splitting: true, external: ["three", "three/*", "@babylonjs/*"] });
   await worker("build/package/worker.js");
   execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
 } else if (process.argv.includes("--benches")) {

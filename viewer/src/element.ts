@@ -2,7 +2,7 @@
 
 import { Color, SRGBColorSpace } from "three";
 import { FieldError } from "./errors.js";
-import type { RadianceField } from "./field.js";
+import type { RadianceField } from "./three/field.js";
 import { type Opened, openAddress, release, visibleBox } from "./stage/opened.js";
 import { Stage } from "./stage/stage.js";
 

@@ -21,5 +21,6 @@ export const REMEDY = {
   network: "Check the address and the connection, then open it again.",
   decoder: "Load the page again; worker.js has to lie beside the viewer's script.",
   again: "Open it again.",
+  engine: "Make an Engine of Babylon.js, on a device with WebGL 2.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",
 } as const;

@@ -71,10 +71,10 @@ async function shows(folder: string, name: string): Promise<void> {
   await page.close();
 }
 
-test("the tarball holds the licence, and nothing that it needs but three.js", () => {
+test("the tarball holds the licence, and nothing that it needs but the frameworks", () => {
   const installed = join(USER, "node_modules", "mipvog-viewer");
   const { dependencies, peerDependencies } = JSON.parse(readFileSync(join(installed, "package.json"), "utf8"));
-  assert.deepEqual([dependencies, Object.keys(peerDependencies)], [undefined, ["three"]]);
+  assert.deepEqual([dependencies, Object.keys(peerDependencies)], [undefined, ["@babylonjs/core", "@babylonjs/loaders", "three"]]);
   assert.match(readFileSync(join(installed, "LICENSE"), "utf8"), /MIT/);
   // A package's page knows no other folders.
   assert.doesNotMatch(readFileSync(join(installed, "README.md"), "utf8"), /\]\((?!https:|#)/);
@@ -84,7 +84,7 @@ for (const name of ["import-map.html", "element.html", "model-viewer.html"]) {
   test(`the example ${name} shows the scene`, () => shows(USER, name));
 }
 
-for (const name of ["vite", "react"]) {
+for (const name of ["vite", "react", "babylon"]) {
   test(`the example ${name}/ is built and shows the scene`, async () => {
     const root = join(USER, name);
     await build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });

@@ -5,7 +5,7 @@ import { existsSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
-import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, type View, views } from "./support.js";
+import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, turntable, views } from "./support.js";
 
 const FIXTURES = join(ROOT, "fixtures");
 const LEGO = join(FIXTURES, "trained", "lego64");
@@ -23,21 +23,6 @@ after(async () => {
   server.stop();
   folder.remove();
 });
-
-/** Cameras on a circle, as `render --turntable`. */
-function turntable(bounds: { min: number[]; max: number[] }, count: number, size: number): View[] {
-  const middle = bounds.min.map((min, axis) => (min + bounds.max[axis]) / 2);
-  const radius = 0.5 * Math.hypot(...bounds.min.map((min, axis) => bounds.max[axis] - min));
-  const [half, up] = [0.35, Math.PI / 6];
-  return Array.from({ length: count }, (_, i) => {
-    const around = (2 * Math.PI * i) / count;
-    const back = [Math.cos(around) * Math.cos(up), Math.sin(around) * Math.cos(up), Math.sin(up)];
-    const right = [-Math.sin(around), Math.cos(around), 0];
-    const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-    const row = (axis: number) => [right[axis], above[axis], back[axis], middle[axis] + (radius / Math.sin(half)) * back[axis]];
-    return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half) };
-  });
-}
 
 test("a trained scene looks as the reference renderer draws it, near and far", async () => {
   const container = join(folder.path, "lego64.mipvog");

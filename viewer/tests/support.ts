@@ -138,7 +138,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => "draw" in window || "list" in window);
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */
@@ -178,6 +178,21 @@ export function views(path: string, size: number): View[] {
   const file = JSON.parse(readFileSync(path, "utf8"));
   const focal = (0.5 * size) / Math.tan(0.5 * file.camera_angle_x);
   return file.frames.map((frame: { transform_matrix: number[][] }) => ({ width: size, height: size, toWorld: frame.transform_matrix, focal }));
+}
+
+/** Cameras on a circle, as `render --turntable`. */
+export function turntable(bounds: { min: number[]; max: number[] }, count: number, size: number): View[] {
+  const middle = bounds.min.map((min, axis) => (min + bounds.max[axis]) / 2);
+  const radius = 0.5 * Math.hypot(...bounds.min.map((min, axis) => bounds.max[axis] - min));
+  const [half, up] = [0.35, Math.PI / 6];
+  return Array.from({ length: count }, (_, i) => {
+    const around = (2 * Math.PI * i) / count;
+    const back = [Math.cos(around) * Math.cos(up), Math.sin(around) * Math.cos(up), Math.sin(up)];
+    const right = [-Math.sin(around), Math.cos(around), 0];
+    const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
+    const row = (axis: number) => [right[axis], above[axis], back[axis], middle[axis] + (radius / Math.sin(half)) * back[axis]];
+    return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half) };
+  });
 }
 
 /** The page's picture of a view, four bytes a pixel. */

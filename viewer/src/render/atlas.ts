@@ -1,29 +1,11 @@
-/** The device's textures of a field, and the way of decoded levels into them. */
+/** The way of decoded levels into the device's textures. */
 
-import {
-  ClampToEdgeWrapping,
-  Data3DTexture,
-  DataTexture,
-  FloatType,
-  HalfFloatType,
-  LinearFilter,
-  NearestFilter,
-  RedFormat,
-  RedIntegerFormat,
-  RGBAFormat,
-  RGBAIntegerFormat,
-  UnsignedByteType,
-  UnsignedIntType,
-  type Texture,
-  type WebGLRenderer,
-} from "three";
-import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
-import { type Plan, slotPlace } from "../load/plan.js";
+import { slotPlace } from "../load/plan.js";
 import { macroCounts, occupiedShares } from "../load/skip.js";
-import { packWeights, WEIGHTS_WIDTH } from "./network.js";
+import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
@@ -34,57 +16,26 @@ const UPLOAD_BLOCKS = 32;
 type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry };
 
 export class Atlas {
-  readonly density: Data3DTexture;
-  readonly color: Data3DTexture;
-  readonly table: Data3DTexture;
-  readonly skipDistances: Data3DTexture;
-  readonly weights: DataTexture;
-  readonly mask: Data3DTexture | null;
-  /** Where each level's table starts along the field's x. */
-  readonly tableStart: number[] = [];
   /** Levels whose blocks are all there. */
   readonly live = new Set<number>();
-  private readonly plan: Plan;
-  private readonly tables: Uint32Array;
-  private readonly tableSize: Triple;
-  private readonly skipDistanceBytes: Uint8Array;
-  private readonly macro: Triple;
   /** Two corners, as shares of the box, of what the first level to come shows; null before. */
   occupied: [number[], number[]] | null = null;
+  private readonly skipDistances: Uint8Array;
+  private readonly macro: Triple;
   private uploads: Upload[] = [];
-  /** The texture that holds what was uploaded: another one after the context was lost. */
-  private holder: WebGLTexture | null = null;
+  private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
+  /** Whether there was a device before. */
+  private hadDevice = false;
 
   constructor(private readonly opened: Opened) {
-    const { metadata, plan, network, mask } = opened;
-    this.plan = plan;
-    const [x, y, z] = plan.slots.map((slots) => slots * plan.slot) as Triple;
-    this.density = volume(null, [x, y, z], RedFormat, plan.floatLinear ? FloatType : HalfFloatType);
-    this.color = volume(null, [x, y, z * plan.quads], RGBAFormat, HalfFloatType);
-    for (const texture of [this.density, this.color]) {
-      texture.minFilter = texture.magFilter = LinearFilter;
-      // Storage alone: blocks come one by one.
-      texture.source.dataReady = false;
-    }
-    const counts = metadata.levels.map(blockCounts);
-    let depth = 0;
-    counts.forEach(([x], level) => {
-      this.tableStart.push(level < plan.finest ? 0 : depth);
-      if (level >= plan.finest) depth += x;
-    });
-    const widest = counts[plan.finest];
-    this.tableSize = [widest[2], widest[1], depth];
-    this.tables = new Uint32Array(widest[2] * widest[1] * depth);
-    this.table = volume(this.tables, this.tableSize, RedIntegerFormat, UnsignedIntType, "R32UI");
-    this.macro = macroCounts(metadata);
-    const [mx, my, mz] = this.macro;
-    const quads = Math.ceil(metadata.levels.length / 4);
-    this.skipDistanceBytes = new Uint8Array(mx * my * mz * quads * 4);
-    this.skipDistances = volume(this.skipDistanceBytes, [mz, my, mx * quads], RGBAIntegerFormat, UnsignedByteType, "RGBA8UI");
-    const packed = packWeights(network);
-    this.weights = new DataTexture(packed, WEIGHTS_WIDTH, packed.length / 4 / WEIGHTS_WIDTH, RGBAFormat, FloatType);
-    this.weights.needsUpdate = true;
-    this.mask = mask && volume(mask.values, [mask.nodes[2], mask.nodes[1], mask.nodes[0]], RedFormat, FloatType);
+    this.macro = macroCounts(opened.metadata);
+    const [x, y, z] = this.macro;
+    this.skipDistances = new Uint8Array(x * y * z * Math.ceil(opened.metadata.levels.length / 4) * 4);
+  }
+
+  /** Textures that hold the live levels; null where there is no device. */
+  get textures(): Textures | null {
+    return this.device?.textures ?? null;
   }
 
   /** Takes blocks of a level. */
@@ -116,81 +67,82 @@ export class Atlas {
    * Brings waiting blocks to the device, as many as a frame should. False where the device has lost what it had and
    * all levels have to come again.
    */
-  upload(renderer: WebGLRenderer): boolean {
-    const { properties } = renderer;
-    const handle = (texture: Texture) => (properties.get(texture) as { __webglTexture?: WebGLTexture }).__webglTexture ?? null;
-    if (!this.holder || handle(this.density) !== this.holder) {
-      const lost = this.holder !== null;
-      this.allocate(renderer);
-      this.holder = handle(this.density);
-      this.live.clear();
-      if (lost) {
+  upload(gl: WebGL2RenderingContext): boolean {
+    if (gl.isContextLost()) return true;
+    if (this.device?.gl !== gl) {
+      const isFirst = !this.hadDevice;
+      this.begin(gl);
+      if (!isFirst) {
         this.uploads = [];
         return false;
       }
     }
-    if (!this.waiting) return true;
-    const gl = renderer.getContext() as WebGL2RenderingContext;
-    const end = performance.now() + UPLOAD_MS;
-    let left = UPLOAD_BYTES;
-    // three.js remembers the state of the context, so it is told; before release 187 it does not remember these.
-    const state = renderer.state as typeof renderer.state & Partial<Pick<WebGL2RenderingContext, "pixelStorei">>;
-    const set = (name: number, value: number | boolean) => ("pixelStorei" in state ? state : gl).pixelStorei!(name, value);
-    set(gl.UNPACK_ALIGNMENT, 1);
-    set(gl.UNPACK_FLIP_Y_WEBGL, false);
-    set(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
-    while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
-      const [upload] = this.uploads;
-      if ("entry" in upload) this.enter(upload.entry);
-      else {
-        left -= this.bring(upload, gl, (texture) => state.bindTexture(gl.TEXTURE_3D, handle(texture)!));
-        if (upload.done < upload.part.blocks) continue;
-      }
-      this.uploads.shift();
-    }
+    if (this.waiting) keeping(gl, () => this.bringSome(this.device!));
     return true;
   }
 
   dispose(): void {
-    for (const texture of [this.density, this.color, this.table, this.skipDistances, this.weights, this.mask]) texture?.dispose();
+    if (!this.device) return;
+    free(this.device.gl, this.device.textures);
+    this.forget();
   }
 
-  private allocate(renderer: WebGLRenderer): void {
-    const gl = renderer.getContext();
-    // Errors of before are not ours.
-    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
-    for (const texture of [this.density, this.color]) {
-      texture.needsUpdate = true;
-      renderer.initTexture(texture);
-    }
-    if (gl.getError() === gl.OUT_OF_MEMORY) {
-      throw new FieldError(`The device has no room for ${Math.round(this.plan.bytes / 1e6)} MB of textures.`, REMEDY.device);
+  private begin(gl: WebGL2RenderingContext): void {
+    this.dispose();
+    this.live.clear();
+    this.device = { gl, textures: allocate(gl, this.opened) };
+    this.hadDevice = true;
+    gl.canvas.addEventListener("webglcontextlost", this.forget);
+  }
+
+  /** What a lost device had is gone. */
+  private readonly forget = (): void => {
+    this.device?.gl.canvas.removeEventListener("webglcontextlost", this.forget);
+    this.device = null;
+  };
+
+  private bringSome({ gl, textures }: { gl: WebGL2RenderingContext; textures: Textures }): void {
+    const end = performance.now() + UPLOAD_MS;
+    let left = UPLOAD_BYTES;
+    while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
+      const [upload] = this.uploads;
+      if ("entry" in upload) this.enter(upload.entry, gl, textures);
+      else {
+        left -= this.bring(upload, gl, textures);
+        if (upload.done < upload.part.blocks) continue;
+      }
+      this.uploads.shift();
     }
   }
 
   /** Uploads a few blocks; how many bytes that were. */
-  private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, bind: (texture: Texture) => void): number {
+  private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
     const { part } = upload;
-    const { slot, slots, quads, firstSlot } = this.plan;
+    const { plan } = this.opened;
+    const { slot, slots, quads, firstSlot } = plan;
     const nodes = part.side ** 3;
     const blockBytes = nodes * (8 * quads + (part.density?.BYTES_PER_ELEMENT ?? 0));
     const end = Math.min(part.blocks, upload.done + UPLOAD_BLOCKS);
     const start = firstSlot[part.level] + part.first;
-    const put = (place: Triple, format: number, type: number, data: ArrayBufferView) => {
+    const put = (place: Triple, format: number, type: number, values: ArrayBufferView) => {
       const [x, y, z] = place.map((slots) => slots * slot);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, part.side, part.side, part.side, format, type, data);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, part.side, part.side, part.side, format, type, values);
     };
     const { density, color } = part;
     if (density) {
-      bind(this.density);
+      gl.bindTexture(gl.TEXTURE_3D, textures.u_density!);
       const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
+      // Rows of an odd number of halves are the only ones that do not end at 4 bytes.
+      const alignment = type === gl.HALF_FLOAT ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
+      if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
       for (let block = upload.done; block < end; block++) {
-        put(slotPlace(this.plan, start + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
+        put(slotPlace(plan, start + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
       }
+      if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
     }
-    bind(this.color);
+    gl.bindTexture(gl.TEXTURE_3D, textures.u_color!);
     for (let block = upload.done; block < end; block++) {
-      const [x, y, z] = slotPlace(this.plan, start + block);
+      const [x, y, z] = slotPlace(plan, start + block);
       for (let quad = 0; quad < quads; quad++) {
         const at = (block * quads + quad) * nodes * 4;
         put([x, y, z + quad * slots[2]], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + nodes * 4));
@@ -202,48 +154,25 @@ export class Atlas {
   }
 
   /** Enters a level into the tables. */
-  private enter({ level, table, skipDistances }: LevelEntry): void {
-    const [nx, ny, nz] = blockCounts(this.opened.metadata.levels[level]);
-    const [width, height] = this.tableSize;
-    for (let x = 0; x < nx; x++) {
-      for (let y = 0; y < ny; y++) {
-        const row = ((this.tableStart[level] + x) * height + y) * width;
-        this.tables.set(table.subarray((x * ny + y) * nz, (x * ny + y + 1) * nz), row);
-      }
-    }
+  private enter({ level, table, skipDistances }: LevelEntry, gl: WebGL2RenderingContext, textures: Textures): void {
+    const { metadata, plan } = this.opened;
+    const [nx, ny, nz] = blockCounts(metadata.levels[level]);
+    gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[level], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
     if (skipDistances) {
       // Colour alone shows what level 0 shows.
-      const { levels } = this.opened.metadata;
+      const { levels } = metadata;
       const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
-      const count = this.macro[0] * this.macro[1] * this.macro[2];
+      const [mx, my, mz] = this.macro;
+      const count = mx * my * mz;
       for (const one of shown) {
         const start = Math.floor(one / 4) * count * 4 + (one % 4);
-        for (let i = 0; i < count; i++) this.skipDistanceBytes[start + 4 * i] = skipDistances[i];
+        for (let i = 0; i < count; i++) this.skipDistances[start + 4 * i] = skipDistances[i];
       }
+      const depth = this.skipDistances.length / (4 * my * mz);
+      gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, mz, my, depth, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, this.skipDistances);
     }
-    this.table.needsUpdate = true;
-    this.skipDistances.needsUpdate = true;
     this.live.add(level);
   }
-}
-
-type Format = typeof RedFormat | typeof RGBAFormat | typeof RedIntegerFormat | typeof RGBAIntegerFormat;
-type Type = typeof FloatType | typeof HalfFloatType | typeof UnsignedIntType | typeof UnsignedByteType;
-
-function volume(
-  data: Float32Array | Uint32Array | Uint8Array | null,
-  [width, height, depth]: Triple,
-  format: Format,
-  type: Type,
-  internal?: "R32UI" | "RGBA8UI",
-): Data3DTexture {
-  const texture = new Data3DTexture(data as never, width, height, depth);
-  texture.format = format as never;
-  texture.type = type;
-  if (internal) texture.internalFormat = internal;
-  texture.wrapS = texture.wrapT = texture.wrapR = ClampToEdgeWrapping;
-  texture.minFilter = texture.magFilter = NearestFilter;
-  texture.unpackAlignment = 1;
-  texture.needsUpdate = true;
-  return texture;
 }

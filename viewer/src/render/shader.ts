@@ -2,18 +2,19 @@
 
 import type { Layer } from "../format/network.js";
 import { type Encoding, harmonicsOf, type Metadata } from "../format/metadata.js";
+import type { Opened } from "../load/loader.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
 import { networkSource } from "./network.js";
 
+/** Its version, as of the fragment shader, is the first line that a framework puts before it. */
 export const VERTEX = /* glsl */ `
 precision highp float;
-uniform mat4 projectionMatrix;
-uniform mat4 modelViewMatrix;
+uniform mat4 u_toClip;
 in vec3 position;
 
 void main() {
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+  gl_Position = u_toClip * vec4(position, 1.0);
 }
 `;
 
@@ -53,7 +54,7 @@ function glslFloat(value: number): string {
 }
 
 /** What a field fixes at compile time. */
-export function defines(metadata: Metadata, quads: number, network: Layer[]): Record<string, string | number> {
+function defines(metadata: Metadata, quads: number, network: Layer[]): Record<string, string | number> {
   const harmonics = harmonicsOf(metadata);
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
@@ -83,7 +84,8 @@ export function defines(metadata: Metadata, quads: number, network: Layer[]): Re
   };
 }
 
-/** The whole shader, with the field's network. */
-export function fragmentShader(metadata: Metadata, network: Layer[]): string {
-  return [field, networkSource(metadata, network), march].join("\n");
+/** The whole shader but its version, with the field's network. */
+export function fragmentShader({ metadata, plan, network }: Opened): string {
+  const fixed = Object.entries(defines(metadata, plan.quads, network)).map(([name, value]) => `#define ${name} ${value}`);
+  return [...fixed, field, networkSource(metadata, network), march].join("\n");
 }

@@ -3,8 +3,8 @@
 import { Box3, Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { FieldError, REMEDY } from "../errors.js";
-import { RadianceField } from "../field.js";
-import { RadianceFieldExtension } from "../gltf.js";
+import { RadianceField } from "../three/field.js";
+import { RadianceFieldExtension } from "../three/gltf.js";
 import type { Source } from "../load/source.js";
 
 export interface Opened {

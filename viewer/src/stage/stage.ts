@@ -2,7 +2,7 @@
 
 import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { RadianceField, Statistics } from "../field.js";
+import type { RadianceField, Statistics } from "../three/field.js";
 import { Painter } from "./painter.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";

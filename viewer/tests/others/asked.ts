@@ -12,6 +12,14 @@ export interface Look {
   background: [number, number, number];
 }
 
+/** A look at a field in Babylon.js, of either hand; `wall` is the distance of a red wall. */
+export interface BabylonLook extends Look {
+  rightHanded: boolean;
+  wall?: number;
+  /** Whether the device is taken away and given back before the picture. */
+  losesDevice?: boolean;
+}
+
 /** An object of a loaded scene. */
 export interface Found {
   name: string;
@@ -30,6 +38,12 @@ declare global {
     giveUp(address: string): Promise<string[]>;
     /** Draws a container from one side: four bytes a pixel, rows from the top. */
     drawField(address: string): Promise<number[]>;
+    /** As `draw`, of a container or an asset with a field. */
+    drawBabylon(look: BabylonLook): Promise<number[]>;
+    /** As `list`. */
+    listBabylon(address: string): Promise<Found[]>;
+    /** What engines without WebGL 2 say. */
+    refuseBabylon(address: string): Promise<string[]>;
   }
 }
 

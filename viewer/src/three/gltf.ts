@@ -2,15 +2,8 @@
 
 import { LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
-import { FieldError } from "./errors.js";
+import { EXTENSION, type FieldReference, placeOf } from "../asset.js";
 import { RadianceField } from "./field.js";
-
-export const EXTENSION = "MIPVOG_radiance_field";
-
-interface FieldDefinition {
-  uri?: string;
-  bufferView?: number;
-}
 
 /**
  * Registers with `loader.register((parser) => new RadianceFieldExtension(parser))`. A field's node holds a
@@ -26,13 +19,13 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
     const node = this.parser.json.nodes[nodeIndex];
     const reference = node.extensions?.[EXTENSION];
     // The loader puts whatever comes into the scene; an empty object is as good as a mesh.
-    return reference ? (this.create(nodeIndex, reference.radianceField) as Promise<Mesh>) : null;
+    return reference ? (this.create(nodeIndex, reference) as Promise<Mesh>) : null;
   }
 
-  private async create(nodeIndex: number, number: unknown): Promise<Object3D> {
+  private async create(nodeIndex: number, reference: FieldReference): Promise<Object3D> {
     let field: RadianceField | null = null;
     try {
-      field = new RadianceField(await this.source(number));
+      field = new RadianceField(await this.source(reference));
       await field.opened;
       return field;
     } catch (error) {
@@ -47,12 +40,9 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   }
 
   /** Where the container of a field is. */
-  private async source(number: unknown): Promise<string | ArrayBuffer> {
-    const fields: FieldDefinition[] = this.parser.json.extensions?.[EXTENSION]?.radianceFields ?? [];
-    const field = typeof number === "number" ? fields[number] : undefined;
-    if (!field) throw new FieldError(`A node shows radiance field ${number}; the asset has ${fields.length}.`);
-    if (field.bufferView !== undefined) return this.parser.getDependency("bufferView", field.bufferView) as Promise<ArrayBuffer>;
-    if (field.uri === undefined) throw new FieldError(`Radiance field ${number} has neither uri nor bufferView.`);
-    return LoaderUtils.resolveURL(field.uri, this.parser.options.path);
+  private async source(reference: FieldReference): Promise<string | ArrayBuffer> {
+    const place = placeOf(this.parser.json, reference);
+    if ("bufferView" in place) return this.parser.getDependency("bufferView", place.bufferView) as Promise<ArrayBuffer>;
+    return LoaderUtils.resolveURL(place.uri, this.parser.options.path);
   }
 }

@@ -1,0 +1,205 @@
+/** A baked radiance field as a mesh of a Babylon.js scene. */
+
+import { Constants } from "@babylonjs/core/Engines/constants.js";
+import type { Engine } from "@babylonjs/core/Engines/engine.js";
+import { WebGLHardwareTexture } from "@babylonjs/core/Engines/WebGL/webGLHardwareTexture.js";
+import { Material } from "@babylonjs/core/Materials/material.js";
+import { ShaderMaterial } from "@babylonjs/core/Materials/shaderMaterial.js";
+import { BaseTexture } from "@babylonjs/core/Materials/Textures/baseTexture.js";
+import { InternalTexture, InternalTextureSource } from "@babylonjs/core/Materials/Textures/internalTexture.js";
+import { Matrix } from "@babylonjs/core/Maths/math.vector.js";
+import type { AbstractMesh } from "@babylonjs/core/Meshes/abstractMesh.js";
+import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
+import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
+import type { SubMesh } from "@babylonjs/core/Meshes/subMesh.js";
+import { Observable } from "@babylonjs/core/Misc/observable.js";
+import type { Scene } from "@babylonjs/core/scene.js";
+import { EXTENSION } from "../asset.js";
+import { FieldError, REMEDY } from "../errors.js";
+import type { Metadata } from "../format/metadata.js";
+import type { Opened } from "../load/loader.js";
+import type { Source } from "../load/source.js";
+import { inverse, product } from "../render/matrices.js";
+import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
+import { SAMPLERS, type Textures } from "../render/textures.js";
+import { fieldUniforms, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
+import { type FieldEvents, StreamedField } from "../streamed.js";
+import { setUniforms } from "./uniforms.js";
+
+/** Raw, so that Babylon.js adds and changes nothing. */
+const VERSION = "#version 300 es\n";
+/** Corners of a box's sides by their bits (x, y, z), each counterclockwise as seen from outside. */
+const SIDES = [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
+/** From a left-handed world or camera to a right-handed one, and back. */
+const SAME = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+const MIRROR_X = SAME.map((value, at) => (at === 0 ? -1 : value));
+const MIRROR_Z = SAME.map((value, at) => (at === 10 ? -1 : value));
+
+/**
+ * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up. A
+ * left-handed scene shows it mirrored along x before its own transform, as Babylon.js shows glTF assets, so that it looks
+ * as it should. Drawn with perspective cameras.
+ */
+export class RadianceField extends Mesh {
+  /** Resolves once the metadata is there; rejects where it cannot be. */
+  readonly opened: Promise<Metadata>;
+  /** Resolves once every level is there. */
+  readonly finished: Promise<void>;
+  /** Whether colours tell levels. */
+  showLevels = false;
+  /** The level to show, 0 being the finest; null follows the field's rule. */
+  fixedLevel: number | null = null;
+  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does. */
+  keepsRange = true;
+  readonly onOpenedObservable = new Observable<FieldEvents["opened"]>();
+  readonly onProgressObservable = new Observable<FieldEvents["progress"]>();
+  /** After it, draw again. */
+  readonly onChangeObservable = new Observable<FieldEvents["change"]>();
+  readonly onDoneObservable = new Observable<FieldEvents["done"]>();
+  readonly onFailedObservable = new Observable<FieldEvents["failed"]>();
+  private readonly context: WebGL2RenderingContext;
+  private readonly streamed: StreamedField;
+  private uniforms: Uniforms = {};
+  /** What the material draws from, and the handles that it was made for. */
+  private wrapped: { textures: BaseTexture[]; handles: Textures } | null = null;
+
+  /** Loads `source`, the address of a container or its bytes. Draws as soon as the coarsest levels are there. */
+  constructor(source: Source, scene: Scene) {
+    const context = contextOf(scene);
+    super(EXTENSION, scene);
+    this.context = context;
+    if (!scene.useRightHandedSystem) this.setPreTransformMatrix(Matrix.Scaling(-1, 1, 1));
+    const observables: { [Kind in keyof FieldEvents]: Observable<FieldEvents[Kind]> } = {
+      opened: this.onOpenedObservable,
+      progress: this.onProgressObservable,
+      change: this.onChangeObservable,
+      done: this.onDoneObservable,
+      failed: this.onFailedObservable,
+    };
+    this.streamed = new StreamedField(source, {
+      begin: (opened) => this.begin(opened, scene),
+      tell: (kind, event) => observables[kind].notifyObservers(event),
+    });
+    ({ opened: this.opened, finished: this.finished } = this.streamed);
+  }
+
+  /** Bytes that have arrived. */
+  get arrived(): number {
+    return this.streamed.arrived;
+  }
+
+  /** What is in the file and how it came; null until it is opened. */
+  get file(): Pick<Opened, "metadata" | "fileBytes" | "available" | "prefixes" | "transfer" | "plan"> | null {
+    return this.streamed.file;
+  }
+
+  /** The finest level that is shown; null before the first picture. */
+  get finest(): number | null {
+    return this.streamed.finest;
+  }
+
+  /** Whether levels have come that the next pictures will bring to the device. */
+  get waiting(): boolean {
+    return this.streamed.waiting;
+  }
+
+  /**
+   * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
+   * changed.
+   */
+  upload(): boolean {
+    const isChanged = this.streamed.upload(this.context);
+    this.wrap();
+    return isChanged;
+  }
+
+  override render(subMesh: SubMesh, enableAlphaMode: boolean, effectiveMeshReplacement?: AbstractMesh): this {
+    this.upload();
+    const isPerspective = this.getScene().getProjectionMatrix().m[15] === 0;
+    return this.finest === null || !this.wrapped || !isPerspective ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
+  }
+
+  /** Ends loading and frees the device's memory. */
+  override dispose(doNotRecurse?: boolean): void {
+    this.streamed.dispose();
+    this.wrap();
+    this.material?.dispose();
+    super.dispose(doNotRecurse);
+  }
+
+  /** Builds what does not depend on levels. */
+  private begin(opened: Opened, scene: Scene): void {
+    const { min, max } = opened.metadata.bounds;
+    const box = new VertexData();
+    box.positions = SAME.slice(0, 8).flatMap((_, corner) => min.map((min, axis) => ((corner >> axis) & 1 ? max[axis] : min)));
+    box.indices = SIDES.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
+    box.applyToMesh(this);
+    this.uniforms = fieldUniforms(opened);
+    const sources = { vertexSource: VERSION + VERTEX, fragmentSource: VERSION + fragmentShader(opened) };
+    const material = new ShaderMaterial(EXTENSION, scene, sources, { attributes: ["position"], uniforms: [], samplers: [...SAMPLERS], needAlphaBlending: true });
+    material.alphaMode = Constants.ALPHA_PREMULTIPLIED_PORTERDUFF;
+    material.forceDepthWrite = true;
+    // Rays are entered by the far sides of the box, so that a camera may stand in it.
+    material.cullBackFaces = false;
+    material.sideOrientation = scene.useRightHandedSystem ? Material.CounterClockWiseSideOrientation : Material.ClockWiseSideOrientation;
+    material.onBindObservable.add(() => this.bind(scene, opened.metadata));
+    this.material = material;
+  }
+
+  /** Before every draw: uniforms follow the camera. */
+  private bind(scene: Scene, metadata: Metadata): void {
+    const { finest, fixedLevel, keepsRange } = this;
+    const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
+    const shown = { finest: finest!, fixedLevel, keepsRange, output };
+    setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, viewOf(scene, this.getWorldMatrix().m), shown) });
+  }
+
+  /** Lets Babylon.js draw from textures that it did not make, and from no others. */
+  private wrap(): void {
+    const { textures: handles } = this.streamed;
+    if (handles === (this.wrapped?.handles ?? null)) return;
+    for (const texture of this.wrapped?.textures ?? []) {
+      // Handles are freed by who made them, and may be those of a lost device.
+      texture.getInternalTexture()?._hardwareTexture?.reset();
+      texture.dispose();
+    }
+    this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, handle]) => this.wrapOne(name, handle)) };
+  }
+
+  private wrapOne(name: string, handle: WebGLTexture): BaseTexture {
+    const engine = this.getEngine();
+    const internal = new InternalTexture(engine, InternalTextureSource.Unknown, true);
+    internal._hardwareTexture = new WebGLHardwareTexture(handle, this.context);
+    internal.is3D = name !== "u_weights";
+    internal.isReady = true;
+    const texture = new BaseTexture(engine, internal);
+    texture.wrapU = texture.wrapV = texture.wrapR = Constants.TEXTURE_CLAMP_ADDRESSMODE;
+    texture.anisotropicFilteringLevel = 1;
+    (this.material as ShaderMaterial).setTexture(name, texture);
+    return texture;
+  }
+}
+
+/** The context of a scene's engine. */
+function contextOf(scene: Scene): WebGL2RenderingContext {
+  const { _gl: context } = scene.getEngine() as Engine;
+  if (context instanceof WebGL2RenderingContext) return context;
+  throw new FieldError("Fields are drawn by Babylon.js's engine for WebGL 2, and by no other.", REMEDY.engine);
+}
+
+/** Where a scene takes its picture. */
+function viewOf(scene: Scene, world: ArrayLike<number>): View {
+  const engine = scene.getEngine();
+  const [width, height] = [engine.getRenderWidth(), engine.getRenderHeight()];
+  const { x, y, width: wide, height: high } = engine.currentViewport ?? { x: 0, y: 0, width: 1, height: 1 };
+  const [mirrorWorld, mirrorCamera] = scene.useRightHandedSystem ? [SAME, SAME] : [MIRROR_X, MIRROR_Z];
+  return {
+    world: product(mirrorWorld, world),
+    camera: product(mirrorWorld, product(inverse(scene.getViewMatrix().m), mirrorCamera)),
+    projection: product(scene.getProjectionMatrix().m, mirrorCamera),
+    viewport: [x * width, y * height, wide * width, high * height],
+    // Then a pass of its own makes the picture's values display-referred.
+    isLinear: scene.imageProcessingConfiguration.applyByPostProcess,
+    depth: [0.5, 0.5],
+  };
+}

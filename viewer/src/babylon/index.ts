@@ -1,0 +1,16 @@
+/** For Babylon.js. Its loader of glTF shows fields from this import on. */
+
+import { registerGLTFExtension } from "@babylonjs/loaders/glTF/2.0/glTFLoaderExtensionRegistry.js";
+import { EXTENSION } from "../asset.js";
+import { RadianceFieldExtension } from "./gltf.js";
+
+registerGLTFExtension(EXTENSION, true, (loader) => new RadianceFieldExtension(loader));
+
+export { EXTENSION } from "../asset.js";
+export { startDecodersBy } from "../decoder.js";
+export { FieldError } from "../errors.js";
+export type { Metadata } from "../format/metadata.js";
+export type { Source, Transfer } from "../load/source.js";
+export type { FieldEvents } from "../streamed.js";
+export { RadianceField } from "./field.js";
+export { RadianceFieldExtension } from "./gltf.js";

@@ -1,0 +1,108 @@
+/** Fields in Babylon.js: pictures against the reference renderer's, of either hand, among meshes, and what it refuses. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import { CountingServer, launch, newPage, openOther, pixels, program, psnr, ROOT, temporaryFolder, turntable } from "./support.js";
+import type { BabylonLook } from "./others/asked.js";
+
+const SIZE = 96;
+const folder = temporaryFolder();
+const at = (name: string) => join(folder.path, name);
+const server = new CountingServer();
+let browser: Browser;
+let page: Page;
+let problems: string[];
+
+before(async () => {
+  program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", at("field.mipvog"), "--gltf", at("field.glb"));
+  await server.start();
+  browser = await launch();
+  ({ page, problems } = await newPage(browser));
+  await openOther(page, server, "babylon.field");
+});
+
+after(async () => {
+  await browser.close();
+  server.stop();
+  folder.remove();
+});
+
+/** How the reference renderer looks at a container. */
+function lookAt(container: string): Omit<BabylonLook, "address" | "rightHanded"> {
+  const { bounds } = JSON.parse(program("inspect", container, "--format", "json"));
+  const [, { toWorld, focal }] = turntable(bounds, 3, SIZE);
+  // Training's z to y.
+  const turned = ([x, y, z]: number[]): [number, number, number] => [x, z, -y];
+  const column = (number: number) => toWorld.slice(0, 3).map((row) => row[number]);
+  const position = turned(column(3));
+  const target = turned(column(2)).map((back, axis) => position[axis] - back) as [number, number, number];
+  return { size: SIZE, position, target, angle: 2 * Math.atan((0.5 * SIZE) / focal), background: [1, 1, 1] };
+}
+
+function offer(path: string): string {
+  return server.offer(path.split("/").pop()!, readFileSync(path));
+}
+
+/** The reference renderer's picture of a container. */
+async function reference(container: string, name: string, ...options: string[]): Promise<number[]> {
+  program("render", container, "--turntable", "3", "--frames", "1", "--size", `${SIZE}x${SIZE}`, "-o", at(name), ...options);
+  return pixels(page, join(at(name), "turn_001.s1.png"));
+}
+
+for (const rightHanded of [true, false]) {
+  const hand = rightHanded ? "right" : "left";
+
+  test(`a ${hand}-handed scene shows containers and assets as the reference renderer draws them`, async () => {
+    const tiny = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
+    for (const [container, source] of [[tiny, tiny], [at("field.mipvog"), at("field.glb")]]) {
+      const wanted = await reference(container, `${hand}_${source.split(".").pop()}`);
+      const picture = await page.evaluate((look) => window.drawBabylon(look), { ...lookAt(container), rightHanded, address: offer(source) });
+      const found = psnr(picture, wanted);
+      assert.ok(found >= 40, `${source}: ${found} dB`);
+    }
+    assert.deepEqual(problems, []);
+  });
+
+  test(`a mesh of a ${hand}-handed scene hides what is behind it, and is seen through what is before it`, async () => {
+    // Its rays through nothing have no colour of the network's.
+    const container = join(ROOT, "fixtures", "baked", "harmonics.mipvog");
+    const look = { ...lookAt(container), rightHanded, address: offer(container) };
+    const draw = (wall: number) => page.evaluate((look) => window.drawBabylon(look), { ...look, wall });
+    const before = await draw(0.1);
+    assert.ok(before.every((value, at) => value === [255, 0, 0, 255][at % 4]), "all of it is the wall");
+    const found = psnr(await draw(50), await reference(container, `${hand}_wall`, "--background", "1,0,0"));
+    assert.ok(found >= 40, `${found} dB`);
+    assert.deepEqual(problems, []);
+  });
+}
+
+test("a device that was lost gets the field back", async () => {
+  const container = at("field.mipvog");
+  const look = { ...lookAt(container), rightHanded: false, address: offer(container) };
+  const [before, after] = await page.evaluate(async (look) => [await window.drawBabylon(look), await window.drawBabylon({ ...look, losesDevice: true })], look);
+  assert.deepEqual(after, before);
+  // Babylon.js tells that the device went and came.
+  assert.deepEqual(problems.splice(0).filter((problem) => !/WebGL context (lost|successfully restored)\.$/.test(problem)), []);
+});
+
+test("a field that cannot be opened leaves the mesh of its node, and says why", async () => {
+  const asset = readFileSync(at("field.glb"));
+  const address = server.offer("sound.glb", asset);
+  const kinds = async (address: string) => (await page.evaluate((address) => window.listBabylon(address), address)).map(({ kind, error }) => [kind, error]);
+  assert.ok((await kinds(address)).some(([kind]) => kind === "RadianceField"));
+  // The container's magic is the only one of its kind in the asset.
+  const broken = Buffer.from(asset);
+  broken[broken.indexOf(readFileSync(at("field.mipvog")).subarray(0, 8))] ^= 1;
+  const found = await kinds(server.offer("broken.glb", broken));
+  assert.ok(found.every(([kind]) => kind !== "RadianceField"));
+  assert.match(found.find(([, error]) => error)![1]!, /no \.mipvog container/);
+});
+
+test("engines without WebGL 2 are refused", async () => {
+  for (const answer of await page.evaluate((address) => window.refuseBabylon(address), offer(at("field.mipvog")))) {
+    assert.match(answer, /^FieldError: Fields are drawn by Babylon\.js's engine for WebGL 2/);
+  }
+});
