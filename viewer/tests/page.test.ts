@@ -10,6 +10,13 @@ import type { Browser, Page } from "playwright-core";
 import { glb } from "./glb.js";
 import { capture, CountingServer, launch, loseDevice, newPage, openOther, programPath, psnr, ready, ROOT, type View } from "./support.js";
 
+declare global {
+  interface Window {
+    /** Of all contexts. */
+    textures: Set<WebGLTexture>;
+  }
+}
+
 const TINY = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
 const VIEW: View = {
   width: 96,
@@ -164,16 +171,35 @@ test("files are dropped one after the other: containers, assets, and what is nei
   await page.close();
 });
 
+/** Counts textures of a page to come, whoever makes them. */
+async function countTextures(page: Page): Promise<void> {
+  await page.addInitScript(() => {
+    const context = WebGL2RenderingContext.prototype;
+    const { createTexture, deleteTexture } = context;
+    window.textures = new Set();
+    context.createTexture = function () {
+      const texture = createTexture.call(this);
+      window.textures.add(texture);
+      return texture;
+    };
+    context.deleteTexture = function (texture) {
+      window.textures.delete(texture!);
+      deleteTexture.call(this, texture);
+    };
+  });
+}
+
 /** What the device holds. */
 function held(page: Page): Promise<object> {
   return page.evaluate(() => {
     const { memory, programs } = window.__mipvog.stage.renderer.info;
-    return { geometries: memory.geometries, textures: memory.textures, programs: programs?.length };
+    return { geometries: memory.geometries, textures: window.textures.size, programs: programs?.length };
   });
 }
 
 test("meshes beside a field are lit, and nothing of a file stays on the device after it", async () => {
   const { page, problems } = await newPage(browser);
+  await countTextures(page);
   await page.goto(server.origin);
   await page.waitForFunction(() => window.__mipvog);
   const after = [];
@@ -199,6 +225,7 @@ test("meshes beside a field are lit, and nothing of a file stays on the device a
 
 test("a device without room is told in words, and what it had taken is free again", async () => {
   const { page, problems } = await newPage(browser);
+  await countTextures(page);
   await page.goto(server.origin);
   await page.waitForFunction(() => window.__mipvog);
   await page.evaluate(() => {
