@@ -8,10 +8,10 @@ use crate::model::grid::NodeMask;
 use crate::view::sample::Dense;
 
 /// Step length at the start of the square root of optical depth.
-const DENSITY_RATE: f32 = 0.03;
+const DENSITY_RATE: f32 = 0.014;
 /// Step lengths at the start of logits, and of linear colours and coefficients. A step of a logit
 /// moves a colour by at most as much as one of a linear colour.
-const COLOR_RATES: [f32; 2] = [0.15, 0.0375];
+const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
 /// The part of the step lengths that is left at the end.
 const LAST_RATE: f32 = 0.1;
 /// Decay of the running means of gradients and of their squares.

@@ -98,7 +98,7 @@ struct Traced<const C: usize> {
 }
 
 impl<const C: usize> Rays<'_, C> {
-    /// Adds the derivatives of ray `number`'s squared error, times `worth`.
+    /// Adds the derivatives of half of ray `number`'s squared error, times `worth`.
     pub fn differentiate(
         &self,
         scale: usize,
@@ -126,9 +126,15 @@ impl<const C: usize> Rays<'_, C> {
         gradient.samples = samples;
     }
 
-    /// Validation ray `number`'s squared error, over three channels.
-    pub fn square(&self, scale: usize, number: usize, gradient: &mut Gradient<C>) -> f32 {
-        let Some(target) = self.targets.draw(scale, number, true) else { return 0.0 };
+    /// The squared error of ray `number` of validation, or of steps, over three channels.
+    pub fn square(
+        &self,
+        scale: usize,
+        number: usize,
+        validates: bool,
+        gradient: &mut Gradient<C>,
+    ) -> f32 {
+        let Some(target) = self.targets.draw(scale, number, validates) else { return 0.0 };
         match self.trace(&target, gradient) {
             Some((traced, _)) => traced.square,
             None => 0.0,

@@ -239,7 +239,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
                 if progress.cancelled() {
                     return Err(Error::cancelled());
                 }
-                sum += f64::from(rays.square(scale, number, &mut gradient));
+                sum += f64::from(rays.square(scale, number, true, &mut gradient));
             }
             Ok(sum)
         })?;

@@ -23,6 +23,8 @@
 mod adam;
 mod context;
 mod curve;
+#[cfg(test)]
+mod derivatives;
 mod gradient;
 mod joint_fit;
 mod run;

@@ -1,0 +1,120 @@
+//! The derivatives of all levels against differences of pictures.
+
+use super::adam::Adam;
+use super::gradient::{Gradient, Rays};
+use super::target::Targets;
+use crate::base::limits::Limits;
+use crate::base::progress::Silent;
+use crate::levels::sizes::level_sizes;
+use crate::levels::{Filter, SharedFilter};
+use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
+use crate::model::field::RadianceField;
+use crate::model::grid::{NodeMask, Nodes};
+use crate::view::render::{Renderer, TrainedLevels, View, with_lanes};
+use crate::view::sample::{Dense, Stored};
+
+const NODES: [usize; 3] = [12, 9, 14];
+const LEVELS: usize = 3;
+/// Rays of each scale.
+const RAYS: usize = 300;
+/// Added to a value, and taken from it.
+const STEP: f32 = 0.01;
+/// Difference of a derivative and a difference, as a share of the group's largest derivative. The
+/// differences have errors of the order of the step's square, and of thresholds that rays cross.
+const TOLERANCE: f64 = 0.01;
+/// Nodes of each level that are looked at.
+const LOOKED_AT: usize = 12;
+
+/// Half-transparent matter with waves of colour, so that every node has derivatives.
+fn field(is_linear: bool) -> RadianceField {
+    let count = NODES.iter().product();
+    let wave = |at: usize, by: f32| (at as f32 * by).sin();
+    let density = (0..count).map(|at| 0.5 + 3.0 * wave(at, 0.37)).collect();
+    let height = if is_linear { 0.4 } else { 2.0 };
+    let color = (0..3 * count).map(|at| 0.5 + height * wave(at, 0.11)).collect();
+    let builder = RadianceField::builder(NODES, density, color).shift(-2.0);
+    let builder = builder.bounds([-1.2, -0.9, -1.4], [1.2, 0.9, 1.4]);
+    let builder = if is_linear { builder.linear_colors() } else { builder };
+    builder.build().expect("a field")
+}
+
+#[test]
+fn derivatives_are_differences_of_pictures_at_every_level() {
+    for is_linear in [false, true] {
+        let filter = SharedFilter::from(Filter::Fit);
+        let line = filter.rule(FootprintNeighbour::SameDistance);
+        let bends = Bends::new(&[[0.0, 0.2], [1.0, 0.3]]).expect("a rule");
+        let level_of_detail = LevelOfDetail { factor: 0.6, bias: 0.4, bends, ..line };
+        let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };
+        let limits = Limits::default();
+        let rendered = Renderer::trained(&field(is_linear), Some(levels), &limits);
+        let rendered = rendered.expect("a field");
+        let targets = Targets::new(&rendered, LEVELS - 1, &[], &limits, &Silent);
+        let (view, values) = rendered.into_parts().expect("values");
+        with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures")));
+    }
+}
+
+fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets) {
+    let Stored::Dense(mut field) = stored else { panic!("a trained field is dense") };
+    let sizes = level_sizes(Nodes(NODES), LEVELS);
+    let adam = |(level, &nodes): (usize, &Nodes)| {
+        Adam::new(&mut field, level, &NodeMask::full(nodes), view.color_domain)
+    };
+    let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
+    let numbers: Vec<&[u32]> = adams.iter().map(Adam::numbers).collect();
+    let counts: Vec<usize> = adams.iter().map(Adam::nodes).collect();
+    let of_scale = |scale: usize| (0..RAYS).map(move |number| (scale, number));
+    let all: Vec<_> = (0..targets.scales).flat_map(of_scale).collect();
+    let mut gradient = Gradient::new(&counts);
+    let rays = Rays { view, field: &field, targets, numbers: &numbers };
+    for &(scale, number) in &all {
+        rays.differentiate(scale, number, 1.0, &mut gradient);
+    }
+    let mut unused = Gradient::new(&[]);
+    let mut loss = |field: &Dense<C>| -> f64 {
+        let rays = Rays { view, field, targets, numbers: &numbers };
+        let square = |&(scale, number): &(usize, usize)| {
+            0.5 * f64::from(rays.square(scale, number, false, &mut unused))
+        };
+        all.iter().map(square).sum()
+    };
+    for level in 1..LEVELS {
+        let (sums, count) = (&gradient.levels[level - 1], counts[level - 1]);
+        // Density, then the three colours.
+        for group in 0..4 {
+            let by = |node: usize| match group {
+                0 => f64::from(sums.density[node]),
+                lane => f64::from(sums.color[node][lane - 1]),
+            };
+            let largest = (0..count).map(|node| by(node).abs()).fold(0.0, f64::max);
+            assert!(largest > 0.01, "level {level}, group {group}: {largest}");
+            for node in (0..count).step_by(count / LOOKED_AT) {
+                let mut moved = |to: f32| {
+                    let before = *value(&mut field, level, group, node);
+                    *value(&mut field, level, group, node) += to;
+                    let loss = loss(&field);
+                    *value(&mut field, level, group, node) = before;
+                    loss
+                };
+                let slope = (moved(STEP) - moved(-STEP)) / f64::from(2.0 * STEP);
+                let off = (slope - by(node)).abs();
+                let place = format!("level {level}, group {group}, node {node}");
+                assert!(off < TOLERANCE * largest, "{place}: {} for {slope}", by(node));
+            }
+        }
+    }
+}
+
+fn value<const C: usize>(
+    field: &mut Dense<C>,
+    level: usize,
+    group: usize,
+    node: usize,
+) -> &mut f32 {
+    let (density, color) = field.values_mut(level);
+    match group {
+        0 => &mut density[node],
+        lane => &mut color[node][lane - 1],
+    }
+}
