@@ -102,7 +102,7 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
     })
 }
 
-/// Whether a run that ended with this exit code is worth another try.
+/// True if a run that ended with this exit code is worth another try.
 pub(super) fn retry(exit_code: u8) -> &'static str {
     match exit_code {
         5 | 130 | 143 => "yes",

@@ -40,11 +40,11 @@ pub struct Answer {
     pub bytes: Vec<u8>,
     /// Bytes of the whole file.
     pub length: u64,
-    /// What the server calls this version of the file.
+    /// The server's name of this version of the file.
     pub version: Option<String>,
 }
 
-/// What a failed request leaves to do.
+/// A failed request, by what may help.
 enum Failure {
     /// Another try may help.
     Passing(IoError),

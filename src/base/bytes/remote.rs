@@ -39,7 +39,7 @@ pub fn allow_network() {
 pub struct RemoteFile {
     address: String,
     length: u64,
-    /// What the server calls this version of the file.
+    /// The server's name of this version of the file.
     version: Option<String>,
     blocks: Mutex<Blocks>,
 }

@@ -25,7 +25,7 @@ pub fn drops_network(options: &SourceOptions) -> bool {
     options.view == ViewChoice::None || options.mlp == MlpChoice::None
 }
 
-/// What a container cannot say of such a network.
+/// A property of such a network that a container cannot state.
 pub fn assumption(system: &str) -> Assumption {
     Assumption {
         key: "background",

@@ -1,4 +1,4 @@
-//! What folders of assets share, those of SNeRG and of MERF: numbers of their parameters, axes, the
+//! Common parts of SNeRG's and MERF's folders of assets: numbers of their parameters, axes, the
 //! network, and the pictures beside them.
 
 mod axes;

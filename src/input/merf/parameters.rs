@@ -77,7 +77,7 @@ pub(super) struct Parameters {
     pub(super) sparse: Option<Sparse>,
     /// Texels along an edge of the planes.
     pub(super) planes: Option<usize>,
-    /// What the first and the last code of a density stand for.
+    /// Densities of the first and the last code.
     pub(super) densities: [f64; 2],
     /// The same of colours and features.
     pub(super) features: [f64; 2],

@@ -25,7 +25,7 @@ pub struct VdbGrid {
     pub width: usize,
     /// The value of voxels that are not stored.
     pub background: [f32; 3],
-    /// Where its voxels are in the world.
+    /// The place of its voxels in the world.
     pub placed: Placed,
     /// Its voxels.
     pub tree: Tree,

@@ -15,7 +15,7 @@ const VARIABLES: [(&str, &str, u64); 7] = [
     ("Cloud Run", "CLOUD_RUN_TASK_INDEX", 0),
     ("Kubernetes", "JOB_COMPLETION_INDEX", 0),
 ];
-/// What SGE says in a job that is no array.
+/// The text of SGE in a job that is no array.
 const UNDEFINED: &str = "undefined";
 
 /// Scenes of a manifest, by their numbers from 0.

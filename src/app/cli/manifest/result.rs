@@ -8,7 +8,7 @@ use super::super::outcome::Outcome;
 use super::line::SceneLine;
 use crate::base::error::Result;
 
-/// What became of a scene.
+/// The end of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -29,7 +29,7 @@ pub struct SceneResult {
     pub input: String,
     /// The output, as the manifest names it.
     pub output: String,
-    /// What became of it.
+    /// The way it ended.
     pub status: Status,
     /// The exit code that a bake of this scene alone has.
     pub exit_code: u8,

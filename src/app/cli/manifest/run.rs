@@ -16,7 +16,7 @@ use super::words::words;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
 
-/// What the command line says of all scenes.
+/// Settings of the command line that hold for all scenes.
 pub struct Many<'a> {
     /// The manifest.
     pub manifest: &'a Path,
