@@ -28,7 +28,7 @@ const LOOKED_AT: usize = 12;
 /// Half-transparent matter with waves of colour, so that every node has derivatives.
 fn field(is_linear: bool) -> RadianceField {
     let count = NODES.iter().product();
-    let wave = |at: usize, by: f32| (at as f32 * by).sin();
+    let wave = |at: usize, by: f32| libm::sinf(at as f32 * by);
     let density = (0..count).map(|at| 0.5 + 3.0 * wave(at, 0.37)).collect();
     let height = if is_linear { 0.4 } else { 2.0 };
     let color = (0..3 * count).map(|at| 0.5 + height * wave(at, 0.11)).collect();
