@@ -1,6 +1,7 @@
 /**
- * Pictures in draws that are all short. While something moves, whole pictures of fewer pixels; at rest, the full one in
- * strips, over what was there. A veil shows the coarse picture where the full one is not drawn yet.
+ * Pictures in draws that are all short. While something moves, whole pictures of fewer pixels, which are enlarged; at
+ * rest, the full one in strips, over what was there. The canvas keeps its size, because browsers wait for the device
+ * where it gets another one.
  */
 
 import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
@@ -29,7 +30,6 @@ export class Painter {
   /** Called after each whole picture, coarse or full. */
   drawn: () => void = () => {};
   split: Split | null = null;
-  private readonly veil = document.createElement("canvas");
   private size: [number, number] = [1, 1];
   /** Pixels along a side, of those of the screen. */
   private sharpness = 1;
@@ -37,25 +37,22 @@ export class Painter {
   private isStale = true;
   /** Whether the next picture has to show something at once. */
   private isFresh = true;
-  private isBusy = false;
+  /** Whether the device has not done yet what it was told. */
+  isBusy = false;
   private waits = false;
   /** Where the next part of the full picture starts; null where it is whole. */
   private cursor: [number, number] | null = null;
   private spent = 0;
+  /** When the last draw began. */
+  private began = 0;
   /** Pixels a millisecond of the last draws. */
   private rate: number | null = null;
 
   constructor(
     private readonly renderer: WebGLRenderer,
-    private readonly canvas: HTMLCanvasElement,
     private readonly scene: Scene,
     private readonly camera: PerspectiveCamera,
   ) {
-    // Nothing but a picture of the canvas, which has the name.
-    this.veil.setAttribute("aria-hidden", "true");
-    this.veil.style.cssText = "position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none";
-    this.veil.hidden = true;
-    canvas.after(this.veil);
     renderer.setPixelRatio(1);
   }
 
@@ -94,35 +91,42 @@ export class Painter {
     else if (this.cursor && !isMoving) this.drawPart(this.cursor);
   }
 
-  dispose(): void {
-    this.veil.remove();
-  }
-
   private drawCoarse(): void {
     [this.isStale, this.isFresh, this.cursor] = [false, false, null];
     const [width, height] = this.size;
     const affordable = Math.sqrt(((this.rate ?? 0) * SMOOTH_MS) / (width * height));
-    this.setSharpness(Math.min(1, Math.max(COARSEST, affordable)));
-    this.veil.hidden = true;
-    const { x, y } = this.renderer.getSize(new Vector2());
-    this.paint(0, 0, x, y, (time) => {
+    this.sharpness = Math.min(1, Math.max(COARSEST, affordable));
+    const [wide, high] = this.size.map((pixels) => Math.max(1, Math.round(pixels * this.sharpness)));
+    const now = this.renderer.getSize(new Vector2());
+    if (now.x !== width || now.y !== height) this.renderer.setSize(width, height, false);
+    this.renderer.setViewport(0, 0, wide, high);
+    this.paint([0, 0, wide, high], [wide, high]);
+    this.renderer.setViewport(0, 0, width, height);
+    if (this.sharpness < 1) this.enlarge(wide, high);
+    this.whenDone(wide * high, (time) => {
       this.frameTime = time;
       this.drawn();
     });
   }
 
   private startFull(): void {
-    if (this.sharpness < 1) this.cover();
-    this.setSharpness(1);
-    [this.isStale, this.cursor, this.spent] = [false, [0, 0], 0];
+    [this.isStale, this.sharpness, this.cursor, this.spent] = [false, 1, [0, 0], 0];
     this.drawPart(this.cursor);
   }
 
-  /** Puts the coarse picture over the canvas, whose own is lost with its size. */
-  private cover(): void {
-    const [width, height] = this.size;
-    [this.veil.width, this.veil.height, this.veil.hidden] = [width, height, false];
-    this.veil.getContext("2d")?.drawImage(this.canvas, 0, 0, width, height);
+  /** Spreads the picture in the canvas' lower left corner over all of it. */
+  private enlarge(width: number, height: number): void {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    // What is drawn into the canvas cannot come from it.
+    const [texture, corner] = [gl.createTexture(), gl.createFramebuffer()];
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.copyTexImage2D(gl.TEXTURE_2D, 0, gl.RGB, 0, 0, width, height, 0);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, corner);
+    gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, ...this.size, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+    gl.deleteFramebuffer(corner);
+    gl.deleteTexture(texture);
+    this.renderer.resetState();
   }
 
   /** Draws as many cells, from `cursor` on, as may be. */
@@ -134,21 +138,18 @@ export class Painter {
     const high = Math.min(height - y, wide === width ? Math.max(1, rows) * CELL : CELL);
     this.cursor = x + wide < width ? [x + wide, y] : y + high < height ? [0, y + high] : null;
     const isLast = this.cursor === null;
-    this.paint(x, y, wide, high, (time) => {
+    this.paint([x, y, wide, high], this.size);
+    this.whenDone(wide * high, (time) => {
       this.spent += time;
-      if (!this.veil.hidden) this.veil.getContext("2d")?.clearRect(x, y, wide, high);
       if (!isLast) return this.draw(this.waits);
-      // A move may have begun anew meanwhile.
-      this.veil.hidden = true;
       this.frameTime = this.spent;
       this.drawn();
     });
   }
 
-  /** Draws a part of the picture; rows count from the top. */
-  private paint(x: number, y: number, width: number, height: number, then: (time: number) => void): void {
-    const start = performance.now();
-    const { x: whole, y: rows } = this.renderer.getSize(new Vector2());
+  /** Draws a part, whose rows count from the top, of a picture of a size. */
+  private paint([x, y, width, height]: number[], [whole, rows]: number[]): void {
+    this.began = performance.now();
     const { split } = this;
     const line = split ? Math.round(whole * split.at) : whole;
     const side = (from: number, to: number) => {
@@ -165,25 +166,11 @@ export class Painter {
     side(line, whole);
     show(true, true);
     this.renderer.setScissorTest(false);
+  }
+
+  /** Calls back when the device has drawn this many pixels, with the time that it took. */
+  private whenDone(drawn: number, then: (time: number) => void): void {
     this.isBusy = true;
-    this.whenDone(() => {
-      this.isBusy = false;
-      const time = performance.now() - start;
-      const rate = (width * height) / Math.max(time, 0.1);
-      this.rate = Math.min(rate, GROWTH * (this.rate ?? rate));
-      then(time);
-    });
-  }
-
-  private setSharpness(sharpness: number): void {
-    this.sharpness = sharpness;
-    const [width, height] = this.size.map((pixels) => Math.max(1, Math.round(pixels * sharpness)));
-    const now = this.renderer.getSize(new Vector2());
-    if (now.x !== width || now.y !== height) this.renderer.setSize(width, height, false);
-  }
-
-  /** Calls back when the device has done what it was told. */
-  private whenDone(then: () => void): void {
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
@@ -193,7 +180,11 @@ export class Painter {
         return;
       }
       gl.deleteSync(fence);
-      then();
+      this.isBusy = false;
+      const time = performance.now() - this.began;
+      const rate = drawn / Math.max(time, 0.1);
+      this.rate = Math.min(rate, GROWTH * (this.rate ?? rate));
+      then(time);
     };
     setTimeout(look);
   }

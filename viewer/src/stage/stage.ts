@@ -36,7 +36,7 @@ export class Stage {
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
-    this.painter = new Painter(this.renderer, canvas, this.scene, this.camera);
+    this.painter = new Painter(this.renderer, this.scene, this.camera);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.dampingFactor = DAMPING;
     this.controls.addEventListener("change", () => this.painter.move());
@@ -206,7 +206,6 @@ export class Stage {
     this.renderer.setAnimationLoop(null);
     this.observer.disconnect();
     this.controls.dispose();
-    this.painter.dispose();
     this.renderer.dispose();
   }
 
@@ -239,7 +238,8 @@ export class Stage {
       this.controls.enableDamping = !this.calm.matches;
       this.controls.update();
     }
-    this.painter.draw(this.upload());
+    // A device that is told more than it can do makes the page wait.
+    if (!this.painter.isBusy) this.painter.draw(this.upload());
   }
 
   /** Brings decoded blocks of all fields to the device, a few milliseconds of them; whether more of them wait. */
