@@ -3,7 +3,7 @@
 import { Color, Matrix4, SRGBColorSpace } from "three";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
 import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
-import { Stage } from "../src/stage/stage.js";
+import { Stage, startDevice } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { openFile } from "./open.js";
@@ -292,6 +292,9 @@ window.__mipvog = {
 };
 
 try {
+  // One task is to start the device, which may take as long as all the others.
+  startDevice(page.canvas);
+  await new Promise((later) => setTimeout(later));
   stage = new Stage(page.canvas);
   stage.painter.drawn = drawn;
   listen();

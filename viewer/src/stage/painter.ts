@@ -8,14 +8,18 @@ import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLR
 
 /** A picture of what moves may take this long, in milliseconds. */
 const SMOOTH_MS = 40;
+/** A part of what rests may take this long: longer, because browsers compose all of the page after each. */
+const PART_MS = 100;
 /** Pixels along a side of what moves, of those of the screen, at least. */
 const COARSEST = 1 / 16;
 /** Without a move for this long, pictures are sharp again. */
 const REST_MS = 200;
 /** Rows and columns of the smallest part of a picture. */
 const CELL = 32;
-/** Draws may take so many more pixels than the one before. */
+/** A draw may have so many times the pixels of the one before. */
 const GROWTH = 4;
+/** A part of a picture may have so many times the pixels a millisecond of the whole one, whose time is partly that of waiting. */
+const LEAP = 2;
 
 /** Two objects, left and right of a line; `at` is its place, 0 to 1. */
 export interface Split {
@@ -45,7 +49,8 @@ export class Painter {
   private spent = 0;
   /** When the last draw began. */
   private began = 0;
-  /** Pixels a millisecond of the last draws. */
+  /** Pixels a millisecond of the last whole picture, and of the last draw. */
+  private wholeRate: number | null = null;
   private rate: number | null = null;
 
   constructor(
@@ -94,7 +99,7 @@ export class Painter {
   private drawCoarse(): void {
     [this.isStale, this.isFresh, this.cursor] = [false, false, null];
     const [width, height] = this.size;
-    const affordable = Math.sqrt(((this.rate ?? 0) * SMOOTH_MS) / (width * height));
+    const affordable = Math.sqrt(((this.wholeRate ?? 0) * SMOOTH_MS) / (width * height));
     this.sharpness = Math.min(1, Math.max(COARSEST, affordable));
     const [wide, high] = this.size.map((pixels) => Math.max(1, Math.round(pixels * this.sharpness)));
     const now = this.renderer.getSize(new Vector2());
@@ -104,6 +109,7 @@ export class Painter {
     this.renderer.setViewport(0, 0, width, height);
     if (this.sharpness < 1) this.enlarge(wide, high);
     this.whenDone(wide * high, (time) => {
+      this.wholeRate = this.rate;
       this.frameTime = time;
       this.drawn();
     });
@@ -132,7 +138,9 @@ export class Painter {
   /** Draws as many cells, from `cursor` on, as may be. */
   private drawPart([x, y]: [number, number]): void {
     const [width, height] = this.size;
-    const cells = Math.max(1, Math.floor(((this.rate ?? 0) * SMOOTH_MS) / CELL ** 2));
+    // Rows of background say nothing about those of the field, but the whole picture has both.
+    const rate = Math.min(this.rate ?? 0, LEAP * (this.wholeRate ?? 0));
+    const cells = Math.max(1, Math.floor((rate * PART_MS) / CELL ** 2));
     const rows = Math.floor(cells / Math.ceil(width / CELL));
     const wide = x === 0 && rows > 0 ? width : Math.min(width - x, cells * CELL);
     const high = Math.min(height - y, wide === width ? Math.max(1, rows) * CELL : CELL);

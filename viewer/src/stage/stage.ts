@@ -20,6 +20,14 @@ const DAMPING = 0.15;
 /** A flight to another place takes so many milliseconds. */
 const FLIGHT_MS = 400;
 
+/** As `Stage` draws: without smoothing of its own, and with what was drawn before. */
+const CONTEXT = { alpha: true, antialias: false, preserveDrawingBuffer: true };
+
+/** Makes a canvas ready for `Stage`, which does so itself where this was not called. */
+export function startDevice(canvas: HTMLCanvasElement): void {
+  canvas.getContext("webgl2", CONTEXT);
+}
+
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera();
@@ -35,7 +43,7 @@ export class Stage {
   private before = performance.now();
 
   constructor(private readonly canvas: HTMLCanvasElement) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
+    this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
     this.painter = new Painter(this.renderer, this.scene, this.camera);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.dampingFactor = DAMPING;
