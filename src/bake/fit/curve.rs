@@ -10,9 +10,9 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 /// Added to a line at `log2(rho)` of `x`: this times `x^2`.
 const RISE: f32 = 0.12;
 /// Steps of a knot's level, tried one after another.
-const STEPS: [f32; 3] = [0.24, 0.12, 0.06];
+const STEPS: [f32; 2] = [0.2, 0.08];
 /// Rounds over all knots for each step, at most.
-const MAX_ROUNDS: usize = 2;
+const MAX_ROUNDS: usize = 1;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
