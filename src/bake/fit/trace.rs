@@ -11,8 +11,8 @@ use crate::model::view_dependence::ViewDependence;
 use crate::view::render::{ColorRule, Path, Route, View};
 use crate::view::sample::{Cell, Dense, Sample};
 
-/// Optical depth from which a ray ends.
-const OPAQUE_DEPTH: f32 = 9.0;
+/// Optical depth from which a ray ends: a part in 400 of the light is left.
+const OPAQUE_DEPTH: f32 = 6.0;
 /// Samples of a packet.
 const PACKET: usize = 16;
 

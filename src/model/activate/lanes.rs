@@ -142,6 +142,18 @@ mod tests {
     }
 
     #[test]
+    fn binary_logarithms_keep_their_bound() {
+        let near_one = (0..2000).map(|i| 1.0 + (i - 1000) as f32 * 1e-6);
+        let far = (-4000..4000).map(|i| libm::exp2f(i as f32 * 0.031));
+        for x in near_one.chain(far).chain([0.75, 1.5, f32::MIN_POSITIVE, f32::MAX]) {
+            let want = libm::log2(x.into());
+            let off = (f64::from(log2(x)) - want).abs();
+            assert!(off <= 3e-7 + f64::from(f32::EPSILON) * want.abs(), "{x}: {off}");
+        }
+        assert_eq!((log2(1.0), log2(0.0), log2(8.0)), (0.0, -126.0, 3.0));
+    }
+
+    #[test]
     fn opacity_keeps_its_bound() {
         for depth in (0..20_000).map(|i| i as f32 * 0.001).chain([1e-20, 1e-7, 1e-3, 0.5, 1e30]) {
             let want = -(-f64::from(depth)).exp_m1();
