@@ -36,6 +36,9 @@ struct Moments<const C: usize> {
     steps: u32,
 }
 
+/// What the running means of nodes lack after so many steps, from none on, because they began at 0.
+type Lacks = Vec<[f32; 2]>;
+
 /// The values of a level's fitted nodes: density and colours.
 pub type State<const C: usize> = Vec<(f32, [f32; C])>;
 
@@ -49,6 +52,7 @@ pub struct Adam<const C: usize> {
     color_rate: f32,
     /// Mean squares of the first derivatives, by density and by colour.
     squares: Option<[f32; 2]>,
+    lacks: Lacks,
 }
 
 impl<const C: usize> Adam<C> {
@@ -73,7 +77,7 @@ impl<const C: usize> Adam<C> {
                 density[node] = 0.0;
             }
         }
-        Self { level, numbers, moments, color_rate, squares: None }
+        Self { level, numbers, moments, color_rate, squares: None, lacks: vec![[0.0; 2]] }
     }
 
     /// Nodes that are fitted.
@@ -114,23 +118,22 @@ impl<const C: usize> Adam<C> {
         let fade = 1.0 + (LAST_RATE - 1.0) * progress;
         let [density_rate, color_rate] = [DENSITY_RATE, self.color_rate].map(|rate| rate * fade);
         let nodes = self.moments.len();
-        let parts: Vec<_> = gradients.iter().map(|gradient| &gradient.levels[index]).collect();
+        let parts: Vec<_> = gradients.iter().map(|gradient| &gradient.levels[index][..]).collect();
         let squares = *self.squares.get_or_insert_with(|| mean_squares(&parts, nodes));
         let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);
         let rates = [[density_rate, least[0]], [color_rate, least[1]]];
+        let steps = self.lacks.len() as f32;
+        self.lacks.push(DECAYS.map(|decay| 1.0 - libm::powf(decay, steps)));
+        let lacks = &self.lacks;
         let chunks = self.moments.chunks_mut(CHUNK).enumerate();
         let mut work: Vec<_> = chunks.map(|(i, chunk)| (i * CHUNK, chunk)).collect();
         let sums = &parts;
         let updates = parallel::map_mut(&mut work, |_, (first, chunk)| {
             let update = |(i, moments): (usize, &mut Moments<C>)| {
-                let density = sums.iter().fold(0.0, |sum, part| sum + part.density[i]);
-                let mut color = [0.0; C];
-                for part in sums {
-                    color.iter_mut().zip(part.color[i]).for_each(|(sum, part)| *sum += part);
-                }
+                let Sums { density, color } = total(sums, i);
                 // A node that no ray met stays.
                 let met = density != 0.0 || color.iter().any(|&by| by != 0.0);
-                met.then(|| moments.advance(density, &color, rates))
+                met.then(|| moments.advance(density, &color, rates, lacks))
             };
             let first = *first;
             let numbered = chunk.iter_mut().enumerate().map(|(i, moments)| (first + i, moments));
@@ -144,26 +147,35 @@ impl<const C: usize> Adam<C> {
             color[at].iter_mut().zip(by_color).for_each(|(raw, by)| *raw -= by);
         }
         parallel::map_mut(gradients, |_, gradient| {
-            gradient.levels[index].density.fill(0.0);
-            gradient.levels[index].color.fill([0.0; C]);
+            gradient.levels[index].fill(Sums::ZERO);
             Ok(())
         })?;
         Ok(())
     }
 }
 
+/// The sum of all parts' derivatives by a node's values.
+fn total<const C: usize>(parts: &[&[Sums<C>]], node: usize) -> Sums<C> {
+    let mut total = Sums::ZERO;
+    for part in parts {
+        let Sums { density, color } = part[node];
+        total.density += density;
+        total.color.iter_mut().zip(color).for_each(|(sum, part)| *sum += part);
+    }
+    total
+}
+
 /// Mean squares of derivatives that are not zero, by density and by colour.
-fn mean_squares<const C: usize>(gradients: &[&Sums<C>], nodes: usize) -> [f32; 2] {
+fn mean_squares<const C: usize>(gradients: &[&[Sums<C>]], nodes: usize) -> [f32; 2] {
     let (mut sums, mut counts) = ([0.0f64; 2], [0.0f64; 2]);
     let mut add = |kind: usize, derivative: f32| {
         sums[kind] += f64::from(derivative).powi(2);
         counts[kind] += f64::from(u8::from(derivative != 0.0));
     };
     for node in 0..nodes {
-        add(0, gradients.iter().map(|part| part.density[node]).sum());
-        for lane in 0..C {
-            add(1, gradients.iter().map(|part| part.color[node][lane]).sum());
-        }
+        let Sums { density, color } = total(gradients, node);
+        add(0, density);
+        color.into_iter().for_each(|color| add(1, color));
     }
     [0, 1].map(|kind| (sums[kind] / counts[kind].max(1.0)) as f32)
 }
@@ -175,9 +187,10 @@ impl<const C: usize> Moments<C> {
         density: f32,
         color: &[f32; C],
         [density_rate, color_rate]: [[f32; 2]; 2],
+        lacks: &Lacks,
     ) -> (f32, [f32; C]) {
         self.steps += 1;
-        let [first, second] = DECAYS.map(|decay| 1.0 - libm::powf(decay, self.steps as f32));
+        let [first, second] = lacks[self.steps as usize];
         let step = |[mean, square]: &mut [f32; 2], derivative: f32, [rate, least]: [f32; 2]| {
             *mean += (1.0 - DECAYS[0]) * (derivative - *mean);
             *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);

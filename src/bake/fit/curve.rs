@@ -11,8 +11,6 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 const RISE: f32 = 0.12;
 /// Steps of a knot's level, tried one after another.
 const STEPS: [f32; 3] = [0.24, 0.12, 0.06];
-/// Rounds over all knots for each step, at most.
-const MAX_ROUNDS: usize = 2;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
@@ -61,24 +59,18 @@ impl Curve {
         mut quality: impl FnMut(LevelOfDetail) -> Result<f64>,
     ) -> Result<f64> {
         for step in STEPS {
-            for _ in 0..MAX_ROUNDS {
-                let before = highest;
-                for knot in 0..self.levels.len() {
-                    for by in [step, -step] {
-                        let mut moved = self.clone();
-                        moved.levels[knot] += by;
-                        if !moved.rises() {
-                            continue;
-                        }
-                        let found = quality(moved.rule())?;
-                        if found > highest {
-                            (*self, highest) = (moved, found);
-                            break;
-                        }
+            for knot in 0..self.levels.len() {
+                for by in [step, -step] {
+                    let mut moved = self.clone();
+                    moved.levels[knot] += by;
+                    if !moved.rises() {
+                        continue;
                     }
-                }
-                if highest == before {
-                    break;
+                    let found = quality(moved.rule())?;
+                    if found > highest {
+                        (*self, highest) = (moved, found);
+                        break;
+                    }
                 }
             }
         }

@@ -1,8 +1,10 @@
 //! The derivatives of all levels against differences of pictures.
 
 use super::adam::Adam;
-use super::gradient::{Gradient, Rays};
+use super::finest::Finest;
+use super::gradient::Gradient;
 use super::target::Targets;
+use super::trace::Rays;
 use crate::base::limits::Limits;
 use crate::base::progress::Silent;
 use crate::levels::sizes::level_sizes;
@@ -62,18 +64,19 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets) {
         Adam::new(&mut field, level, &NodeMask::full(nodes), view.color_domain)
     };
     let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
+    let finest = Finest::taken_from(&mut field);
     let numbers: Vec<&[u32]> = adams.iter().map(Adam::numbers).collect();
     let counts: Vec<usize> = adams.iter().map(Adam::nodes).collect();
     let of_scale = |scale: usize| (0..RAYS).map(move |number| (scale, number));
     let all: Vec<_> = (0..targets.scales).flat_map(of_scale).collect();
     let mut gradient = Gradient::new(&counts);
-    let rays = Rays { view, field: &field, targets, numbers: &numbers };
+    let rays = Rays { view, field: &field, finest: &finest, targets, numbers: &numbers };
     for &(scale, number) in &all {
         rays.differentiate(scale, number, 1.0, &mut gradient);
     }
     let mut unused = Gradient::new(&[]);
     let mut loss = |field: &Dense<C>| -> f64 {
-        let rays = Rays { view, field, targets, numbers: &numbers };
+        let rays = Rays { view, field, finest: &finest, targets, numbers: &numbers };
         let square = |&(scale, number): &(usize, usize)| {
             0.5 * f64::from(rays.square(scale, number, false, &mut unused))
         };
@@ -84,8 +87,8 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets) {
         // Density, then the three colours.
         for group in 0..4 {
             let by = |node: usize| match group {
-                0 => f64::from(sums.density[node]),
-                lane => f64::from(sums.color[node][lane - 1]),
+                0 => f64::from(sums[node].density),
+                lane => f64::from(sums[node].color[lane - 1]),
             };
             let largest = (0..count).map(|node| by(node).abs()).fold(0.0, f64::max);
             assert!(largest > 0.01, "level {level}, group {group}: {largest}");

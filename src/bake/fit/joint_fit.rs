@@ -3,7 +3,9 @@
 use super::adam::{Adam, State};
 use super::context::{FitContext, Fitted, FittedLevel, psnr};
 use super::curve::Curve;
-use super::gradient::{Gradient, Rays};
+use super::finest::Finest;
+use super::gradient::Gradient;
+use super::trace::Rays;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::Step;
@@ -37,7 +39,9 @@ const SEARCHES: [f64; 2] = [0.4, 0.8];
 pub struct JointFit<'a, const C: usize> {
     context: &'a FitContext<'a>,
     view: View,
+    /// Without the colours of level 0.
     field: Dense<C>,
+    finest: Finest<C>,
     curve: Curve,
     /// From level 1 on.
     adams: Vec<Adam<C>>,
@@ -62,7 +66,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let adams: Vec<_> =
             retained.map(|(level, nodes)| Adam::new(&mut field, level, nodes, colors)).collect();
         let curve = Curve::above(context.start, adams.len());
-        Self { context, view, field, curve, adams }
+        let finest = Finest::taken_from(&mut field);
+        Self { context, view, field, finest, curve, adams }
     }
 
     /// Fits, and keeps what is best at every scale.
@@ -222,7 +227,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
     }
 
     fn rays<'b>(&'b self, numbers: &'b [&'b [u32]]) -> Rays<'b, C> {
-        Rays { view: &self.view, field: &self.field, targets: self.context.targets, numbers }
+        let Self { context, view, field, finest, .. } = self;
+        Rays { view, field, finest, targets: context.targets, numbers }
     }
 
     /// PSNR of each scale under a rule, in dB, of `count` rays each, a multiple of 8.

@@ -6,9 +6,9 @@
 //!
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box. The mean of a
 //!    window of pixels is a pixel of a smaller picture.
-//! 2. [`gradient`] renders single rays of the small pictures, one ray a pixel. It differentiates
-//!    their colour by the values of all levels: through the view network, compositing, blending of
-//!    levels, activation and interpolation.
+//! 2. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
+//!    differentiates their colour by the values of all levels: through the view network,
+//!    compositing, blending of levels, activation and interpolation.
 //! 3. [`adam`] takes steps.
 //! 4. [`curve`] is the rule that says which level a sample reads. Its knots move to where the levels
 //!    look best.
@@ -25,10 +25,13 @@ mod context;
 mod curve;
 #[cfg(test)]
 mod derivatives;
+mod finest;
 mod gradient;
 mod joint_fit;
 mod run;
+mod summed_area;
 mod target;
+mod trace;
 
 pub use context::{FitOptions, Fitted, FittedLevel};
 pub use run::fit;

@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 
+use super::summed_area::SummedArea;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::{Progress, Step};
@@ -31,8 +32,8 @@ const VALIDATION: usize = 8;
 #[derive(Debug)]
 struct Picture {
     camera: Camera,
-    /// Colour over the background, rows from the top.
-    color: Vec<[f32; 3]>,
+    /// Colour over the background.
+    color: SummedArea,
 }
 
 /// Target pictures.
@@ -84,6 +85,8 @@ impl Targets {
         }
         let count = cameras.len();
         progress.begin(Step::Targets, count as u64);
+        // Steps see windows between two scales, too.
+        let largest = (3usize << coarser).pow(2);
         let mut pictures = Vec::new();
         let mut shown = [Vec::new(), Vec::new()];
         for (number, camera) in cameras.into_iter().enumerate() {
@@ -93,8 +96,8 @@ impl Targets {
             let validates = number % VALIDATION == VALIDATION - 1;
             let shows = (0..frame.color.len()).filter(|&pixel| frame.transmittance[pixel] < 0.9999);
             shown[usize::from(validates)].extend(shows.map(|pixel| (number as u32, pixel as u32)));
-            let color = frame.color.iter().map(|color| color.map(|value| value.clamp(0.0, 1.0)));
-            pictures.push(Picture { color: color.collect(), camera });
+            let color = SummedArea::new(&frame.color, camera.lens.width, largest);
+            pictures.push(Picture { color, camera });
             progress.advance(Step::Targets, 1);
         }
         if shown[1].is_empty() {
@@ -129,20 +132,11 @@ impl Targets {
         let pixel = pixel as usize;
         let x = start(pixel % width, random >> 8, width);
         let y = start(pixel / width, random >> 32, height);
-        let mut sum = [0.0f32; 3];
-        for row in picture.color.chunks_exact(width).skip(y).take(side) {
-            for color in &row[x..x + side] {
-                sum.iter_mut().zip(color).for_each(|(sum, value)| *sum += value);
-            }
-        }
+        let color = picture.color.mean(x, y, side);
         let half = 0.5 * side as f64;
         let (x, y) = (x as f64 + half, y as f64 + half);
         let ray = |x: f64, y: f64| picture.camera.ray(x, y);
-        Some(Target {
-            ray: ray(x, y),
-            aside: [ray(x + half, y), ray(x, y + half)],
-            color: sum.map(|sum| sum / (side * side) as f32),
-        })
+        Some(Target { ray: ray(x, y), aside: [ray(x + half, y), ray(x, y + half)], color })
     }
 }
 

@@ -3,7 +3,8 @@
 //!
 //! Errors against the float64 functions of [`crate::model::activate`], over all finite inputs, are
 //! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for
-//! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`].
+//! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`];
+//! 3e-7 absolute and a rounding of the result for [`log2`].
 
 /// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, leads to
 /// no subnormal numbers, which processors are slow with.
@@ -58,6 +59,21 @@ pub fn opacity(depth: f32) -> f32 {
 #[inline(always)]
 pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
+}
+
+/// `log2(x)` of a number from 0, at least -126: `n + 2 atanh(s) / ln 2` with `x = 2^n m`, m from
+/// 0.75 to 1.5, and `s = (m - 1) / (m + 1)`, the series to s^7.
+#[inline(always)]
+pub fn log2(x: f32) -> f32 {
+    // This addend carries into the exponent if m would be above 1.5.
+    const CARRY: u32 = 1 << 22;
+    let bits = x.max(f32::MIN_POSITIVE).to_bits();
+    let exponent = (bits + CARRY) >> 23;
+    let m = f32::from_bits(bits + (127 << 23) - (exponent << 23));
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let series = 1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0)));
+    (exponent as i32 - 127) as f32 + 2.0 * std::f32::consts::LOG2_E * s * series
 }
 
 /// `ln(x)` of a normal positive number: with `x = 2^n m`, m from 0.75 to 1.5, `n ln 2 + 2 atanh(s)`
@@ -123,6 +139,18 @@ mod tests {
             assert!((ln(x) - want).abs() <= 1e-13 * want.abs(), "{x}: {} {want}", ln(x));
         }
         assert_eq!(ln(1.0), 0.0);
+    }
+
+    #[test]
+    fn binary_logarithms_keep_their_bound() {
+        let near_one = (0..2000).map(|i| 1.0 + (i - 1000) as f32 * 1e-6);
+        let far = (-4000..4000).map(|i| libm::exp2f(i as f32 * 0.031));
+        for x in near_one.chain(far).chain([0.75, 1.5, f32::MIN_POSITIVE, f32::MAX]) {
+            let want = libm::log2(x.into());
+            let off = (f64::from(log2(x)) - want).abs();
+            assert!(off <= 3e-7 + f64::from(f32::EPSILON) * want.abs(), "{x}: {off}");
+        }
+        assert_eq!((log2(1.0), log2(0.0), log2(8.0)), (0.0, -126.0, 3.0));
     }
 
     #[test]

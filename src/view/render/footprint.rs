@@ -6,6 +6,7 @@
 //! Both rays' samples move linearly with their index, so the offset is linear and `rho^2` a
 //! quadratic in it.
 
+use crate::model::activate::lanes;
 use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 
 /// The rule for a ray's level of detail at each sample.
@@ -70,7 +71,7 @@ impl Footprint {
     /// The level of a footprint whose square is this.
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
-        let log = 0.5 * libm::log2(square.max(f64::MIN_POSITIVE)) as f32;
+        let log = 0.5 * lanes::log2(square as f32);
         self.rule.level(log).clamp(self.finest, self.last)
     }
 }

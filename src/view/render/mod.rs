@@ -24,6 +24,7 @@ mod view;
 pub use color_rule::ColorRule;
 pub use coverage::{CameraCoverage, camera_coverage};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
+pub use path::Path;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::Route;

@@ -94,6 +94,16 @@ impl<const C: usize> Dense<C> {
         (density.as_deref_mut().unwrap_or_default(), color)
     }
 
+    /// Takes a level's colours, which it has none of afterwards.
+    pub fn take_colors(&mut self, level: usize) -> Vec<[f32; C]> {
+        std::mem::take(&mut self.values[level].color)
+    }
+
+    /// Distances of a level's neighbours along x and y, in nodes.
+    pub fn strides(&self, level: usize) -> [usize; 2] {
+        self.values[level].strides
+    }
+
     /// The nodes that a cell's values come from, and their weights.
     pub fn corners(&self, level: usize, cell: &Cell) -> [(usize, f32); 8] {
         let [x, y] = self.values[level].strides;

@@ -32,6 +32,7 @@ pub fn split(position: f64, nodes: usize) -> (usize, f32) {
 }
 
 impl<const C: usize> Values<C> {
+    #[inline(always)]
     fn corners(&self, node: usize) -> [usize; 4] {
         let [x, y] = self.strides;
         [node, node + y, node + x, node + x + y]
@@ -42,10 +43,11 @@ impl<const C: usize> Values<C> {
     pub fn density(&self, cell: &Cell) -> f32 {
         let density = self.density.as_deref().unwrap_or_default();
         let [fx, fy, fz] = cell.fraction;
-        let along_z = self.corners(cell.node).map(|node| {
+        let mut along_z = [0.0; 4];
+        for (value, node) in along_z.iter_mut().zip(self.corners(cell.node)) {
             let pair = &density[node..node + 2];
-            pair[0] + (pair[1] - pair[0]) * fz
-        });
+            *value = pair[0] + (pair[1] - pair[0]) * fz;
+        }
         let low = along_z[0] + (along_z[1] - along_z[0]) * fy;
         let high = along_z[2] + (along_z[3] - along_z[2]) * fy;
         low + (high - low) * fx

@@ -1,0 +1,270 @@
+//! One ray: its samples in packets, and its squared error.
+//!
+//! A packet's densities are read before any of its colours, so that a processor waits for many
+//! addresses at once.
+
+use super::finest::Finest;
+use super::target::{Target, Targets};
+use crate::model::activate::lanes;
+use crate::model::field::{ActivationOrder, DensityFunction};
+use crate::model::view_dependence::ViewDependence;
+use crate::view::render::{ColorRule, Path, Route, View};
+use crate::view::sample::{Cell, Dense, Sample};
+
+/// Optical depth from which a ray ends: a part in 400 of the light is left.
+const OPAQUE_DEPTH: f32 = 6.0;
+/// Samples of a packet.
+const PACKET: usize = 16;
+
+/// Rays through all levels.
+pub struct Rays<'a, const C: usize> {
+    /// The rules.
+    pub view: &'a View,
+    /// All levels as they are now, but for the colours of level 0.
+    pub field: &'a Dense<C>,
+    /// The colours of level 0.
+    pub finest: &'a Finest<C>,
+    /// The colours that the rays should have.
+    pub targets: &'a Targets,
+    /// From level 1 on, the number of each node among those that are fitted.
+    pub numbers: &'a [&'a [u32]],
+}
+
+/// A sample's part of one level.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Part {
+    pub level: usize,
+    /// Its share of the sample; 0 where the sample does not read the level.
+    pub share: f32,
+    pub cell: Cell,
+    /// Interpolated density.
+    pub density: f32,
+}
+
+/// A sample that was composited.
+#[derive(Debug, Clone, Copy)]
+pub struct Sampled {
+    pub parts: [Part; 2],
+    pub intervals: f32,
+    pub weight: f32,
+    /// Light left behind it.
+    pub left: f32,
+    /// The number of its colours; none where its weight is too small to add any.
+    pub colors: Option<usize>,
+}
+
+/// A sample's activated colours.
+#[derive(Debug, Clone, Copy)]
+pub struct SampledColors<const C: usize> {
+    /// Of the two parts.
+    pub parts: [[f32; C]; 2],
+    /// Of both together.
+    pub mixed: [f32; C],
+}
+
+/// The samples of a ray, front to back.
+#[derive(Debug, Default)]
+pub struct Samples<const C: usize> {
+    pub list: Vec<Sampled>,
+    pub colors: Vec<SampledColors<C>>,
+}
+
+/// A ray's squared error and what it follows from.
+#[derive(Debug, Clone, Copy)]
+pub struct Traced<'a, const C: usize> {
+    /// Derivative of half the squared error by the accumulated colour.
+    pub by_color: [f32; C],
+    /// Derivative by the light left.
+    pub by_left: f32,
+    /// Light left.
+    pub left: f32,
+    /// The squared error, over three channels.
+    pub square: f32,
+    /// How values became colours.
+    pub rule: ColorRule<'a>,
+}
+
+/// Samples that wait to be read together.
+struct Packet {
+    count: usize,
+    k: [f64; PACKET],
+    /// Levels of detail.
+    lambda: [f32; PACKET],
+    intervals: [f32; PACKET],
+}
+
+/// Sums over a ray's packets.
+struct Sums<const C: usize> {
+    depth: f32,
+    /// Light left.
+    left: f32,
+    color: [f32; C],
+}
+
+impl<'a, const C: usize> Rays<'a, C> {
+    /// Composites a ray, leaving its samples in `samples`. None where it misses the box.
+    pub fn trace(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
+        let Target { ray, aside, color } = target;
+        let route = Route::new(self.view, self.field.levels(), ray, Some(*aside), None)?;
+        samples.list.clear();
+        samples.colors.clear();
+        let unit = (ray.direction / ray.direction.length()).to_array();
+        let rule = ColorRule::of(self.view, unit);
+        let mut sums = Sums { depth: 0.0, left: 1.0, color: [0.0; C] };
+        let (k, lambda, intervals) = ([0.0; PACKET], [0.0; PACKET], [0.0; PACKET]);
+        let mut packet = Packet { count: 0, k, lambda, intervals };
+        route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
+            let at = packet.count;
+            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
+            packet.count += 1;
+            if packet.count == PACKET {
+                self.composite(&rule, &route.path, &mut packet, &mut sums, samples);
+            }
+            sums.depth < OPAQUE_DEPTH
+        });
+        self.composite(&rule, &route.path, &mut packet, &mut sums, samples);
+        let left = sums.left;
+        rule.finish(&mut sums.color);
+        let mut traced = self.by_accumulated(rule, unit, &sums.color, left, *color);
+        rule.by_sums(&sums.color, &mut traced.by_color);
+        Some(traced)
+    }
+
+    /// Reads, composites and empties a packet. Samples behind opaque matter are left out.
+    #[inline(always)]
+    fn composite(
+        &self,
+        rule: &ColorRule,
+        path: &Path,
+        packet: &mut Packet,
+        sums: &mut Sums<C>,
+        samples: &mut Samples<C>,
+    ) {
+        let count = std::mem::take(&mut packet.count);
+        let first = samples.list.len();
+        for i in 0..count {
+            let (position, lambda) = (path.position(packet.k[i]), packet.lambda[i]);
+            let level = lambda as usize;
+            let blend = lambda - level as f32;
+            let parts =
+                [self.part(level, 1.0 - blend, position), self.part(level + 1, blend, position)];
+            let intervals = packet.intervals[i];
+            samples.list.push(Sampled { parts, intervals, weight: 0.0, left: 0.0, colors: None });
+        }
+        let mut optical = [0.0f32; PACKET];
+        for (optical, sample) in optical.iter_mut().zip(&samples.list[first..]) {
+            let [fine, coarse] = &sample.parts;
+            *optical = (self.optical_depth(fine) + self.optical_depth(coarse)) * sample.intervals;
+        }
+        let mut left = [0.0f32; PACKET];
+        let mut depth = sums.depth;
+        let mut visible = 0;
+        for (left, optical) in left.iter_mut().zip(optical).take(count) {
+            if depth >= OPAQUE_DEPTH {
+                break;
+            }
+            depth += optical;
+            *left = depth;
+            visible += 1;
+        }
+        left.iter_mut().for_each(|left| *left = lanes::exp(-*left));
+        optical.iter_mut().for_each(|optical| *optical = lanes::opacity(*optical));
+        samples.list.truncate(first + visible);
+        sums.depth = depth;
+        for (sample, (left, opacity)) in
+            samples.list[first..].iter_mut().zip(left.iter().zip(optical))
+        {
+            sample.weight = sums.left * opacity;
+            (sample.left, sums.left) = (*left, *left);
+            if sample.weight > self.view.march.color_threshold {
+                sample.colors = Some(samples.colors.len());
+                let colors = self.colors(rule, &sample.parts);
+                for (sum, color) in sums.color.iter_mut().zip(colors.mixed) {
+                    *sum += sample.weight * color;
+                }
+                samples.colors.push(colors);
+            }
+        }
+    }
+
+    /// A sample's part of a level.
+    #[inline(always)]
+    fn part(&self, level: usize, share: f32, position: [f64; 3]) -> Part {
+        if share == 0.0 {
+            return Part::default();
+        }
+        let cell = self.field.locate(level, position).unwrap_or_default();
+        Part { level, share, cell, density: self.field.density(level, &cell) }
+    }
+
+    /// The colours of a sample.
+    #[inline(always)]
+    fn colors(&self, rule: &ColorRule, parts: &[Part; 2]) -> SampledColors<C> {
+        let mut colors = SampledColors { parts: [[0.0; C]; 2], mixed: [0.0; C] };
+        for (part, color) in parts.iter().zip(&mut colors.parts) {
+            if part.share == 0.0 {
+                continue;
+            }
+            *color = match part.level {
+                0 => self.finest.color(&part.cell),
+                level => self.field.color(level, &part.cell),
+            };
+            rule.activate(color);
+            for (mixed, color) in colors.mixed.iter_mut().zip(*color) {
+                *mixed += part.share * color;
+            }
+        }
+        colors
+    }
+
+    /// A part's share of the optical depth over one interval.
+    #[inline(always)]
+    fn optical_depth(&self, part: &Part) -> f32 {
+        let (activation, density) = (&self.view.activation, part.density);
+        let whole = match (part.level, activation.order) {
+            (0, ActivationOrder::Raw) => match activation.function {
+                DensityFunction::Softplus => {
+                    lanes::softplus(density + activation.shift) * activation.interval
+                }
+                DensityFunction::Relu => density.max(0.0) * activation.interval,
+            },
+            (0, ActivationOrder::Density) => density * activation.interval,
+            (0, ActivationOrder::Opacity) => -libm::log1pf(-density.min(1.0 - f32::EPSILON)),
+            _ => density * density,
+        };
+        part.share * whole
+    }
+
+    /// Derivatives of half the squared error of the ray's colour.
+    fn by_accumulated(
+        &self,
+        rule: ColorRule<'a>,
+        unit: [f64; 3],
+        accumulated: &[f32; C],
+        left: f32,
+        target: [f32; 3],
+    ) -> Traced<'a, C> {
+        let background = self.view.background;
+        let channels = 3 + self.view.features;
+        let network = self.view.view_dependence.as_ref().and_then(ViewDependence::network);
+        let mut by_color = [0.0; C];
+        let error = |specular: [f32; 3]| {
+            [0, 1, 2].map(|c| accumulated[c] + specular[c] + left * background[c] - target[c])
+        };
+        let errors = match network {
+            Some(network) => {
+                let (sample, by_input) =
+                    network.differentiate(unit, &accumulated[..channels], error);
+                by_color[..channels].copy_from_slice(&by_input);
+                sample
+            }
+            None => error([0.0; 3]),
+        };
+        for (by_color, error) in by_color.iter_mut().zip(errors) {
+            *by_color += error;
+        }
+        let by_left = (0..3).map(|c| errors[c] * background[c]).sum();
+        let square = errors.iter().map(|error| error * error).sum();
+        Traced { by_color, by_left, left, square, rule }
+    }
+}
