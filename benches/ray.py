@@ -1,5 +1,6 @@
 """Throughput of a catalogue on Ray against a plain loop on the same cores.
 
+    pip install "./python[ray]"
     python benches/ray.py [SCENES] [INPUT]
 
 bakes the scenes in turns: by Ray, and by one `bake --manifest --shard` a core. A warm-up of Ray is
@@ -16,12 +17,10 @@ import tempfile
 import time
 from pathlib import Path
 
+import ray
+from mipvog_bake.ray import Options, bake_all, program
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "python"))
-
-import ray  # noqa: E402
-
-from mipvog_bake.ray import Options, bake_all, program  # noqa: E402
 
 TURNS = 3
 
