@@ -5,10 +5,15 @@
  */
 
 import { execFileSync } from "node:child_process";
-import { copyFileSync, readdirSync, readFileSync, rmSync } from "node:fs";
+import { copyFileSync, mkdirSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { build } from "esbuild";
 
-const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text" } };
+const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text", ".wasm": "binary" } };
+
+// Into the bundles by its bytes: no request for it can fail.
+mkdirSync("build", { recursive: true });
+const options = ["-O3", "--runtime", "stub", "--enable", "simd", "--noAssert"];
+execFileSync("node_modules/.bin/asc", ["wasm/restore.ts", "--outFile", "build/restore.wasm", ...options], { stdio: "inherit" });
 
 /** The licences of what a product contains, which they ask to be kept with it. */
 function notices(...packages) {

@@ -9,6 +9,7 @@
 
 import { readFileSync } from "node:fs";
 import { CODINGS } from "../src/format/codings/index.js";
+import { prepareLanes } from "../src/format/codings/lanes.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { colorGroups, readMetadata } from "../src/format/metadata.js";
 import { prepareInflate } from "../src/format/zstd.js";
@@ -27,7 +28,7 @@ function seconds(work: () => void): number {
 }
 
 const bytes = Uint8Array.from(readFileSync(process.argv[2]));
-await prepareInflate();
+await Promise.all([prepareInflate(), prepareLanes()]);
 const header = readHeader(bytes);
 const entries = readDirectory(header, bytes);
 const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));

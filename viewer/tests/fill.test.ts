@@ -10,6 +10,7 @@ import { CODINGS } from "../src/format/codings/index.js";
 import { blockCounts, type LevelMetadata, readMetadata } from "../src/format/metadata.js";
 import { levelChunks, type LevelColors, LevelDecoder } from "../src/load/level.js";
 import { plan } from "../src/load/plan.js";
+import { prepareLanes } from "../src/format/codings/lanes.js";
 import { prepareInflate } from "../src/format/zstd.js";
 import { program, ROOT, temporaryFolder } from "./support.js";
 
@@ -41,7 +42,7 @@ for (const name of NAMES) test(`values of ${name} are the program's`, async () =
   const before = decoded(bytes);
   compare(before, array);
   // The same by the other decoder of zstd.
-  await prepareInflate();
+  await Promise.all([prepareInflate(), prepareLanes()]);
   assert.deepEqual(decoded(bytes), before);
 });
 

@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
+import { prepareLanes, restoreLanes, type Run } from "../src/format/codings/lanes.js";
 import { restore, restoreWide } from "../src/format/codings/restore.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { readMetadata } from "../src/format/metadata.js";
@@ -44,6 +45,51 @@ for (const [bytes, origin] of [[1, 0], [2, 0], [2, 0x8000]] as const) {
       assert.deepEqual(Array.from(own), Array.from(wideOwn));
     }
   });
+}
+
+test("codes of runs in vectors are those of block after block", async () => {
+  const next = numbers(29);
+  const bytes = (count: number) => Uint8Array.from({ length: count }, () => next(256));
+  assert.equal(restoreLanes(emptyRun(), new Uint8Array(0)), false);
+  await prepareLanes();
+  for (let round = 0; round < 60; round++) {
+    const [frames, channels, edge, modes] = [1 + next(19), 1 + next(6), 1 + next(9), 1 + next(4)];
+    const nodes = edge ** 3;
+    const masks = Array.from({ length: frames }, () => Int32Array.from({ length: nodes }, () => -next(2)));
+    const starts = new Int32Array(frames);
+    let live = 0;
+    masks.forEach((mask, frame) => {
+      starts[frame] = live;
+      live += mask.filter((bit) => bit).length;
+    });
+    const liveBytes = Math.ceil(nodes / 8);
+    const bits = new Uint8Array(frames * liveBytes);
+    masks.forEach((mask, frame) => mask.forEach((bit, node) => (bits[frame * liveBytes + (node >> 3)] |= -bit << (node & 7))));
+    // Channels that do not exist have weight 0.
+    const weights = Array.from({ length: modes }, () => Array.from({ length: channels }, (_, channel) => Int8Array.from(bytes(5), (byte, i) => (i < 2 + channel ? byte : 0))));
+    const run: Run = { frames, channels, edge, live, residuals: bytes(live * channels), starts, modes: bytes(frames).map((byte) => byte % modes), weights, bits };
+    const codes = new Uint8Array(frames * channels * nodes);
+    assert.equal(restoreLanes(run, codes), true);
+    const plain = new Uint8Array(codes.length);
+    masks.forEach((mask, frame) => {
+      let count = 0;
+      const rank = mask.map((bit) => (bit ? count++ : 0));
+      const own = [0, 1, 2, 3].map(() => new Int32Array(nodes));
+      for (let channel = 0; channel < channels; channel++) {
+        const before = [own[(channel + 3) & 3], own[(channel + 2) & 3], own[(channel + 1) & 3]] as const;
+        const values = { values: run.residuals, first: channel * live + starts[frame], bias: 0x80 };
+        const block = { edge, origin: 0, most: 0xff, mask, rank };
+        restore(block, values, { weights: weights[run.modes[frame]][channel], before }, plain, (frame * channels + channel) * nodes, own[channel & 3]);
+      }
+    });
+    assert.deepEqual(codes, plain);
+  }
+});
+
+/** A run of no blocks. */
+function emptyRun(): Run {
+  const none = new Uint8Array(0);
+  return { frames: 0, channels: 1, edge: 1, live: 0, residuals: none, starts: new Int32Array(0), modes: none, weights: [], bits: none };
 }
 
 for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.rate.filled"]) {

@@ -1,6 +1,7 @@
 /** Loads one container and hands its levels over. Errors come as words. */
 
 import { FieldError, REMEDY } from "../errors.js";
+import { prepareLanes } from "../format/codings/lanes.js";
 import { prepareInflate } from "../format/zstd.js";
 import { buffersOf, help } from "./crew.js";
 import { type Listener, Loader } from "./loader.js";
@@ -12,7 +13,7 @@ const port = self as unknown as {
 };
 
 let loader: Loader | null = null;
-const prepared = prepareInflate();
+const prepared = Promise.all([prepareInflate(), prepareLanes()]);
 
 const listener: Listener = {
   opened: (opened) => port.postMessage({ kind: "opened", opened }),

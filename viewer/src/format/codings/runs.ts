@@ -3,6 +3,7 @@
 import { FieldError } from "../../errors.js";
 import { contentSize, inflate } from "../zstd.js";
 import type { Atlas, Codes, Coding } from "./atlas.js";
+import { restoreLanes } from "./lanes.js";
 import { restore, restoreWide } from "./restore.js";
 
 const STORED = 0x80000000;
@@ -89,7 +90,7 @@ function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes):
   const liveBytes = Math.ceil(nodes / 8);
   const bits = take(frames * liveBytes);
   // Where each frame's residuals start among those of a channel's byte: in the order of modes.
-  const starts = new Array<number>(frames);
+  const starts = new Int32Array(frames);
   let live = 0;
   for (let mode = 0; mode < modes; mode++) {
     for (let frame = 0; frame < frames; frame++) {
@@ -104,6 +105,7 @@ function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes):
   }
   const residuals = take(live * channels * width);
   if (at !== run.length) throw wrong("bytes after its residuals");
+  if (codes instanceof Uint8Array && restoreLanes({ frames, channels, edge, live, residuals, starts, modes: modeOf, weights, bits }, codes)) return;
   const block = { edge, origin, most, mask: new Int32Array(nodes), rank: new Int32Array(nodes) };
   const narrow = width === 1 ? residuals : width === 2 ? pairs(residuals, live, channels) : null;
   const wide = narrow ? new Float64Array(0) : fours(residuals, live, channels);

@@ -1,5 +1,0 @@
-/** Shaders are bundled as text. */
-declare module "*.glsl" {
-  const source: string;
-  export default source;
-}
