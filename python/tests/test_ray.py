@@ -251,6 +251,30 @@ def test_a_program_that_crashes_is_a_result(tmp_path: Path) -> None:
     assert "SIGKILL" in result["error"]
 
 
+def test_the_resident_program_bakes_again_after_it_was_killed(tmp_path: Path) -> None:
+    from mipvog_bake.ray import resident
+
+    source = ["bake", str(SMALL), "--stepsize", "0.5", "--quiet", "-o"]
+    for number in range(3):
+        code, _, words = resident.run([*source, str(tmp_path / f"{number}.mipvog")], tmp_path)
+        assert (code, words) == (0, "")
+        assert resident._process is not None
+        if number == 0:
+            first = resident._process.pid
+        assert (resident._process.pid == first) == (number < 2)
+        if number == 1:
+            resident._process.kill()
+            resident._process.wait()
+    code, _, words = resident.run([*source, str(tmp_path / "0.mipvog")], tmp_path)
+    assert code == 7 and "error" in words
+    # A program that ends amid its work is a result, too.
+    stop = threading.Timer(0.2, resident._process.kill)
+    stop.start()
+    slow = ["bake", str(TRAINED / "lego64/fine_last.tar"), "--filter", "fit", "-o"]
+    assert resident.run([*slow, str(tmp_path / "slow.mipvog")], tmp_path)[0] == -9
+    assert not (tmp_path / "slow.mipvog").exists()
+
+
 def test_a_store_without_renames_gets_whole_files(tmp_path: Path) -> None:
     source = tmp_path / "file"
     source.write_bytes(b"whole")

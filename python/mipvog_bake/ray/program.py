@@ -1,4 +1,4 @@
-"""The program `mipvog-bake`, run as a process of its own: its crash takes no worker down."""
+"""The program `mipvog-bake`, run in a process of its own: its crash takes no worker down."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from . import resident
 from .failure import INPUT_OUTPUT, Failure
 
 VARIABLE = "MIPVOG_BAKE"
@@ -20,8 +21,7 @@ _NAME = "mipvog-bake"
 def find(asked: str | None) -> str:
     """The program: the one that is asked for, that of the variable, the one beside the interpreter,
     or the one on the search path."""
-    beside = os.path.join(os.path.dirname(sys.executable), _NAME)
-    for name in (asked, os.environ.get(VARIABLE), beside, _NAME):
+    for name in (asked, os.environ.get(VARIABLE), _beside(), _NAME):
         found = shutil.which(name) if name else None
         if found:
             return found
@@ -31,33 +31,44 @@ def find(asked: str | None) -> str:
     raise Failure(message, INPUT_OUTPUT)
 
 
+def _beside() -> str:
+    """Where this module was installed with its own program."""
+    return os.path.join(os.path.dirname(sys.executable), _NAME)
+
+
 def bake(
     program: str, line: dict[str, Any], scratch: Path, *more: str
 ) -> tuple[dict[str, Any], str]:
     """Bakes the scene of a manifest's line; gives its result, and the words on stderr."""
     manifest = scratch / "scene.jsonl"
     manifest.write_text(json.dumps(line) + "\n", encoding="utf-8")
-    arguments = [program, "bake", "--manifest", str(manifest), "--index", "0", "--progress=never"]
+    arguments = ["bake", "--manifest", str(manifest), "--index", "0", "--progress=never", *more]
+    code, out, err = _run(program, arguments, scratch)
+    lines = out.splitlines()
+    if lines:
+        return json.loads(lines[-1]), err
+    if code < 0:
+        words = f"the program was ended by {signal.Signals(-code).name}: perhaps memory ran out"
+        code = 128 - code
+    else:
+        words = " ".join(err.replace(f"{manifest}: line 1: ", "").split())
+        words = words.removeprefix("error: ") or f"the program ended with exit code {code}"
+    failed = {"status": "failed", "exit_code": code, "output_bytes": None, "error": words}
+    return failed, err
+
+
+def _run(program: str, arguments: list[str], scratch: Path) -> tuple[int, str, str]:
+    if program == _beside():
+        return resident.run(arguments, scratch)
     ended = subprocess.run(
-        [*arguments, *more],
+        [program, *arguments],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         encoding="utf-8",
         errors="replace",
         check=False,
     )
-    lines = ended.stdout.splitlines()
-    if lines:
-        return json.loads(lines[-1]), ended.stderr
-    code = ended.returncode
-    if code < 0:
-        words = f"the program was ended by {signal.Signals(-code).name}: perhaps memory ran out"
-        code = 128 - code
-    else:
-        words = " ".join(ended.stderr.replace(f"{manifest}: line 1: ", "").split())
-        words = words.removeprefix("error: ") or f"the program ended with exit code {code}"
-    failed = {"status": "failed", "exit_code": code, "output_bytes": None, "error": words}
-    return failed, ended.stderr
+    return ended.returncode, ended.stdout, ended.stderr
 
 
 def summary(program: str, report: str) -> str:

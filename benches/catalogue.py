@@ -1,7 +1,7 @@
 """Throughput of a catalogue on Ray against a plain loop on the same cores.
 
     pip install "./python[ray]"
-    python benches/ray.py [SCENES] [INPUT]
+    python benches/catalogue.py [SCENES] [INPUT]
 
 bakes the scenes in turns: by Ray, and by one `bake --manifest --shard` a core. A warm-up of Ray is
 not counted, because a cluster runs already.

@@ -1,0 +1,66 @@
+"""The module's own program, kept ready in a process beside the worker: to start an interpreter for
+each scene would take longer than to bake a small one.
+
+`python -m mipvog_bake.ray.resident` reads a JSON object a line, the arguments of the program and two
+files for what it prints, and answers each with the exit code.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Optional
+
+_process: Optional[subprocess.Popen[str]] = None
+
+
+def run(arguments: list[str], scratch: Path) -> tuple[int, str, str]:
+    """The exit code of the program, less than 0 for a signal that ended it, and what it wrote to
+    stdout and stderr."""
+    global _process
+    out, err = scratch / "stdout", scratch / "stderr"
+    if _process is None or _process.poll() is not None:
+        words = [sys.executable, "-m", __name__]
+        _process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
+        )
+    assert _process.stdin and _process.stdout
+    request = {"arguments": arguments, "out": str(out), "err": str(err)}
+    try:
+        _process.stdin.write(json.dumps(request) + "\n")
+        _process.stdin.flush()
+        answer = _process.stdout.readline()
+    except BrokenPipeError:
+        answer = ""
+    code = int(answer) if answer else _process.wait()
+    if not answer:
+        _process.stdin.close()
+        _process.stdout.close()
+        _process = None
+    return code, _text(out), _text(err)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+
+
+def _serve() -> None:
+    from mipvog_bake import _native
+
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    for line in sys.stdin:
+        request = json.loads(line)
+        for stream, path in ((1, request["out"]), (2, request["err"])):
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            os.dup2(file, stream)
+            os.close(file)
+        code = _native.main(["mipvog-bake", *request["arguments"]])
+        answers.write(f"{code}\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    _serve()
