@@ -1,8 +1,8 @@
 """The module's own program, kept ready in a process beside the worker: to start an interpreter for
 each scene would take longer than to bake a small one.
 
-`python -m mipvog_bake.ray.resident` reads a JSON object a line, the arguments of the program and two
-files for what it prints, and answers each with the exit code.
+`python -m mipvog_bake.ray.resident` reads a JSON object a line, the arguments of the program and
+two files for what it prints, and answers each with the exit code.
 """
 
 from __future__ import annotations
