@@ -7,7 +7,7 @@ import { Material } from "@babylonjs/core/Materials/material.js";
 import { ShaderMaterial } from "@babylonjs/core/Materials/shaderMaterial.js";
 import { BaseTexture } from "@babylonjs/core/Materials/Textures/baseTexture.js";
 import { InternalTexture, InternalTextureSource } from "@babylonjs/core/Materials/Textures/internalTexture.js";
-import { Matrix } from "@babylonjs/core/Maths/math.vector.js";
+import { Matrix, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import type { AbstractMesh } from "@babylonjs/core/Meshes/abstractMesh.js";
 import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
@@ -96,6 +96,12 @@ export class RadianceField extends Mesh {
   /** The finest level that is shown; null before the first picture. */
   get finest(): number | null {
     return this.streamed.finest;
+  }
+
+  /** The box in local axes. */
+  get bounds(): { min: Vector3; max: Vector3 } {
+    const { min, max } = this.file?.metadata.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
+    return { min: Vector3.FromArray(min), max: Vector3.FromArray(max) };
   }
 
   /** Whether levels have come that the next pictures will bring to the device. */

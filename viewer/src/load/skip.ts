@@ -87,46 +87,48 @@ export class MacroCells {
 
   /** Marks the groups in which a corner of a cell can be seen. `bricks` are the densities of the blocks at `places`. */
   mark(bricks: Float32Array, places: Triple[]): void {
-    const { marks, limit } = this;
+    const { marks } = this;
     const [, gy, gz] = this.groupCounts();
     const side = this.block + 1;
-    const [low, high] = [new Int32Array(3 * side), new Int32Array(3 * side)];
     for (let block = 0; block < places.length; block++) {
-      if (!this.ranges(places[block], low, high)) continue;
-      let node = block * side * side * side;
-      for (let x = 0; x < side; x++) {
-        for (let y = side; y < 2 * side; y++) {
-          for (let z = 2 * side; z < 3 * side; z++, node++) {
-            if (bricks[node] <= limit) continue;
-            for (let i = low[x]; i <= high[x]; i++) {
-              for (let j = low[y]; j <= high[y]; j++) {
-                for (let k = low[z]; k <= high[z]; k++) marks[(i * gy + j) * gz + k] = 1;
-              }
-            }
+      const [xs, ys, zs] = places[block].map((place, axis) => this.groups(place, axis));
+      for (const [i, ...x] of xs) {
+        for (const [j, ...y] of ys) {
+          for (const [k, ...z] of zs) {
+            const group = (i * gy + j) * gz + k;
+            if (marks[group] === 0 && this.canBeSeen(bricks, block * side * side * side, x, y, z)) marks[group] = 1;
           }
         }
       }
     }
   }
 
-  /**
-   * The first and last group of the cells below and above each node of a block, along each axis, of those whose lowest
-   * nodes the block holds. False where it holds no such cell.
-   */
-  private ranges(place: Triple, low: Int32Array, high: Int32Array): boolean {
+  /** Whether a node of a box in a brick is not invisible. Most boxes tell by one of their first nodes. */
+  private canBeSeen(bricks: Float32Array, brick: number, [x0, x1]: number[], [y0, y1]: number[], [z0, z1]: number[]): boolean {
+    const { limit } = this;
     const side = this.block + 1;
-    for (let axis = 0; axis < 3; axis++) {
-      const first = place[axis] * this.block;
-      const end = Math.min(first + this.block, this.nodes[axis] - 1);
-      // Only the last nodes of an axis, which are no cell's lowest.
-      if (first === end) return false;
-      for (let inside = 0; inside < side; inside++) {
-        const at = first + inside;
-        low[axis * side + inside] = Math.floor(Math.max(at - 1, first) / this.edge);
-        high[axis * side + inside] = Math.floor(Math.min(at, end - 1) / this.edge);
+    for (let x = x0; x <= x1; x++) {
+      for (let y = y0; y <= y1; y++) {
+        const row = brick + (x * side + y) * side;
+        for (let node = row + z0; node <= row + z1; node++) if (bricks[node] > limit) return true;
       }
     }
-    return true;
+    return false;
+  }
+
+  /**
+   * The groups along an axis of the cells whose lowest nodes a block holds, each with the first and last node in the block
+   * that is a corner of one of these cells. The last node of an axis is no cell's lowest.
+   */
+  private groups(place: number, axis: number): number[][] {
+    const { edge, block } = this;
+    const first = place * block;
+    const end = Math.min(first + block, this.nodes[axis] - 1);
+    const groups: number[][] = [];
+    for (let group = Math.floor(first / edge); group * edge < end; group++) {
+      groups.push([group, Math.max(group * edge, first) - first, Math.min((group + 1) * edge, end) - first]);
+    }
+    return groups;
   }
 
   private groupCounts(): Triple {
