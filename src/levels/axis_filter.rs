@@ -27,7 +27,40 @@ pub(super) struct AxisFilter<'a> {
     pub(super) made: usize,
 }
 
+/// The output nodes that read a plane of the finer level.
+pub(super) struct Readers {
+    /// Rows of bits, at the coarser level's size.
+    rows: Vec<u64>,
+    /// Of each row of the plane, nodes along z that hold all that are read: maybe none.
+    pub(super) read: Vec<Range<usize>>,
+}
+
 impl AxisFilter<'_> {
+    /// The output nodes that read plane `x` of the finer level.
+    pub(super) fn readers(&self, x: usize) -> Readers {
+        let rows = self.taps.reader_rows(x, self.outputs);
+        let [_, y_taps, z_taps] = &self.taps.axes;
+        let words = self.outputs.row_words();
+        let mut merged = vec![0; words];
+        let read = |y: usize| {
+            merged.fill(0);
+            let (start, end) = y_taps.readers(y);
+            for readers in rows[start * words..end * words].chunks_exact(words) {
+                row::or_into(&mut merged, readers);
+            }
+            row::spans(&merged, z_taps.outputs(), usize::MAX / 2).next().map_or(
+                0..0,
+                |(start, end)| {
+                    let (low, high) = z_taps.inputs_of(start, end);
+                    // Loops run on to the end of a vector.
+                    low..(high + row::LANES).min(z_taps.inputs())
+                },
+            )
+        };
+        let read = (0..y_taps.inputs()).map(read).collect();
+        Readers { rows, read }
+    }
+
     /// Planes that have come so far.
     pub(super) fn fed(&self) -> usize {
         self.ring_first + self.ring.len()
@@ -56,23 +89,22 @@ impl AxisFilter<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where the output nodes in
-    /// `readers` read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they
+    /// Filters one channel of a plane of the finer level along y, where `readers` read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they
     /// are then still in a processor's cache.
     pub(super) fn filter_plane(
         &self,
-        readers: &[u64],
+        readers: &Readers,
         plane: &mut [f32],
         out: &mut [f32],
         mut fill: impl FnMut(Range<usize>, &mut [f32]),
     ) {
+        let readers = &readers.rows;
         if readers.iter().all(|&word| word == 0) {
             return;
         }
         let [_, y_taps, z_taps] = &self.taps.axes;
         let (ny, nz) = (y_taps.inputs(), z_taps.inputs());
         let words = self.outputs.row_words();
-        let mut sums = vec![0.0; nz];
         let mut made = 0;
         let rows = (BAND_BYTES / (4 * nz)).max(1);
         for start in (0..ny).step_by(rows) {
@@ -84,10 +116,8 @@ impl AxisFilter<'_> {
                 let readers = &readers[y * words..][..words];
                 for (start, end) in row::spans(readers, z_taps.outputs(), BRIDGED_NODES) {
                     let (low, high) = z_taps.padded_inputs_of(start, end);
-                    let sums = &mut sums[low..high];
                     let row = |row: usize| &plane[(first + row) * nz..][low..high];
-                    sum_rows(weights, row, sums);
-                    round_to_f32(sums, &mut out[y * nz..][low..high]);
+                    sum_rows(weights, row, &mut out[y * nz..][low..high]);
                 }
             }
             made = ready;
@@ -95,37 +125,86 @@ impl AxisFilter<'_> {
     }
 }
 
-/// Sums rows times weights, in their order. Rows without weight are not asked for.
+/// A number that a sum ends in.
+trait Rounded: Copy {
+    /// The nearest one.
+    fn of(sum: f64) -> Self;
+}
+
+impl Rounded for f64 {
+    #[inline(always)]
+    fn of(sum: f64) -> Self {
+        sum
+    }
+}
+
+impl Rounded for f32 {
+    #[inline(always)]
+    fn of(sum: f64) -> Self {
+        sum as f32
+    }
+}
+
+/// Sums rows times weights in f64, in their order. Rows without weight are not asked for.
 #[inline(always)]
-fn sum_rows<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [f64]) {
-    sums.fill(0.0);
+fn sum_rows<'a, T: Rounded>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [T]) {
     let mut weighted =
         weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
-    while let Some(first) = weighted.next() {
-        // Four at once, as many as the default filter has: sums then stay in registers.
-        match (weighted.next(), weighted.next(), weighted.next()) {
-            (Some(second), Some(third), Some(fourth)) => {
-                add_scaled([first, second, third, fourth], sums);
+    // Four at once, as many as the default filter has: no sum then waits in memory.
+    match (weighted.next(), weighted.next(), weighted.next(), weighted.next()) {
+        (None, ..) => sums.fill(T::of(0.0)),
+        (Some(a), None, ..) => sum_scaled([a], sums),
+        (Some(a), Some(b), None, _) => sum_scaled([a, b], sums),
+        (Some(a), Some(b), Some(c), None) => sum_scaled([a, b, c], sums),
+        (Some(a), Some(b), Some(c), Some(d)) => match weighted.next() {
+            None => sum_scaled([a, b, c, d], sums),
+            Some(e) => {
+                let mut all = vec![0.0; sums.len()];
+                sum_scaled([a, b, c, d], &mut all);
+                add_scaled(e, &mut all);
+                weighted.for_each(|row| add_scaled(row, &mut all));
+                sums.iter_mut().zip(all).for_each(|(sum, all)| *sum = T::of(all));
             }
-            (Some(second), Some(third), None) => add_scaled([first, second, third], sums),
-            (Some(second), ..) => add_scaled([first, second], sums),
-            (None, ..) => add_scaled([first], sums),
-        }
+        },
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_scaled<const N: usize>(rows: [(&[f32], f64); N], sums: &mut [f64]) {
+fn sum_scaled<T: Rounded, const N: usize>(rows: [(&[f32], f64); N], sums: &mut [T]) {
     let rows = rows.map(|(row, weight)| (&row[..sums.len()], weight));
     for (i, sum) in sums.iter_mut().enumerate() {
         let add = |sum, (row, weight): &(&[f32], f64)| sum + weight * f64::from(row[i]);
-        *sum = rows.iter().fold(*sum, add);
+        *sum = T::of(rows.iter().fold(0.0, add));
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn round_to_f32(sums: &[f64], out: &mut [f32]) {
-    for (out, &sum) in out.iter_mut().zip(sums) {
-        *out = sum as f32;
+fn add_scaled((row, weight): (&[f32], f64), sums: &mut [f64]) {
+    for (sum, &value) in sums.iter_mut().zip(row) {
+        *sum += weight * f64::from(value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_those_of_one_row_after_the_other() {
+        for count in 0..8 {
+            let rows: Vec<Vec<f32>> = (0..count)
+                .map(|row| (0..37).map(|i| ((row * 37 + i) as f32 * 0.73).sin()).collect())
+                .collect();
+            let weights: Vec<f64> =
+                (0..count).map(|row| if row == 2 { 0.0 } else { 0.3 - row as f64 }).collect();
+            let (mut rounded, mut whole) = ([1.0f32; 37], [1.0f64; 37]);
+            sum_rows(&weights, |row| &rows[row], &mut rounded);
+            sum_rows(&weights, |row| &rows[row], &mut whole);
+            for i in 0..37 {
+                let add = |sum, (row, weight): (&Vec<f32>, &f64)| sum + weight * f64::from(row[i]);
+                let want = rows.iter().zip(&weights).fold(0.0, add);
+                assert_eq!((rounded[i], whole[i]), (want as f32, want), "{count} rows");
+            }
+        }
     }
 }

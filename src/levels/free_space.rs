@@ -66,7 +66,7 @@ pub fn masked_share(
         }
         let mut pair = [vec![0.0; ny * nz], vec![0.0; ny * nz]];
         for (i, plane) in pair.iter_mut().enumerate() {
-            planes.read(0, x + i, corners.plane(x + i), plane)?;
+            planes.read(0, x + i, corners.plane(x + i), plane, false)?;
         }
         for y in 0..ny - 1 {
             for (start, end) in row::runs(partial.row(x, y)) {
@@ -112,7 +112,7 @@ pub(super) fn any_in_ranges(
             }
             let out = &mut plane[y * words..][..words];
             for (z, &(start, end)) in z_ranges.iter().enumerate() {
-                if (start..end).any(|z| row::get(&row, z)) {
+                if row::any_between(&row, start, end) {
                     row::set(out, z);
                 }
             }
@@ -125,16 +125,21 @@ pub(super) fn any_in_ranges(
 /// The mask's nodes that are inside by themselves.
 fn inside_nodes(free_space: &FreeSpace) -> Result<NodeMask> {
     let nodes = free_space.nodes;
-    let inside = |i: usize| match &free_space.lookup {
-        Lookup::Nearest(inside) => inside[i],
-        Lookup::Trilinear { values, threshold } => values[i] >= *threshold,
-    };
     let [_, ny, nz] = nodes.0;
     let words = row::words(nodes);
     NodeMask::of_planes(nodes, |x, plane| {
         for (y, row) in plane.chunks_exact_mut(words).enumerate() {
-            for z in (0..nz).filter(|z| inside((x * ny + y) * nz + z)) {
-                row::set(row, z);
+            let first = (x * ny + y) * nz;
+            match &free_space.lookup {
+                Lookup::Nearest(inside) => {
+                    for z in (0..nz).filter(|z| inside[first + z]) {
+                        row::set(row, z);
+                    }
+                }
+                // At least a number is above the one below it.
+                Lookup::Trilinear { values, threshold } => {
+                    row::pack_above(&values[first..first + nz], threshold.next_down(), row);
+                }
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::axis_filter::AxisFilter;
+use super::axis_filter::{AxisFilter, Readers};
 use super::plane::PlanePool;
 use super::premultiply::RowBand;
 use super::{AlphaDomain, Visibility};
@@ -74,7 +74,12 @@ impl LevelStep<'_, '_> {
         };
         let readers = self.readers()?;
         let (required, pool, colors) = (self.required, self.pool, self.channels - 1);
-        let band = |x, rows| RowBand { required, x, rows };
+        let band = |i: usize, rows| RowBand {
+            required,
+            read: &readers[i].read,
+            x: self.planes.start + i,
+            rows,
+        };
         let alphas = if visible_colors.is_some() { 2 } else { 1 };
         let mut filtered = self.output_planes(alphas + colors);
         let (mut alpha_outputs, mut color_outputs) = (Vec::new(), Vec::new());
@@ -88,7 +93,7 @@ impl LevelStep<'_, '_> {
             let (mut density, mut alpha) = (self.plane(), self.plane());
             make(x, 0, &mut density)?;
             filter.filter_plane(&readers[i], &mut alpha, &mut outputs[0], |rows, alpha| {
-                band(x, rows).density_to_alpha(domain, &density, alpha);
+                band(i, rows).density_to_alpha(domain, &density, alpha);
             });
             let (Some((visibility, _)), Some(output)) = (visible_colors, outputs.get_mut(1)) else {
                 pool.give([density]);
@@ -97,7 +102,7 @@ impl LevelStep<'_, '_> {
             let sampler = visibility.sampler(required.nodes(), x);
             let mut visible = density;
             filter.filter_plane(&readers[i], &mut visible, output, |rows, visible| {
-                band(x, rows).attenuate(&sampler, &alpha, visible);
+                band(i, rows).attenuate(&sampler, &alpha, visible);
             });
             pool.give([alpha]);
             Ok(visible)
@@ -109,7 +114,7 @@ impl LevelStep<'_, '_> {
             let (mut color, mut premultiplied) = (self.plane(), self.plane());
             make(x, channel, &mut color)?;
             filter.filter_plane(&readers[i], &mut premultiplied, output, |rows, premultiplied| {
-                band(x, rows).premultiply(meaning, &color, &weights[i], premultiplied);
+                band(i, rows).premultiply(meaning, &color, &weights[i], premultiplied);
             });
             pool.give([color, premultiplied]);
             Ok(())
@@ -126,12 +131,10 @@ impl LevelStep<'_, '_> {
         self.planes.clone().map(plane).collect()
     }
 
-    /// The output nodes that read each plane: rows of bits.
-    fn readers(&self) -> Result<Vec<Vec<u64>>> {
+    /// The output nodes that read each plane.
+    fn readers(&self) -> Result<Vec<Readers>> {
         let Some(filter) = self.filter else { return Ok(Vec::new()) };
-        parallel::map(self.planes.len(), |i| {
-            Ok(filter.taps.reader_rows(self.planes.start + i, filter.outputs))
-        })
+        parallel::map(self.planes.len(), |i| Ok(filter.readers(self.planes.start + i)))
     }
 
     /// A plane of the level with any values.

@@ -13,8 +13,10 @@ const BRIDGED_NODES: usize = 32;
 
 /// Some rows of one plane of level 0.
 pub(super) struct RowBand<'a> {
-    /// The nodes that are required; the others become 0.
+    /// The nodes that are required; the others count as 0.
     pub required: &'a NodeMask,
+    /// Of each row of the plane, the nodes along z that are read; others hold any number.
+    pub read: &'a [Range<usize>],
     /// The plane's number.
     pub x: usize,
     /// The rows' numbers.
@@ -49,17 +51,28 @@ impl RowBand<'_> {
         });
     }
 
-    /// Calls `fill` with ranges of nodes, each in one row, that cover the required nodes, and with
-    /// their part of `plane`. Other nodes become 0.
+    /// Calls `fill` with ranges of nodes, each in one row, that cover the required nodes that are
+    /// read, and with their part of `plane`. Other nodes that are read become 0.
     fn fill(&self, plane: &mut [f32], mut fill: impl FnMut(Range<usize>, &mut [f32])) {
         let nz = self.required.nodes().0[2];
         for y in self.rows.clone() {
+            let Range { start: low, end: high } = self.read[y];
             let (row, plane) = (self.required.row(self.x, y), &mut plane[y * nz..][..nz]);
-            for (start, end) in row::spans(row, nz, BRIDGED_NODES) {
+            let mut done = low;
+            let spans = row::spans(row, nz, BRIDGED_NODES);
+            for (start, end) in spans.filter(|&(start, end)| start < high && end > low) {
+                // Nodes of a span that are not required are 0 too.
+                if start > done {
+                    plane[done..start].fill(0.0);
+                }
                 fill(y * nz + start..y * nz + end, &mut plane[start..end]);
+                for (start, end) in row::gaps_between(row, start, end) {
+                    plane[start..end].fill(0.0);
+                }
+                done = end;
             }
-            for (start, end) in row::gaps(row, nz) {
-                plane[start..end].fill(0.0);
+            if done < high {
+                plane[done..high].fill(0.0);
             }
         }
     }

@@ -42,7 +42,7 @@ pub struct ReadSummary {
     pub nonfinite_density: NonfiniteCount,
     /// Values of colour that were replaced.
     pub nonfinite_color: NonfiniteCount,
-    /// CRC-32 of the bytes that were read of each plane of density.
+    /// CRC-32 of each plane of density, where the pass verifies density.
     pub density_checksums: Vec<u32>,
 }
 
@@ -109,7 +109,8 @@ impl PlaneSource for FieldPass<'_> {
         let in_window = self.verify == Verify::Colors || required.iter().any(|&row| row != 0);
         let all = self.all_colors.as_ref().filter(|_| channel > 0 && in_window);
         let required = all.map_or(required, |(_, all)| all.plane(x));
-        let read = self.planes.read(channel, x, required, values)?;
+        let checksummed = all.is_some() || (channel == 0 && self.verify == Verify::Density);
+        let read = self.planes.read(channel, x, required, values, checksummed)?;
         let nx = self.planes.field().scene.nodes.0[0];
         let mut reads = self.reads.lock().unwrap_or_else(PoisonError::into_inner);
         reads[channel * nx + x] = Some(read);

@@ -84,7 +84,7 @@ fn masked_density(field: &RadianceField) -> Vec<f64> {
     let whole = NodeMask::full(field.scene.nodes);
     let plane = |x: usize| {
         let mut plane = vec![0.0; ny * nz];
-        planes.read(0, x, whole.plane(x), &mut plane).expect("readable");
+        planes.read(0, x, whole.plane(x), &mut plane, false).expect("readable");
         plane
     };
     (0..nx).flat_map(plane).map(f64::from).collect()

@@ -43,11 +43,13 @@ impl<'a> BlockSource<'a> {
 
     /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
     fn copy<T: Code>(&self, edge: usize, channel: usize, codes: &mut [T]) {
-        let [_, _, zs] = self.span(edge);
+        let [xs, ys, zs] = self.span(edge);
         let nz = self.retained.nodes().0[2];
-        for (x, y, at) in self.places(edge) {
-            let plane = T::of(self.slab.plane(x, channel));
-            copy_row(&plane[y * nz + zs.start..y * nz + zs.end], &mut codes[at..]);
+        for (x, codes) in xs.zip(codes.chunks_exact_mut(edge * edge)) {
+            let rows = &T::of(self.slab.plane(x, channel))[ys.start * nz..ys.end * nz];
+            for (row, codes) in rows.chunks_exact(nz).zip(codes.chunks_exact_mut(edge)) {
+                copy_row(&row[zs.clone()], codes);
+            }
         }
     }
 

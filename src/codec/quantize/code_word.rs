@@ -10,6 +10,10 @@ use crate::model::baked::{Codes, NumberType};
 pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     /// Holds sums of codes times weights in 32nds, modulo the code's width.
     type Wide: Wide;
+    /// Holds sums of products of two terms of predictions: whole numbers where they are exact.
+    type Sum: Sum;
+    /// Nodes whose products such a sum holds.
+    const SUMMED: usize;
     /// Bytes of a code.
     const BYTES: usize;
 
@@ -17,6 +21,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     fn of(codes: &Codes) -> &[Self];
     /// The same number.
     fn wide(self) -> Self::Wide;
+    /// A term of a prediction, ready for products.
+    fn factor(term: Self::Wide) -> Self::Sum;
     /// The number modulo the width.
     fn wrap(wide: Self::Wide) -> Self;
     /// A third of the sum of three codes, rounded down.
@@ -60,8 +66,36 @@ pub trait Wide:
 {
     /// A weight.
     fn from_i8(weight: i8) -> Self;
+}
+
+/// A number that products are added up in.
+pub trait Sum: Copy + Default + Debug + Add<Output = Self> + Mul<Output = Self> {
+    /// Its size.
+    fn size(self) -> Self;
     /// The nearest f64.
     fn to_f64(self) -> f64;
+}
+
+impl Sum for i32 {
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+}
+
+impl Sum for f64 {
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
 }
 
 macro_rules! wide {
@@ -70,10 +104,6 @@ macro_rules! wide {
             #[inline(always)]
             fn from_i8(weight: i8) -> Self {
                 Self(weight.into())
-            }
-            #[inline(always)]
-            fn to_f64(self) -> f64 {
-                self.0 as f64
             }
         }
     };
@@ -84,9 +114,11 @@ wide!(i32);
 wide!(i64);
 
 macro_rules! code {
-    ($code:ty, $variant:ident, $wide:ty, $bias:expr, $third:expr) => {
+    ($code:ty, $variant:ident, $wide:ty, $sum:ty, $summed:expr, $bias:expr, $third:expr) => {
         impl Code for $code {
             type Wide = Wrapping<$wide>;
+            type Sum = $sum;
+            const SUMMED: usize = $summed;
             const BYTES: usize = size_of::<$code>();
 
             fn of(codes: &Codes) -> &[Self] {
@@ -95,6 +127,10 @@ macro_rules! code {
             #[inline(always)]
             fn wide(self) -> Self::Wide {
                 Wrapping(self.into())
+            }
+            #[inline(always)]
+            fn factor(term: Self::Wide) -> $sum {
+                term.0 as $sum
             }
             #[inline(always)]
             fn wrap(wide: Self::Wide) -> Self {
@@ -136,9 +172,10 @@ macro_rules! code {
 // Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all
 // vectors need is 16. The upper half of a product stands for the division: exact up to 765, and
 // vectors have no division.
-code!(u8, U8, i16, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
-code!(u16, U16, i32, 0x8080, |sum| sum / 3);
-code!(u32, U32, i64, 0x8080_8080, |sum| sum / 3);
+// A term of u8 is at most three codes' difference, 765: 3,000 squares of it fit 31 bits.
+code!(u8, U8, i16, i32, 3000, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
+code!(u16, U16, i32, f64, usize::MAX, 0x8080, |sum| sum / 3);
+code!(u32, U32, i64, f64, usize::MAX, 0x8080_8080, |sum| sum / 3);
 
 #[cfg(test)]
 mod tests {

@@ -1,9 +1,6 @@
 //! Weights of predictions by least squares.
 
-use super::predict::WEIGHTS;
-
-/// Numbers of a lower triangle with a row for each weight and one for the predicted value.
-pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
+use super::predict::{PRODUCTS, WEIGHTS};
 
 /// The weights, in 32nds, whose predictions are nearest, from the sums of products of terms
 /// ([`super::predict::Sums`]). A term that says nothing beyond those before it gets 0.

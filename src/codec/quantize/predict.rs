@@ -17,12 +17,14 @@
 
 use multiversion::multiversion;
 
-use super::code_word::{Code, Wide};
+use super::code_word::{Code, Sum, Wide};
 
 /// Channels before one that its predictions look at.
 pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
+/// Numbers of a lower triangle with a row for each weight and one for the predicted value.
+pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
 /// Of so many nodes, one is used to fit the weights.
 const SAMPLED: usize = 5;
 /// Weights are in 32nds.
@@ -257,7 +259,7 @@ pub struct Sums<const L: usize> {
     pub sizes: [f64; L],
     /// Of products of each two terms, the lower triangle row by row; the last row is that of the
     /// difference itself.
-    pub products: [[f64; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2],
+    pub products: [[f64; L]; PRODUCTS],
 }
 
 /// Adds up the sums that weights are fitted from: every fifth node is enough.
@@ -268,39 +270,60 @@ pub fn sums<T: Code, const L: usize>(
     before: &[Channel<T, L>],
     channel: &Channel<T, L>,
 ) -> Sums<L> {
-    let mut sums =
-        Sums { sizes: [0.0; L], products: [[0.0; L]; (WEIGHTS + 1) * (WEIGHTS + 2) / 2] };
+    let mut sums = Sums { sizes: [0.0; L], products: [[0.0; L]; PRODUCTS] };
+    let mut sizes = [T::Sum::default(); L];
+    let mut products = [[T::Sum::default(); L]; PRODUCTS];
     let none = [T::Wide::default(); L];
+    let mut summed = 0;
     for_each_node(edge, |at| {
         if !at.has.contains(&true) || at.node % SAMPLED != 0 {
             return;
         }
         let (off, mean) = (&channel.off[at.node], channel.means(at.node));
         let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
-        let mut all = [[0.0; L]; WEIGHTS + 1];
+        let mut all = [[T::Sum::default(); L]; WEIGHTS + 1];
         for lane in 0..L {
             // The mean is right for nodes that are not live, whatever the weights.
             let live = live[at.node][lane] != T::default();
-            let mean = mean[lane].wide();
-            let terms = terms::<T, L>(lane, mean, beyond, others);
+            let factor = |term| if live { T::factor(term) } else { T::Sum::default() };
+            let terms = terms::<T, L>(lane, mean[lane].wide(), beyond, others);
             for (all, term) in all.iter_mut().zip(terms) {
-                all[lane] = if live { term.to_f64() } else { 0.0 };
+                all[lane] = factor(term);
             }
-            all[WEIGHTS][lane] = if live { off[lane].to_f64() } else { 0.0 };
+            all[WEIGHTS][lane] = factor(off[lane]);
         }
-        for (size, own) in sums.sizes.iter_mut().zip(&all[WEIGHTS]) {
-            *size += own.abs();
+        for (size, own) in sizes.iter_mut().zip(&all[WEIGHTS]) {
+            *size = *size + own.size();
         }
-        let mut products = sums.products.iter_mut();
+        let mut pairs = products.iter_mut();
         for row in 0..=WEIGHTS {
-            for (column, product) in products.by_ref().take(row + 1).enumerate() {
-                for ((product, a), b) in product.iter_mut().zip(&all[row]).zip(&all[column]) {
-                    *product += a * b;
+            for (column, product) in pairs.by_ref().take(row + 1).enumerate() {
+                for ((product, &a), &b) in product.iter_mut().zip(&all[row]).zip(&all[column]) {
+                    *product = *product + a * b;
                 }
             }
         }
+        summed += 1;
+        if summed == T::SUMMED {
+            sums.take::<T>(&mut sizes, &mut products);
+            summed = 0;
+        }
     });
+    sums.take::<T>(&mut sizes, &mut products);
     sums
+}
+
+impl<const L: usize> Sums<L> {
+    /// Adds partial sums, which start anew.
+    #[inline(always)]
+    fn take<T: Code>(&mut self, sizes: &mut [T::Sum; L], products: &mut [[T::Sum; L]; PRODUCTS]) {
+        let parts = std::iter::once(sizes).chain(products);
+        for (whole, part) in std::iter::once(&mut self.sizes).chain(&mut self.products).zip(parts) {
+            for (whole, part) in whole.iter_mut().zip(part) {
+                *whole += std::mem::take(part).to_f64();
+            }
+        }
+    }
 }
 
 #[cfg(test)]

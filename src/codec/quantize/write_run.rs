@@ -4,7 +4,7 @@ use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::least_squares;
-use super::predict::{self, Channel, Lanes, Sums, WEIGHTS};
+use super::predict::{self, Channel, Lanes, PRODUCTS, Sums, WEIGHTS};
 
 /// Frames that a mode has at least, so that its weights and tables pay.
 const FRAMES_OF_A_MODE: usize = 24;
@@ -155,8 +155,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
 
     /// The weights of each mode's channels.
     fn weights(&self, sums: &[Vec<Sums<L>>], modes: &[u8], count: u8) -> Vec<Vec<[i8; WEIGHTS]>> {
-        let mut products =
-            vec![vec![[0.0; least_squares::PRODUCTS]; self.shape.channels]; usize::from(count)];
+        let mut products = vec![vec![[0.0; PRODUCTS]; self.shape.channels]; usize::from(count)];
         for (frame, &mode) in modes.iter().enumerate() {
             for (total, sums) in products[usize::from(mode)].iter_mut().zip(&sums[frame / L]) {
                 for (total, lanes) in total.iter_mut().zip(&sums.products) {
@@ -164,7 +163,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
                 }
             }
         }
-        let solved = |products: Vec<[f64; least_squares::PRODUCTS]>| {
+        let solved = |products: Vec<[f64; PRODUCTS]>| {
             let all = products.iter().enumerate();
             all.map(|(channel, products)| least_squares::weights(products, terms(channel)))
                 .collect()

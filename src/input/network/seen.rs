@@ -143,7 +143,7 @@ impl CellGrid {
         let [by_x, by_y, by_z] = self.nodes.map(|count| (count / SAMPLED).max(1));
         for x in (0..nx).step_by(by_x) {
             let region = self.region(matter, x, [by_y, by_z]);
-            planes.read(0, x, &region, &mut plane)?;
+            planes.read(0, x, &region, &mut plane, false)?;
             for y in (0..ny).step_by(by_y) {
                 for z in (0..nz).step_by(by_z) {
                     let cell = self.index(self.cell([x, y, z]));

@@ -49,7 +49,7 @@ impl Shaded {
         for x in x.saturating_sub(1)..(x + 2).min(nx) {
             let all = [0, 1];
             self.densities.read(scene.nodes, x, all, &near, &mut values, |missing, values| {
-                planes.read(0, x, missing, values).map(|_| ())
+                planes.read(0, x, missing, values, false).map(|_| ())
             })?;
             let mut plane = vec![0; region.len()];
             let rows = plane.chunks_exact_mut(row::words(scene.nodes));

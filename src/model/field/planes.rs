@@ -35,7 +35,7 @@ pub struct Planes<'a> {
 pub struct PlaneRead {
     /// Bytes that were read.
     pub bytes: u64,
-    /// CRC-32 of them, in order.
+    /// CRC-32 of them, in order; of no bytes where none was asked for.
     pub checksum: crc32fast::Hasher,
     /// Values that were replaced.
     pub nonfinite: NonfiniteCount,
@@ -79,13 +79,15 @@ impl<'a> Planes<'a> {
     }
 
     /// Fills the nodes in `region` (rows of bits along z) of plane `x`. Channel 0 is density, the
-    /// others are colour. Nodes around the region may be filled too.
+    /// others are colour. Nodes around the region may be filled too. With `checksummed` the record
+    /// has a checksum.
     pub fn read(
         &self,
         channel: usize,
         x: usize,
         region: &[u64],
         out: &mut [f32],
+        checksummed: bool,
     ) -> Result<PlaneRead> {
         let Some((grid, grid_channel)) = self.field.grid_of(channel) else {
             return Err(Error::new(ErrorKind::Overflow { what: "channel" }, Place::File));
@@ -111,7 +113,9 @@ impl<'a> Planes<'a> {
                     let at = [x, run.start / nz, run.start % nz];
                     let values = &mut out[run.clone()];
                     volume.read_run(grid_channel, at, values, &mut scratch, |stored| {
-                        read.checksum.update(stored);
+                        if checksummed {
+                            read.checksum.update(stored);
+                        }
                         read.bytes += stored.len() as u64;
                     })?;
                     replace(run.start, values);

@@ -82,10 +82,16 @@ pub fn runs(row: &[u64]) -> impl Iterator<Item = (usize, usize)> {
 /// Runs of the first `count` bits that are not set, lowest first.
 #[inline]
 pub fn gaps(row: &[u64], count: usize) -> impl Iterator<Item = (usize, usize)> {
-    let mut at = 0;
+    gaps_between(row, 0, count)
+}
+
+/// Runs of the bits `from..end` that are not set, lowest first.
+#[inline]
+pub fn gaps_between(row: &[u64], from: usize, end: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut at = from;
     std::iter::from_fn(move || {
-        let start = next_bit(row, at, u64::MAX).filter(|&start| start < count)?;
-        at = next_bit(row, start, 0).unwrap_or(count);
+        let start = next_bit(row, at, u64::MAX).filter(|&start| start < end)?;
+        at = next_bit(row, start, 0).unwrap_or(end).min(end);
         Some((start, at))
     })
 }
@@ -133,8 +139,11 @@ pub fn span(row: &[u64]) -> Option<(usize, usize)> {
     Some((start, last * 64 + 64 - row[last].leading_zeros() as usize))
 }
 
-pub(super) fn any_between(row: &[u64], start: usize, end: usize) -> bool {
-    row.iter().enumerate().any(|(i, word)| word & word_between(i, start, end) != 0)
+/// True if any of the bits `start..end` is set.
+#[inline]
+pub fn any_between(row: &[u64], start: usize, end: usize) -> bool {
+    let words = start / 64..end.div_ceil(64).min(row.len());
+    words.into_iter().any(|i| row[i] & word_between(i, start, end) != 0)
 }
 
 /// The bits of word `i` that are numbered `start..end` in their row.
