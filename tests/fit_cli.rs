@@ -104,6 +104,42 @@ fn given_cameras_are_fitted_to() {
     assert_cut_short(here, &report);
 }
 
+#[test]
+fn photographs_are_fitted_to_and_one_in_eight_judges() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = fixture("trained/lego64/fine_last.tar").display().to_string();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"));
+        command.current_dir(here).args(arguments).output().expect("starts")
+    };
+    let cameras = std::fs::read(fixture("trained/lego64/transforms_test.json")).expect("cameras");
+    let cameras: Value = serde_json::from_slice(&cameras).expect("JSON");
+    let frames = cameras["frames"].as_array().expect("frames").len();
+    assert!(frames >= 8, "one is held out");
+    std::fs::write(here.join("cameras.json"), cameras.to_string()).expect("writable");
+    let march = ["--stepsize", "0.5", "--cameras", "cameras.json", "--size", "160x160"];
+    let mut render = vec!["render", &scene, "-o", "photographs"];
+    render.extend(march);
+    let output = run(&render);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut bake = vec!["bake", &scene, "-o", "fit.mipvog", "--filter", "fit"];
+    bake.extend(["--photographs", "photographs", "--fit-steps", "30", "--format", "json"]);
+    bake.extend(march);
+    let report = report(&run(&bake));
+    assert_eq!(report["gate"]["errors"][0]["frames"].as_u64(), Some(frames as u64 / 8), "{report}");
+    assert!(report["options"]["photographs"]["sha256"].is_string(), "{report}");
+    for level in report["fitted"]["levels"].as_array().expect("levels").iter().take(3) {
+        let psnr = |key: &str| level[key].as_f64().expect("a number");
+        assert!(psnr("psnr_after") > psnr("psnr_before"), "{level}");
+    }
+    std::fs::remove_file(here.join("fit.mipvog")).expect("a container");
+    std::fs::remove_dir_all(here.join("photographs")).expect("a folder");
+    let output = run(&bake);
+    assert_eq!(output.status.code(), Some(5), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(!here.join("fit.mipvog").exists());
+}
+
 #[cfg(unix)]
 mod signals {
     use std::io::Read;

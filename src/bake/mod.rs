@@ -35,6 +35,7 @@ mod memory;
 mod options;
 mod origin;
 mod pack;
+mod photographs;
 mod plan;
 mod prepare;
 mod preset;
@@ -54,6 +55,7 @@ pub use max_bytes::Chosen;
 pub use max_error::MaxErrors;
 pub use options::BakeOptions;
 pub use origin::Origin;
+pub use photographs::Photographs;
 pub use preset::Preset;
 pub use repack::repack;
 pub use report::{

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::MaxErrors;
+use super::{MaxErrors, Photographs};
 use crate::base::bytes::hex;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -70,6 +70,10 @@ pub struct BakeOptions {
     /// the box
     #[serde(skip)]
     pub fit_cameras: Vec<Camera>,
+    /// The photographs of [`fit_cameras`](Self::fit_cameras), which levels are fitted to. Default:
+    /// none, levels are fitted to pictures of level 0
+    #[serde(skip)]
+    pub photographs: Option<Photographs>,
     /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which nodes are kept, above 0
     /// to 1. Default: none, all visible nodes are kept
     pub min_weight: Option<f32>,
@@ -112,6 +116,7 @@ impl Default for BakeOptions {
             fit_steps: 150,
             fit_seconds: None,
             fit_cameras: Vec::new(),
+            photographs: None,
             min_weight: None,
             coarseness: 0.0,
             fill_error: None,
@@ -287,6 +292,9 @@ impl BakeOptions {
             options["fit_steps"] = self.fit_steps.into();
             options["fit_seconds"] = self.fit_seconds.into();
             options["fit_cameras"] = cameras_json(&self.fit_cameras);
+            if let Some(Photographs { sha256, .. }) = &self.photographs {
+                options["photographs"] = json!({ "sha256": hex(sha256) });
+            }
         }
         if let Some(min_weight) = self.min_weight {
             options["min_weight"] = min_weight.into();

@@ -214,6 +214,7 @@ fn fit_levels(
         steps: options.fit_steps,
         seconds: options.fit_seconds,
         cameras: &options.fit_cameras,
+        photographs: options.photographs.as_ref().map(|photographs| &*photographs.folder),
     };
     let retained = visible.retained();
     let masked = visible.mask_is_required;

@@ -286,7 +286,7 @@ impl LevelFilter for Filter {
             (factor, 0.0, bound)
         };
         match self {
-            Self::RateTent => (0.55, -0.15, None),
+            Self::RateTent => (0.5, 0.0, None),
             Self::Coverage => (0.5, -0.1, None),
             Self::Fit => (0.5, 0.1, None),
             Self::Code => published(LevelRule::Code),

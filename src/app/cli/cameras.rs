@@ -66,16 +66,20 @@ impl CameraArguments {
 
     /// Reads or makes the cameras; refuses to without a file or a turntable.
     pub fn cameras(&self, bounds: &Bounds, limits: &Limits) -> Result<Vec<Camera>> {
-        let made = match (&self.cameras, self.turntable()) {
-            (Some(path), _) => {
-                camera::read(path, self.size.map(|Size(size)| size), limits)?.cameras
-            }
-            (None, Some(count)) => camera::turntable(bounds, count, self.made_size()),
+        match (self.of_file(limits)?, self.turntable()) {
+            (Some(cameras), _) => Ok(cameras),
+            (None, Some(count)) => self.pick(camera::turntable(bounds, count, self.made_size())),
             (None, None) => {
-                return Err(Error::usage("--cameras FILE or --turntable N must say from where"));
+                Err(Error::usage("--cameras FILE or --turntable N must say from where"))
             }
-        };
-        self.pick(made)
+        }
+    }
+
+    /// The picked cameras of the file, if there is one.
+    pub fn of_file(&self, limits: &Limits) -> Result<Option<Vec<Camera>>> {
+        let Some(path) = &self.cameras else { return Ok(None) };
+        let read = camera::read(path, self.size.map(|Size(size)| size), limits)?;
+        self.pick(read.cameras).map(Some)
     }
 
     /// The frames that the user picked.

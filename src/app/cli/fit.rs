@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::common::Common;
 use super::outcome::warn;
-use crate::bake::fit::FittedLevel;
-use crate::bake::{BakeOptions, FitReport};
+use crate::bake::fit::{FittedLevel, is_held_out};
+use crate::bake::{BakeOptions, FitReport, Photographs};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::model::camera::{self, Camera};
@@ -27,7 +27,14 @@ pub struct FitArguments {
     /// spheres around the box]
     #[arg(long, value_name = "FILE")]
     fit_cameras: Option<PathBuf>,
+    /// Photographs that `--filter fit` fits coarser levels to, instead of pictures of level 0, of
+    /// --fit-cameras or else of --cameras. One in eight is held out
+    #[arg(long, value_name = "DIR")]
+    photographs: Option<PathBuf>,
 }
+
+/// Fewer photographs leave none to hold out.
+const FEWEST_PHOTOGRAPHS: usize = 8;
 
 impl FitArguments {
     /// The camera file, if there is one.
@@ -37,15 +44,51 @@ impl FitArguments {
 
     /// True if any of these options is given.
     pub fn given(&self) -> bool {
-        self.fit_steps.is_some() || self.fit_seconds.is_some() || self.fit_cameras.is_some()
+        self.fit_steps.is_some()
+            || self.fit_seconds.is_some()
+            || self.fit_cameras.is_some()
+            || self.photographs.is_some()
     }
 
-    /// Explicit options override the preset's.
-    pub fn apply(&self, options: &mut BakeOptions, limits: &Limits) -> Result<()> {
+    /// The cameras that may judge the fit: where photographs are those of `--cameras`, the ones that
+    /// are held out.
+    pub fn judges(&self, mut cameras: Vec<Camera>) -> Vec<Camera> {
+        if self.photographs.is_some() && self.fit_cameras.is_none() {
+            let mut numbers = 0..;
+            cameras.retain(|_| numbers.next().is_some_and(is_held_out));
+        }
+        cameras
+    }
+
+    /// Explicit options override the preset's. `cameras` are those of `--cameras`, for photographs
+    /// alone.
+    pub fn apply(
+        &self,
+        options: &mut BakeOptions,
+        cameras: impl FnOnce(&Limits) -> Result<Option<Vec<Camera>>>,
+        limits: &Limits,
+    ) -> Result<()> {
         options.fit_steps = self.fit_steps.map_or(options.fit_steps, |steps| steps as usize);
         options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
         if let Some(path) = &self.fit_cameras {
             options.fit_cameras = camera::read(path, None, limits)?.cameras;
+        }
+        if let Some(folder) = &self.photographs {
+            if self.fit_cameras.is_none() {
+                options.fit_cameras = cameras(limits)?.ok_or_else(|| {
+                    Error::usage(
+                        "--photographs needs --fit-cameras or --cameras to tell from where",
+                    )
+                })?;
+            }
+            if options.fit_cameras.len() < FEWEST_PHOTOGRAPHS {
+                let found = options.fit_cameras.len();
+                return Err(Error::usage(format!(
+                    "--photographs needs {FEWEST_PHOTOGRAPHS} cameras or more, because one in eight \
+                     is held out; there are {found}"
+                )));
+            }
+            options.photographs = Some(Photographs::of(folder, &options.fit_cameras)?);
         }
         Ok(())
     }
@@ -68,8 +111,13 @@ pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
 }
 
 /// Refuses to judge a fit by the cameras that it was fitted to.
-pub fn check_judges(fitted: &[Camera], judges: &[Camera]) -> Result<()> {
-    let known = |judge: &&Camera| fitted.iter().any(|camera| camera.to_world == judge.to_world);
+pub fn check_judges(options: &BakeOptions, judges: &[Camera]) -> Result<()> {
+    // All photographs are used, and the same ones are held out.
+    let holds_out = options.photographs.is_some();
+    let fitted = options.fit_cameras.iter().enumerate();
+    let fitted: Vec<_> =
+        fitted.filter(|(number, _)| !(holds_out && is_held_out(*number))).collect();
+    let known = |judge: &&Camera| fitted.iter().any(|(_, one)| one.to_world == judge.to_world);
     match judges.iter().find(known) {
         Some(judge) => Err(Error::usage(format!(
             "frame {} of --cameras is among --fit-cameras: levels must be judged from places that \

@@ -80,6 +80,11 @@ impl GateArguments {
         self.cameras.cameras(&field.scene.bounds, limits)
     }
 
+    /// The cameras of a file, if there is one.
+    pub fn cameras_of_file(&self, limits: &Limits) -> Result<Option<Vec<Camera>>> {
+        self.cameras.of_file(limits)
+    }
+
     /// Compares a container with the input it was baked from.
     pub fn measure(
         &self,

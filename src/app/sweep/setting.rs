@@ -147,6 +147,7 @@ fn name(options: &BakeOptions) -> String {
         fit_steps,
         fit_seconds,
         fit_cameras,
+        photographs,
         min_weight,
         coarseness,
         fill_error,
@@ -181,6 +182,9 @@ fn name(options: &BakeOptions) -> String {
         }
         if !fit_cameras.is_empty() {
             name += &format!("-c{}", &hex(&camera::digest(fit_cameras))[..8]);
+        }
+        if let Some(photographs) = photographs {
+            name += &format!("-p{}", &hex(&photographs.sha256)[..8]);
         }
     }
     if let Some(weight) = min_weight {

@@ -1,5 +1,6 @@
 //! Inputs and results of the fits of all levels.
 
+use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -21,6 +22,8 @@ pub struct FitOptions<'a> {
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],
+    /// A folder of the cameras' photographs, which levels are fitted to in place of level 0.
+    pub photographs: Option<&'a Path>,
 }
 
 /// The course of one level's fit.

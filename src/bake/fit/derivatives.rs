@@ -1,6 +1,7 @@
 //! The derivatives of all levels against differences of pictures.
 
 use super::adam::Adam;
+use super::context::FitOptions;
 use super::finest::Finest;
 use super::gradient::Gradient;
 use super::target::Targets;
@@ -51,7 +52,8 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let limits = Limits::default();
         let rendered = Renderer::trained(&field(is_linear), Some(levels), &limits);
         let rendered = rendered.expect("a field");
-        let targets = Targets::new(&rendered, LEVELS - 1, &[], &limits, &Silent);
+        let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
+        let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
         let (view, values) = rendered.into_parts().expect("values");
         with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures")));
     }

@@ -9,7 +9,9 @@
 //! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 
-use super::trace::{Part, Rays, Sampled, Samples};
+use multiversion::multiversion;
+
+use super::trace::{Part, Rays, Sampled, Samples, Traced};
 use crate::view::render::ColorRule;
 
 /// Marks nodes that are not fitted.
@@ -45,6 +47,18 @@ impl<const C: usize> Gradient<C> {
     }
 }
 
+/// [`Rays::spread`] in the processor's widest vectors.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn spread<const C: usize>(
+    rays: &Rays<C>,
+    traced: &Traced<C>,
+    worth: f32,
+    samples: &Samples<C>,
+    levels: &mut [Vec<Sums<C>>],
+) {
+    rays.spread(traced, worth, samples, levels);
+}
+
 impl<const C: usize> Rays<'_, C> {
     /// Adds the derivatives of half of ray `number`'s squared error, times `worth`.
     pub fn differentiate(
@@ -57,6 +71,18 @@ impl<const C: usize> Rays<'_, C> {
         let Gradient { levels, samples } = gradient;
         let target = self.targets.draw(scale, number, false);
         let Some(traced) = target.and_then(|target| self.trace(&target, samples)) else { return };
+        spread(self, &traced, worth, samples, levels);
+    }
+
+    /// Adds the derivatives of a traced ray.
+    #[inline(always)]
+    fn spread(
+        &self,
+        traced: &Traced<C>,
+        worth: f32,
+        samples: &Samples<C>,
+        levels: &mut [Vec<Sums<C>>],
+    ) {
         let mut by_color = traced.by_color;
         by_color.iter_mut().for_each(|by| *by *= worth);
         // Back to front: the derivative by the light behind a sample.

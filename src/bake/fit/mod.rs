@@ -35,3 +35,4 @@ mod trace;
 
 pub use context::{FitOptions, Fitted, FittedLevel};
 pub use run::fit;
+pub use target::is_held_out;

@@ -34,7 +34,7 @@ pub fn fit(
         rendered.view_mut().free_space = None;
     }
     let coarser = retained.len().saturating_sub(1);
-    let targets = Targets::new(&rendered, coarser, options.cameras, limits, progress)?;
+    let targets = Targets::new(&rendered, coarser, options, limits, progress)?;
     progress.begin(Step::Fit, options.steps as u64);
     let start = levels.level_of_detail;
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };

@@ -4,18 +4,29 @@
 //! mean colour is what one ray through its middle should have. Windows start at any pixel, so a ray
 //! passes nodes at every position.
 
+use std::path::Path;
+
 use glam::DVec3;
 
+use super::context::FitOptions;
 use super::summed_area::SummedArea;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::{Camera, Lens, Ray};
 use crate::model::grid::Bounds;
+use crate::view::compare::photograph;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
-/// Cameras, evenly on a sphere; of given ones this many are taken.
-const CAMERAS: usize = 64;
+/// Cameras of pictures for small windows; of given ones this many are taken.
+const NEAR_CAMERAS: usize = 64;
+/// Cameras of pictures for large windows alone: a small picture of the field has so few windows
+/// that only more directions tell more of it.
+const FAR_CAMERAS: usize = 96;
+/// Pixels of pictures for small windows along one of those for large windows.
+const FAR_REDUCTION: usize = 2;
+/// Pixels of a large window, at least, along each side.
+const LEAST_SIDE: usize = 4;
 /// Pixels of a full picture for each of level 0's nodes along the longest axis.
 const PIXELS_A_NODE: f64 = 2.0;
 /// Tangent of half the field of view.
@@ -28,7 +39,7 @@ const GROUP: usize = 4;
 /// One picture of this many is for validation.
 const VALIDATION: usize = 8;
 
-/// A large picture.
+/// A picture of level 0.
 #[derive(Debug)]
 struct Picture {
     camera: Camera,
@@ -36,12 +47,21 @@ struct Picture {
     color: SummedArea,
 }
 
-/// Target pictures.
+/// Pictures of one resolution.
 #[derive(Debug)]
-pub struct Targets {
+struct Series {
     pictures: Vec<Picture>,
     /// Pixels that show anything, `(picture, pixel)`, for steps and for validation.
     shown: [Vec<(u32, u32)>; 2],
+    /// Pixels of the finest series along one of this.
+    reduction: usize,
+}
+
+/// Target pictures.
+#[derive(Debug)]
+pub struct Targets {
+    /// The finest first.
+    series: Vec<Series>,
     /// Scales that windows have: those of scale `s` are `2^(s + 1)` pixels wide.
     pub scales: usize,
 }
@@ -58,72 +78,96 @@ pub struct Target {
 }
 
 impl Targets {
-    /// Targets for `coarser` levels, from the `given` cameras, or from around the box.
+    /// Targets for `coarser` levels: from the given cameras, or from around the box; photographs, or
+    /// pictures of level 0.
+    ///
+    /// # Errors
+    /// Cameras that cannot be rendered, photographs that cannot be read, `OverLimit` where pictures
+    /// do not fit in the memory of `limits`, `Cancelled`.
     pub fn new(
         field: &Renderer,
         coarser: usize,
-        given: &[Camera],
+        options: &FitOptions,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        let FitOptions { cameras: given, photographs, .. } = *options;
         let view = field.view();
         let longest = view.nodes.0.into_iter().max().unwrap_or(2) as f64;
         let side = ((longest * PIXELS_A_NODE) as usize).max(8);
-        let cameras: Vec<Camera> = match given.len() {
-            0 => around(&view.bounds, side).collect(),
-            count => {
-                let some = given.iter().step_by(count.div_ceil(CAMERAS));
-                some.map(|camera| fitting(camera, side)).collect()
+        let cameras = |count: usize, reduction: usize| -> Vec<Camera> {
+            match given.len() {
+                0 => around(&view.bounds, side / reduction, count).collect(),
+                _ if photographs.is_some() => given.to_vec(),
+                all => {
+                    let some = given.iter().step_by(all.div_ceil(count));
+                    some.map(|camera| fitting(camera, side / reduction)).collect()
+                }
             }
         };
-        let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
-        let mut budget = Budget::new(limits);
-        for camera in &cameras {
-            let pixels = (camera.lens.width * camera.lens.height) as u64;
-            let bytes = pixels * (size_of::<[f32; 3]>() + size_of::<(u32, u32)>()) as u64;
-            budget.spend(bytes, "bytes of pictures", &Place::File)?;
+        let mut series = vec![(cameras(NEAR_CAMERAS, 1), 1)];
+        // The same cameras again would tell nothing.
+        if given.is_empty() || (given.len() > NEAR_CAMERAS && photographs.is_none()) {
+            series.push((cameras(FAR_CAMERAS, FAR_REDUCTION), FAR_REDUCTION));
         }
-        let count = cameras.len();
+        let mut budget = Budget::new(limits);
+        let mut spend = |lens: &Lens| {
+            let bytes = size_of::<[f32; 3]>() + size_of::<(u32, u32)>();
+            let bytes = (lens.width * lens.height * bytes) as u64;
+            budget.spend(bytes, "bytes of pictures", &Place::File)
+        };
+        if photographs.is_none() {
+            series.iter().flat_map(|(cameras, _)| cameras).try_for_each(|c| spend(&c.lens))?;
+        }
+        let count: usize = series.iter().map(|(cameras, _)| cameras.len()).sum();
         progress.begin(Step::Targets, count as u64);
         // Steps see windows between two scales, too.
         let largest = (3usize << coarser).pow(2);
-        let mut pictures = Vec::new();
-        let mut shown = [Vec::new(), Vec::new()];
-        for (number, camera) in cameras.into_iter().enumerate() {
-            progress.part(Step::Targets, &format!("picture {}/{count}", number + 1));
-            let frame = render(field, &camera, &options, progress)?;
-            // A set for validation needs more pictures than one.
-            let validates = number % VALIDATION == VALIDATION - 1;
-            let shows = (0..frame.color.len()).filter(|&pixel| frame.transmittance[pixel] < 0.9999);
-            shown[usize::from(validates)].extend(shows.map(|pixel| (number as u32, pixel as u32)));
-            let color = SummedArea::new(&frame.color, camera.lens.width, largest);
-            pictures.push(Picture { color, camera });
-            progress.advance(Step::Targets, 1);
-        }
-        if shown[1].is_empty() {
-            shown[1] = shown[0].clone();
-        }
-        let shortest = |camera: &Camera| camera.lens.width.min(camera.lens.height);
-        let least = pictures.iter().map(|picture| shortest(&picture.camera)).min().unwrap_or(0);
+        let mut rendered = 0;
+        let mut render_series = |(cameras, reduction): (Vec<Camera>, usize)| {
+            let mut series = Series { pictures: Vec::new(), shown: Default::default(), reduction };
+            for (number, camera) in cameras.into_iter().enumerate() {
+                rendered += 1;
+                progress.part(Step::Targets, &format!("picture {rendered}/{count}"));
+                let shot = match photographs {
+                    Some(folder) => Shot::photographed(field, folder, &camera, side, limits)?,
+                    None => Shot::rendered(field, camera, progress)?,
+                };
+                if photographs.is_some() {
+                    spend(&shot.camera.lens)?;
+                }
+                series.push(number, shot, largest);
+                progress.advance(Step::Targets, 1);
+            }
+            Ok(series)
+        };
+        let series: Vec<Series> =
+            series.into_iter().map(&mut render_series).collect::<Result<_>>()?;
+        let shortest =
+            |picture: &Picture| picture.camera.lens.width.min(picture.camera.lens.height);
+        let least = series[0].pictures.iter().map(shortest).min().unwrap_or(0);
         let scales = (0..=coarser).take_while(|scale| 2 << scale <= least).count();
-        Ok(Self { pictures, shown, scales })
+        Ok(Self { series, scales })
     }
 
     /// The target of window `number`; none if no picture shows anything.
     pub fn draw(&self, scale: usize, number: usize, validates: bool) -> Option<Target> {
         let random = |number: usize| scramble(number as u64 ^ (scale as u64) << 48);
-        let shown = Some(&self.shown[usize::from(validates)]).filter(|shown| !shown.is_empty())?;
         let group = if validates { 1 } else { GROUP };
         let drawn = random(number / group * group);
+        let series = self.series_of(scale, scramble(drawn));
+        let shown = series.shown(validates)?;
         let (picture, pixel) = shown[(drawn % shown.len() as u64) as usize];
-        let picture = &self.pictures[picture as usize];
+        let picture = &series.pictures[picture as usize];
         let Lens { width, height, .. } = picture.camera.lens;
+        let shorter = width.min(height);
         let random = scramble(random(number));
         let side = match random & 1 {
             // Steps see sizes between those of scales, too.
-            1 if !validates && 3 << scale <= width.min(height) => 3 << scale,
+            1 if !validates && (3 << scale) / series.reduction <= shorter => 3 << scale,
             _ => 2 << scale,
         };
+        let side = (side / series.reduction).min(shorter);
         // The pixel is in the window or at most half a window beside it.
         let start = |at: usize, random: u64, end: usize| {
             let back = (random % (2 * side) as u64) as usize;
@@ -138,6 +182,82 @@ impl Targets {
         let ray = |x: f64, y: f64| picture.camera.ray(x, y);
         Some(Target { ray: ray(x, y), aside: [ray(x + half, y), ray(x, y + half)], color })
     }
+
+    /// One of the series whose windows of a scale have enough pixels, drawn by numbers of pictures.
+    fn series_of(&self, scale: usize, random: u64) -> &Series {
+        let usable = |series: &&Series| {
+            series.reduction == 1 || (2 << scale) / series.reduction >= LEAST_SIDE
+        };
+        let pictures = self.series.iter().filter(usable).map(|series| series.pictures.len());
+        let mut drawn = (random % pictures.sum::<usize>().max(1) as u64) as usize;
+        for series in self.series.iter().filter(usable) {
+            match drawn.checked_sub(series.pictures.len()) {
+                Some(left) => drawn = left,
+                None => return series,
+            }
+        }
+        &self.series[0]
+    }
+}
+
+impl Series {
+    /// Adds picture `number`; windows have at most `largest` pixels of the finest series.
+    fn push(&mut self, number: usize, shot: Shot, largest: usize) {
+        let Shot { camera, color, shows } = shot;
+        let shown = (0..color.len()).filter(|&pixel| shows[pixel]);
+        let shown = shown.map(|pixel| (number as u32, pixel as u32));
+        self.shown[usize::from(is_held_out(number))].extend(shown);
+        let color = SummedArea::new(&color, camera.lens.width, largest);
+        self.pictures.push(Picture { color, camera });
+    }
+
+    /// Pixels to draw from; where none are for validation, those of steps.
+    fn shown(&self, validates: bool) -> Option<&[(u32, u32)]> {
+        let [steps, validation] = &self.shown;
+        let shown = if validates && !validation.is_empty() { validation } else { steps };
+        Some(shown.as_slice()).filter(|shown| !shown.is_empty())
+    }
+}
+
+/// True for pictures that no step uses. A set of them needs more pictures than one.
+pub fn is_held_out(picture: usize) -> bool {
+    picture % VALIDATION == VALIDATION - 1
+}
+
+/// What a camera sees.
+struct Shot {
+    camera: Camera,
+    /// Colour over the background.
+    color: Vec<[f32; 3]>,
+    /// False for pixels that show the background alone.
+    shows: Vec<bool>,
+}
+
+impl Shot {
+    /// Level 0.
+    fn rendered(field: &Renderer, camera: Camera, progress: &dyn Progress) -> Result<Self> {
+        let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
+        let frame = render(field, &camera, &options, progress)?;
+        let shows = frame.transmittance.iter().map(|left| *left < 0.9999).collect();
+        Ok(Self { camera, color: frame.color, shows })
+    }
+
+    /// A photograph, of `side` pixels or more along its longer side.
+    fn photographed(
+        field: &Renderer,
+        folder: &Path,
+        camera: &Camera,
+        side: usize,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let background = field.view().background;
+        let (camera, picture) = photograph(folder, camera, side, background, limits)?;
+        let shows = match picture.opacity {
+            Some(opacity) => opacity.iter().map(|opacity| *opacity > 0.0).collect(),
+            None => vec![true; picture.color.len()],
+        };
+        Ok(Self { camera, color: picture.color, shows })
+    }
 }
 
 /// A given camera with a picture of the size that levels are made for.
@@ -149,25 +269,25 @@ fn fitting(camera: &Camera, side: usize) -> Camera {
     Camera { lens: camera.lens.resized(width, height), ..camera.clone() }
 }
 
-/// Cameras on spheres around the box, looking at its middle.
-fn around(bounds: &Bounds, side: usize) -> impl Iterator<Item = Camera> {
+/// `count` cameras on spheres around the box, looking at its middle.
+fn around(bounds: &Bounds, side: usize, count: usize) -> impl Iterator<Item = Camera> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let (min, max) = (corner(bounds.min), corner(bounds.max));
     let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
     let side_f64 = side as f64;
     let focal = [0.5 * side_f64 / HALF_VIEW; 2];
     let lens = Lens { width: side, height: side, focal, center: [0.5 * side_f64; 2] };
-    (0..CAMERAS).map(move |i| {
+    (0..count).map(move |i| {
         // A Fibonacci spiral: even in height, the golden angle apart.
-        let up = 1.0 - (2 * i + 1) as f64 / CAMERAS as f64;
+        let up = 1.0 - (2 * i + 1) as f64 / count as f64;
         let around = 2.399_963_229_728_653 * i as f64;
         let flat = (1.0 - up * up).sqrt();
         let back = DVec3::new(libm::cos(around) * flat, libm::sin(around) * flat, up);
         // Distances over an octave, so that footprints are of every size.
         let [near, far] = DISTANCES;
-        let share = ((i * 5) % CAMERAS) as f64 / CAMERAS as f64;
+        let share = ((i * 5) % count) as f64 / count as f64;
         let distance = radius / HALF_VIEW * (near + (far - near) * share);
-        Camera::looking_at(middle, back, distance, format!("fit_{i:02}"), lens)
+        Camera::looking_at(middle, back, distance, format!("fit_{i:03}"), lens)
     })
 }
 

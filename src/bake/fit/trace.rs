@@ -3,6 +3,8 @@
 //! A packet's densities are read before any of its colours, so that a processor waits for many
 //! addresses at once.
 
+use multiversion::multiversion;
+
 use super::finest::Finest;
 use super::target::{Target, Targets};
 use crate::model::activate::lanes;
@@ -101,6 +103,19 @@ struct Sums<const C: usize> {
     color: [f32; C],
 }
 
+/// [`Rays::composite`] in the processor's widest vectors.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn composite<const C: usize>(
+    rays: &Rays<C>,
+    rule: &ColorRule,
+    path: &Path,
+    packet: &mut Packet,
+    sums: &mut Sums<C>,
+    samples: &mut Samples<C>,
+) {
+    rays.composite(rule, path, packet, sums, samples);
+}
+
 impl<'a, const C: usize> Rays<'a, C> {
     /// Composites a ray, leaving its samples in `samples`. None where it misses the box.
     pub fn trace(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
@@ -118,11 +133,11 @@ impl<'a, const C: usize> Rays<'a, C> {
             (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
             packet.count += 1;
             if packet.count == PACKET {
-                self.composite(&rule, &route.path, &mut packet, &mut sums, samples);
+                composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
             }
             sums.depth < OPAQUE_DEPTH
         });
-        self.composite(&rule, &route.path, &mut packet, &mut sums, samples);
+        composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
         let left = sums.left;
         rule.finish(&mut sums.color);
         let mut traced = self.by_accumulated(rule, unit, &sums.color, left, *color);

@@ -36,7 +36,7 @@ impl Reference {
         match self {
             Self::Field(field) => Picture::of_field(field, camera, supersample, progress),
             Self::Pictures { folder, background, limits } => {
-                photograph(folder, camera, *background, limits)
+                photograph_of_size(folder, camera, *background, limits)
             }
         }
     }
@@ -74,25 +74,55 @@ impl Picture {
     }
 }
 
-fn photograph(
+/// A camera's photograph, box-downsampled to the fewest pixels of which `longest` or more lie along
+/// its longer side, and the camera with as many. Transparent pixels show `background`.
+///
+/// # Errors
+/// A missing picture, one that cannot be read, or one above the memory of `limits`.
+pub fn photograph(
+    folder: &Path,
+    camera: &Camera,
+    longest: usize,
+    background: [f32; 3],
+    limits: &Limits,
+) -> Result<(Camera, Picture)> {
+    let (_, full) = read_photograph(folder, camera, background, limits)?;
+    let (width, height) = (full.width, full.height);
+    let most = (width.max(height) / longest.max(1)).max(1);
+    let divides = |factor: &usize| width.is_multiple_of(*factor) && height.is_multiple_of(*factor);
+    let factor = (1..=most).rev().find(divides).unwrap_or(1);
+    let lens = camera.lens.resized(width / factor, height / factor);
+    Ok((Camera { lens, ..camera.clone() }, full.downsampled(factor)))
+}
+
+/// A camera's photograph at the camera's size.
+fn photograph_of_size(
     folder: &Path,
     camera: &Camera,
     background: [f32; 3],
     limits: &Limits,
 ) -> Result<Picture> {
-    let path = find(folder, camera).ok_or_else(|| {
-        let missing = std::io::ErrorKind::NotFound.into();
-        Error::io(missing, &folder.join(format!("{}.png", camera.name)))
-    })?;
-    let file = picture::read(&path, limits.memory)?;
+    let (path, full) = read_photograph(folder, camera, background, limits)?;
     let (width, height) = (camera.lens.width, camera.lens.height);
-    let factor = file.width / width.max(1);
-    if factor == 0 || file.width != factor * width || file.height != factor * height {
+    let factor = full.width / width.max(1);
+    if factor == 0 || full.width != factor * width || full.height != factor * height {
         let expected =
-            format!("a whole part of the picture's {} x {} pixels", file.width, file.height);
+            format!("a whole part of the picture's {} x {} pixels", full.width, full.height);
         let found = format!("{width} x {height}");
         return Err(Error::invalid_option("size", found, expected).in_file(&path));
     }
+    Ok(full.downsampled(factor))
+}
+
+/// A camera's photograph as it is.
+fn read_photograph(
+    folder: &Path,
+    camera: &Camera,
+    background: [f32; 3],
+    limits: &Limits,
+) -> Result<(PathBuf, Picture)> {
+    let path = photograph_file(folder, camera)?;
+    let file = picture::read(&path, limits.memory)?;
     let pixels = file.bytes.as_chunks::<4>().0;
     let share = |byte: u8| f32::from(byte) / 255.0;
     let color = |&[red, green, blue, alpha]: &[u8; 4]| {
@@ -109,11 +139,18 @@ fn photograph(
         diffuse: None,
         opacity: transparent.then(opacity),
     };
-    Ok(full.downsampled(factor))
+    Ok((path, full))
 }
 
-/// A frame's picture: by its name in the folder, or by the path of the camera file.
-fn find(folder: &Path, camera: &Camera) -> Option<PathBuf> {
+/// A camera's photograph: by its name in the folder, or by the path of the camera file.
+///
+/// # Errors
+/// A missing picture.
+pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
     let by_name = camera::picture_path(folder, &camera.name);
-    by_name.or_else(|| camera::picture_path(folder, camera.picture.as_deref()?))
+    let by_path = || camera::picture_path(folder, camera.picture.as_deref()?);
+    by_name.or_else(by_path).ok_or_else(|| {
+        let missing = std::io::ErrorKind::NotFound.into();
+        Error::io(missing, &folder.join(format!("{}.png", camera.name)))
+    })
 }

@@ -80,7 +80,10 @@ fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
         ("--memory", stored.memory.is_some()),
         ("--fill-error", stored.fill_error.is_some() && !anew),
         ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
-        ("--fit-steps, --fit-seconds or --fit-cameras", arguments.fit.given() && !anew),
+        (
+            "--fit-steps, --fit-seconds, --fit-cameras or --photographs",
+            arguments.fit.given() && !anew,
+        ),
     ];
     match ignored.iter().find(|(_, given)| *given) {
         None => Ok(()),

@@ -137,7 +137,7 @@ impl Arguments {
             (None, Content::Trained(_)) => BakeOptions::default(),
         };
         self.stored.apply(&mut options);
-        self.fit.apply(&mut options, limits)?;
+        self.fit.apply(&mut options, |limits| self.gate.cameras_of_file(limits), limits)?;
         options.limits = limits.clone();
         let measures = self.gate.measures()?;
         if options.memory.is_some() && measures {
@@ -150,7 +150,8 @@ impl Arguments {
             return Err(Error::usage(message));
         }
         if self.fit.given() && !options.filter.is_fitted() {
-            let message = "--fit-steps, --fit-seconds and --fit-cameras need --filter fit";
+            let message = "--fit-steps, --fit-seconds, --fit-cameras and --photographs need \
+                           --filter fit";
             return Err(Error::usage(message));
         }
         options.check()?;

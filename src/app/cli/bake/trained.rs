@@ -51,7 +51,7 @@ pub fn bake_trained(
     refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
     let origin = Origin::of_source(&source);
     let cameras = match arguments.gate.measures()? {
-        true => Some(arguments.gate.cameras(&source.field, limits)?),
+        true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, limits)?)),
         // The loss of resampling is always told; a bound on memory excludes pictures.
         false if source.family.is_resampled() && options.memory.is_none() => {
             Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
@@ -59,7 +59,7 @@ pub fn bake_trained(
         false => None,
     };
     if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
-        check_judges(&options.fit_cameras, cameras)?;
+        check_judges(options, cameras)?;
     }
     let options = &with_cameras(arguments, options, &source.field)?;
     let current = arguments.incremental.current(
