@@ -109,6 +109,6 @@ fn long_loops_end_within_a_second_of_being_told_to() {
     let made = TrainedLevels { count: 2, ..TrainedLevels::of_training(&Filter::Fit, &field.scene) };
     let retained = [[6; 3], [3; 3]].map(|nodes| NodeMask::full(Nodes(nodes)));
     let retained = [&retained[0], &retained[1]];
-    let options = FitOptions { steps: 1000, seconds: None, cameras: &cameras };
+    let options = FitOptions { steps: 1000, seconds: None, cameras: &cameras, photographs: None };
     assert_ends("fit", |progress| fit(&field, made, &retained, false, &options, &limits, progress));
 }

@@ -120,14 +120,12 @@ impl TransmittanceSweep<'_> {
             for down in [false, true] {
                 light.fill(1.0);
                 let mut before: Option<&[f32]> = None;
-                let mut go = |(through, sums)| {
-                    match before.replace(through) {
-                        Some(before) => {
-                            step(dz, &light, before, &mut next, sums);
-                            std::mem::swap(&mut light, &mut next);
-                        }
-                        None => add(sums, &light),
+                let mut go = |(through, sums)| match before.replace(through) {
+                    Some(before) => {
+                        step(dz, &light, before, &mut next, sums);
+                        std::mem::swap(&mut light, &mut next);
                     }
+                    None => add(sums, &light),
                 };
                 let rows = through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
                 if down { rows.rev().for_each(&mut go) } else { rows.for_each(&mut go) }
