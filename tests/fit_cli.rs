@@ -123,11 +123,17 @@ fn photographs_are_fitted_to_and_one_in_eight_judges() {
     render.extend(march);
     let output = run(&render);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Pictures of `render` tell their scale; photographs have the frame's name alone.
+    for entry in std::fs::read_dir(here.join("photographs")).expect("a folder") {
+        let path = entry.expect("a picture").path();
+        let name = path.display().to_string().replace(".s1.png", ".png");
+        std::fs::rename(&path, name).expect("renamed");
+    }
     let mut bake = vec!["bake", &scene, "-o", "fit.mipvog", "--filter", "fit"];
     bake.extend(["--photographs", "photographs", "--fit-steps", "30", "--format", "json"]);
     bake.extend(march);
     let report = report(&run(&bake));
-    assert_eq!(report["gate"]["errors"][0]["frames"].as_u64(), Some(frames as u64 / 8), "{report}");
+    assert_eq!(report["errors"][0]["frames"].as_u64(), Some(frames as u64 / 8), "{report}");
     assert!(report["options"]["photographs"]["sha256"].is_string(), "{report}");
     for level in report["fitted"]["levels"].as_array().expect("levels").iter().take(3) {
         let psnr = |key: &str| level[key].as_f64().expect("a number");

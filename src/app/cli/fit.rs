@@ -73,7 +73,8 @@ impl FitArguments {
         if let Some(path) = &self.fit_cameras {
             options.fit_cameras = camera::read(path, None, limits)?.cameras;
         }
-        if let Some(folder) = &self.photographs {
+        let photographs = self.photographs.as_ref().filter(|_| options.filter.is_fitted());
+        if let Some(folder) = photographs {
             if self.fit_cameras.is_none() {
                 options.fit_cameras = cameras(limits)?.ok_or_else(|| {
                     Error::usage(
