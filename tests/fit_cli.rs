@@ -133,7 +133,11 @@ fn photographs_are_fitted_to_and_one_in_eight_judges() {
     bake.extend(["--photographs", "photographs", "--fit-steps", "30", "--format", "json"]);
     bake.extend(march);
     let report = report(&run(&bake));
-    assert_eq!(report["quality"]["errors"][0]["frames"].as_u64(), Some(frames as u64 / 8), "{report}");
+    assert_eq!(
+        report["quality"]["errors"][0]["frames"].as_u64(),
+        Some(frames as u64 / 8),
+        "{report}"
+    );
     assert!(report["options"]["photographs"]["sha256"].is_string(), "{report}");
     for level in report["fitted"]["levels"].as_array().expect("levels").iter().take(3) {
         let psnr = |key: &str| level[key].as_f64().expect("a number");

@@ -1,30 +1,16 @@
 //! Inputs and results of the fits of all levels.
 
-use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
 
+use super::options::FitOptions;
 use super::target::Targets;
 use crate::base::progress::Progress;
 use crate::model::baked::LevelOfDetail;
-use crate::model::camera::Camera;
 use crate::model::grid::NodeMask;
 use crate::view::render::View;
 use crate::view::sample::Dense;
-
-/// The length of a fit, and its cameras.
-#[derive(Debug, Clone, Copy)]
-pub struct FitOptions<'a> {
-    /// Steps, at most, each of which moves all levels.
-    pub steps: usize,
-    /// Seconds in all; none is without bound. The result of a bounded fit depends on the machine.
-    pub seconds: Option<f64>,
-    /// Cameras of the target pictures; without any, spheres around the box.
-    pub cameras: &'a [Camera],
-    /// A folder of the cameras' photographs, which levels are fitted to in place of level 0.
-    pub photographs: Option<&'a Path>,
-}
 
 /// The course of one level's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

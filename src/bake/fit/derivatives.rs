@@ -1,9 +1,9 @@
 //! The derivatives of all levels against differences of pictures.
 
 use super::adam::Adam;
-use super::context::FitOptions;
 use super::finest::Finest;
 use super::gradient::Gradient;
+use super::options::FitOptions;
 use super::target::Targets;
 use super::trace::Rays;
 use crate::base::limits::Limits;

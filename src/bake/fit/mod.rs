@@ -28,11 +28,13 @@ mod derivatives;
 mod finest;
 mod gradient;
 mod joint_fit;
+mod options;
 mod run;
 mod summed_area;
 mod target;
 mod trace;
 
-pub use context::{FitOptions, Fitted, FittedLevel};
+pub use context::{Fitted, FittedLevel};
+pub use options::FitOptions;
 pub use run::fit;
 pub use target::is_held_out;

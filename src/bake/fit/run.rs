@@ -2,8 +2,9 @@
 
 use std::time::Instant;
 
-use super::context::{FitContext, FitOptions, Fitted};
+use super::context::{FitContext, Fitted};
 use super::joint_fit::JointFit;
+use super::options::FitOptions;
 use super::target::Targets;
 use crate::base::error::Result;
 use crate::base::limits::Limits;

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::context::FitOptions;
+use super::options::FitOptions;
 use super::summed_area::SummedArea;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
