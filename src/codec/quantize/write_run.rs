@@ -4,7 +4,8 @@ use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::least_squares;
-use super::predict::{self, Channel, Lanes, PRODUCTS, Sums, WEIGHTS};
+use super::predict::{self, Channel, Lanes, WEIGHTS};
+use super::sums::{self, PRODUCTS, Sums};
 use crate::model::grid::row;
 
 /// Frames that a mode has at least, so that its weights and tables pay.
@@ -81,7 +82,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
             .map(|batch| {
                 let sums = |c: usize| {
                     let before = before(&batch.channels, c);
-                    predict::sums(edge, &batch.live, before, &batch.channels[c])
+                    sums::sums(edge, &batch.live, before, &batch.channels[c])
                 };
                 (0..channels).map(sums).collect()
             })
