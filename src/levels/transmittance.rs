@@ -17,10 +17,6 @@ use crate::model::grid::Nodes;
 pub const NEGLIGIBLE: f32 = 1e-9;
 /// The greatest optical depth from a node to the next, for the same reason.
 const GREATEST_DEPTH: f32 = 30.0;
-/// Depths that are tested together for being 0.
-const EMPTY_RUN: usize = 32;
-/// Rows that are followed together along z: each node waits for the one before it.
-const ROWS: usize = 4;
 /// Steps along y and z on the way from a plane to the next.
 const SIDEWAYS: [[isize; 2]; 9] =
     [[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [-1, 1], [1, -1], [1, 1]];
@@ -86,13 +82,11 @@ impl TransmittanceSweep<'_> {
                     match y.checked_add_signed(-dy).filter(|&from| from < ny) {
                         Some(from) => {
                             let from = from * nz..(from + 1) * nz;
-                            step(dz, &light[from.clone()], &through[from], next, sums);
+                            step(dz, &light[from.clone()], &through[from], next);
                         }
-                        None => {
-                            next.fill(1.0);
-                            add(sums, next);
-                        }
+                        None => next.fill(1.0),
                     }
+                    add(sums, next);
                 }
                 std::mem::swap(light, &mut next);
             }
@@ -119,26 +113,24 @@ impl TransmittanceSweep<'_> {
             }
             for down in [false, true] {
                 light.fill(1.0);
-                let mut before: Option<&[f32]> = None;
-                let mut go = |(through, sums)| match before.replace(through) {
-                    Some(before) => {
-                        step(dz, &light, before, &mut next, sums);
-                        std::mem::swap(&mut light, &mut next);
-                    }
-                    None => add(sums, &light),
+                let mut go = |(through, sums): (&[f32], &mut [f32])| {
+                    add(sums, &light);
+                    step(dz, &light, through, &mut next);
+                    std::mem::swap(&mut light, &mut next);
                 };
                 let rows = through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
                 if down { rows.rev().for_each(&mut go) } else { rows.for_each(&mut go) }
             }
         }
         self.node_transmittances(depths, [false, false, true], &mut through);
-        let rows = through.chunks(ROWS * nz).zip(sums.chunks_mut(ROWS * nz));
-        for (through, sums) in rows {
-            if through.len() == ROWS * nz {
-                along_z::<ROWS>(nz, through, sums);
-            } else {
-                let rows = through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
-                rows.for_each(|(through, sums)| along_z::<1>(nz, through, sums));
+        for (through, sums) in through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz)) {
+            let [mut up, mut down] = [1.0; 2];
+            for z in 0..nz {
+                let opposite = nz - 1 - z;
+                sums[z] += up;
+                sums[opposite] += down;
+                up = behind(up, through[z]);
+                down = behind(down, through[opposite]);
             }
         }
     }
@@ -149,40 +141,23 @@ fn kind(dy: isize, dz: isize) -> usize {
     2 * usize::from(dy != 0) + usize::from(dz != 0)
 }
 
-/// Adds the transmittances up and down along z of some rows of `nz` nodes.
-fn along_z<const COUNT: usize>(nz: usize, through: &[f32], sums: &mut [f32]) {
-    let (mut up, mut down) = ([1.0; COUNT], [1.0; COUNT]);
-    for z in 0..nz {
-        for row in 0..COUNT {
-            let (low, high) = (row * nz + z, (row + 1) * nz - 1 - z);
-            sums[low] += up[row];
-            sums[high] += down[row];
-            up[row] = behind(up[row], through[low]);
-            down[row] = behind(down[row], through[high]);
-        }
-    }
-}
-
 /// The transmittances of the next row, `dz` nodes further along z; 1 where the ray enters there.
-/// They are added to `sums` too.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn step(dz: isize, light: &[f32], through: &[f32], next: &mut [f32], sums: &mut [f32]) {
+fn step(dz: isize, light: &[f32], through: &[f32], next: &mut [f32]) {
     let last = light.len() - 1;
-    let (from, to) = match dz {
-        0 => (0..last + 1, 0..last + 1),
-        1 => (0..last, 1..last + 1),
-        _ => (1..last + 1, 0..last),
+    let (from, next) = match dz {
+        0 => (0..last + 1, next),
+        1 => {
+            next[0] = 1.0;
+            (0..last, &mut next[1..])
+        }
+        _ => {
+            next[last] = 1.0;
+            (1..last + 1, &mut next[..last])
+        }
     };
-    let entry = if dz > 0 { 0 } else { last };
-    if dz != 0 {
-        next[entry] = 1.0;
-        sums[entry] += 1.0;
-    }
-    let from = light[from.clone()].iter().zip(&through[from]);
-    for ((next, sum), (light, through)) in next[to.clone()].iter_mut().zip(&mut sums[to]).zip(from)
-    {
+    for ((next, light), through) in next.iter_mut().zip(&light[from.clone()]).zip(&through[from]) {
         *next = behind(*light, *through);
-        *sum += *next;
     }
 }
 
@@ -196,15 +171,8 @@ fn add(sums: &mut [f32], light: &[f32]) {
 /// Transmittances over `length` intervals.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn exponentials(depths: &[f32], length: f32, transmittances: &mut [f32]) {
-    // Most of a scene is empty, and a test is faster than exponentials.
-    for (depths, out) in depths.chunks(EMPTY_RUN).zip(transmittances.chunks_mut(EMPTY_RUN)) {
-        if depths.iter().fold(0, |any, depth| any | depth.to_bits()) == 0 {
-            out.fill(1.0);
-            continue;
-        }
-        for (transmittance, depth) in out.iter_mut().zip(depths) {
-            *transmittance = lanes::exp(-(depth * length).min(GREATEST_DEPTH));
-        }
+    for (transmittance, depth) in transmittances.iter_mut().zip(depths) {
+        *transmittance = lanes::exp(-(depth * length).min(GREATEST_DEPTH));
     }
 }
 

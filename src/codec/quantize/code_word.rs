@@ -151,7 +151,7 @@ macro_rules! code {
             }
             #[inline(always)]
             fn with_all_if(self, set: bool) -> Self {
-                if set { <$code>::MAX } else { self }
+                self | (set as $code).wrapping_neg()
             }
             #[inline(always)]
             fn narrow(code: u32) -> Self {

@@ -1,9 +1,10 @@
 //! Weights of predictions by least squares.
 
-use super::predict::{PRODUCTS, WEIGHTS};
+use super::predict::WEIGHTS;
+use super::sums::PRODUCTS;
 
 /// The weights, in 32nds, whose predictions are nearest, from the sums of products of terms
-/// ([`super::predict::Sums`]). A term that says nothing beyond those before it gets 0.
+/// ([`super::sums::Sums`]). A term that says nothing beyond those before it gets 0.
 pub fn weights(products: &[f64; PRODUCTS], terms: usize) -> [i8; WEIGHTS] {
     let product = |row: usize, column: usize| products[row * (row + 1) / 2 + column];
     // The decomposition L D L^T, and L z = the products with the predicted value, on the way.

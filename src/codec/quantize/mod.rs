@@ -26,6 +26,7 @@ mod range;
 mod read_run;
 mod run;
 mod search;
+mod sums;
 mod value_range;
 mod write_run;
 

@@ -17,16 +17,12 @@
 
 use multiversion::multiversion;
 
-use super::code_word::{Code, Sum, Wide};
+use super::code_word::{Code, Wide};
 
 /// Channels before one that its predictions look at.
 pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
-/// Numbers of a lower triangle with a row for each weight and one for the predicted value.
-pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
-/// Of so many nodes, one is used to fit the weights.
-const SAMPLED: usize = 5;
 /// Weights are in 32nds.
 const SHIFT: usize = 5;
 
@@ -50,7 +46,7 @@ impl<T: Code, const L: usize> Channel<T, L> {
 
     /// The means of a node.
     #[inline(always)]
-    fn means(&self, node: usize) -> [T; L] {
+    pub fn means(&self, node: usize) -> [T; L] {
         let (codes, off) = (&self.codes[node], &self.off[node]);
         let mut means = [T::default(); L];
         for lane in 0..L {
@@ -67,7 +63,7 @@ pub struct At {
     pub node: usize,
     edge: usize,
     /// True for each axis along which the block has a lower neighbour.
-    has: [bool; 3],
+    pub has: [bool; 3],
 }
 
 /// Calls `visit` with each node of a block, z fastest.
@@ -117,7 +113,11 @@ pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T;
 /// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where
 /// the block has none.
 #[inline(always)]
-fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) -> [&'a [T; L]; 4] {
+pub fn beyond<'a, T, const L: usize>(
+    codes: &'a [[T; L]],
+    at: At,
+    mean: &'a [T; L],
+) -> [&'a [T; L]; 4] {
     let steps = [at.edge * at.edge, at.edge, 1];
     let beyond = |axes: [bool; 3]| {
         let has = (0..3).all(|axis| !axes[axis] || at.has[axis]);
@@ -136,7 +136,7 @@ fn beyond<'a, T, const L: usize>(codes: &'a [[T; L]], at: At, mean: &'a [T; L]) 
 /// Differences of codes from their means at a node, for the channels before, the nearest first; 0
 /// if there is none.
 #[inline(always)]
-fn others<'a, T: Code, const L: usize>(
+pub fn others<'a, T: Code, const L: usize>(
     before: &'a [Channel<T, L>],
     node: usize,
     none: &'a [T::Wide; L],
@@ -149,7 +149,7 @@ fn others<'a, T: Code, const L: usize>(
 
 /// The terms of a prediction.
 #[inline(always)]
-fn terms<T: Code, const L: usize>(
+pub fn terms<T: Code, const L: usize>(
     lane: usize,
     mean: T::Wide,
     [xy, xz, yz, corner]: [&[T; L]; 4],
@@ -250,80 +250,6 @@ pub fn residuals<T: Code, const L: usize>(
             out[lane] = T::wrap(codes[lane].wide() - predicted[lane] + T::bias());
         }
     });
-}
-
-/// Sums over the live nodes of each block.
-#[derive(Debug, Clone)]
-pub struct Sums<const L: usize> {
-    /// Of the difference's size.
-    pub sizes: [f64; L],
-    /// Of products of each two terms, the lower triangle row by row; the last row is that of the
-    /// difference itself.
-    pub products: [[f64; L]; PRODUCTS],
-}
-
-/// Adds up the sums that weights are fitted from: every fifth node is enough.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub fn sums<T: Code, const L: usize>(
-    edge: usize,
-    live: &[[T; L]],
-    before: &[Channel<T, L>],
-    channel: &Channel<T, L>,
-) -> Sums<L> {
-    let mut sums = Sums { sizes: [0.0; L], products: [[0.0; L]; PRODUCTS] };
-    let mut sizes = [T::Sum::default(); L];
-    let mut products = [[T::Sum::default(); L]; PRODUCTS];
-    let none = [T::Wide::default(); L];
-    let mut summed = 0;
-    for_each_node(edge, |at| {
-        if !at.has.contains(&true) || at.node % SAMPLED != 0 {
-            return;
-        }
-        let (off, mean) = (&channel.off[at.node], channel.means(at.node));
-        let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
-        let mut all = [[T::Sum::default(); L]; WEIGHTS + 1];
-        for lane in 0..L {
-            // The mean is right for nodes that are not live, whatever the weights.
-            let live = live[at.node][lane] != T::default();
-            let factor = |term| if live { T::factor(term) } else { T::Sum::default() };
-            let terms = terms::<T, L>(lane, mean[lane].wide(), beyond, others);
-            for (all, term) in all.iter_mut().zip(terms) {
-                all[lane] = factor(term);
-            }
-            all[WEIGHTS][lane] = factor(off[lane]);
-        }
-        for (size, own) in sizes.iter_mut().zip(&all[WEIGHTS]) {
-            *size = *size + own.size();
-        }
-        let mut pairs = products.iter_mut();
-        for row in 0..=WEIGHTS {
-            for (column, product) in pairs.by_ref().take(row + 1).enumerate() {
-                for ((product, &a), &b) in product.iter_mut().zip(&all[row]).zip(&all[column]) {
-                    *product = *product + a * b;
-                }
-            }
-        }
-        summed += 1;
-        if summed == T::SUMMED {
-            sums.take::<T>(&mut sizes, &mut products);
-            summed = 0;
-        }
-    });
-    sums.take::<T>(&mut sizes, &mut products);
-    sums
-}
-
-impl<const L: usize> Sums<L> {
-    /// Adds partial sums, which start anew.
-    #[inline(always)]
-    fn take<T: Code>(&mut self, sizes: &mut [T::Sum; L], products: &mut [[T::Sum; L]; PRODUCTS]) {
-        let parts = std::iter::once(sizes).chain(products);
-        for (whole, part) in std::iter::once(&mut self.sizes).chain(&mut self.products).zip(parts) {
-            for (whole, part) in whole.iter_mut().zip(part) {
-                *whole += std::mem::take(part).to_f64();
-            }
-        }
-    }
 }
 
 #[cfg(test)]

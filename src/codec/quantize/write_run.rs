@@ -4,7 +4,9 @@ use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::least_squares;
-use super::predict::{self, Channel, Lanes, PRODUCTS, Sums, WEIGHTS};
+use super::predict::{self, Channel, Lanes, WEIGHTS};
+use super::sums::{self, PRODUCTS, Sums};
+use crate::model::grid::row;
 
 /// Frames that a mode has at least, so that its weights and tables pay.
 const FRAMES_OF_A_MODE: usize = 24;
@@ -80,7 +82,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
             .map(|batch| {
                 let sums = |c: usize| {
                     let before = before(&batch.channels, c);
-                    predict::sums(edge, &batch.live, before, &batch.channels[c])
+                    sums::sums(edge, &batch.live, before, &batch.channels[c])
                 };
                 (0..channels).map(sums).collect()
             })
@@ -213,8 +215,16 @@ fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usi
 /// The live bits of a frame.
 fn live_bits<T: Code>(live: &[T]) -> Vec<u8> {
     let byte = |nodes: &[T]| {
-        let bits = nodes.iter().enumerate().map(|(i, live)| (live.byte(0) & 1) << i);
-        bits.fold(0, |byte, bit| byte | bit)
+        let mut eight = [0; 8];
+        for (bit, live) in eight.iter_mut().zip(nodes) {
+            *bit = live.byte(0) & 1;
+        }
+        row::lowest_bits(eight)
     };
-    live.chunks(8).map(byte).collect()
+    let (whole, rest) = live.as_chunks::<8>();
+    let mut bits: Vec<u8> = whole.iter().map(|nodes| byte(nodes)).collect();
+    if !rest.is_empty() {
+        bits.push(byte(rest));
+    }
+    bits
 }

@@ -1,6 +1,7 @@
 //! Values of a trained field as everything downstream sees them: read by position where they are
 //! required, emptied outside the free-space mask, replaced where they are not finite.
 
+use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -187,6 +188,7 @@ fn replace_nonfinite(
 
 /// True if no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors
 /// do it.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn all_finite(values: &[f32]) -> bool {
     const EXPONENT: u32 = 0xff << 23;
     let found = |found, value: &f32| found | u32::from(value.to_bits() & EXPONENT == EXPONENT);

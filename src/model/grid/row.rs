@@ -17,29 +17,38 @@ pub fn get(row: &[u64], z: usize) -> bool {
 
 /// The bits of a row from `first` on, as many as there are flags.
 pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
-    let mut z = first;
-    let mut word = row.get(z / 64).map_or(0, |word| word >> (z % 64));
-    for flag in flags {
-        *flag = word & 1 == 1;
-        z += 1;
-        word = if z.is_multiple_of(64) { row.get(z / 64).copied().unwrap_or(0) } else { word >> 1 };
+    // Each byte keeps one bit of eight, and the sum has the top bit where that is set.
+    const EACH: u64 = 0x8040_2010_0804_0201;
+    const BELOW_TOP: u64 = 0x7f7f_7f7f_7f7f_7f7f;
+    for (z, flags) in (first..).step_by(8).zip(flags.chunks_mut(8)) {
+        let word = |i: usize| row.get(i).copied().unwrap_or(0);
+        let (low, shift) = (word(z / 64) >> (z % 64), z % 64);
+        let high = if shift > 56 { word(z / 64 + 1) << (64 - shift) } else { 0 };
+        let eight = u64::from((low | high) as u8).wrapping_mul(0x0101_0101_0101_0101) & EACH;
+        let bytes = (eight + BELOW_TOP).to_le_bytes();
+        for (flag, byte) in flags.iter_mut().zip(bytes) {
+            *flag = byte >= 0x80;
+        }
     }
 }
 
 /// Sets the bits of values that are above a threshold, and clears the others.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn pack_above(values: &[f32], threshold: f32, row: &mut [u64]) {
-    // Brings the lowest bits of eight bytes together.
-    const TOGETHER: u64 = 0x0102_0408_1020_4080;
     for (values, word) in values.chunks(64).zip(row) {
         let mut flags = [0; 64];
         for (flag, &value) in flags.iter_mut().zip(values) {
             *flag = u8::from(value > threshold);
         }
-        let bytes = flags.as_chunks::<8>().0.iter().map(|&eight| u64::from_le_bytes(eight));
-        let bits = bytes.map(|eight| eight.wrapping_mul(TOGETHER) >> 56).enumerate();
-        *word = bits.fold(0, |word, (byte, bits)| word | bits << (8 * byte));
+        let bytes = flags.as_chunks::<8>().0.iter().map(|&eight| lowest_bits(eight)).enumerate();
+        *word = bytes.fold(0, |word, (byte, bits)| word | u64::from(bits) << (8 * byte));
     }
+}
+
+/// The lowest bits of eight bytes, of which no other is set.
+#[inline(always)]
+pub fn lowest_bits(eight: [u8; 8]) -> u8 {
+    (u64::from_le_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }
 
 /// Sets bit `z` of a row.
@@ -174,5 +183,27 @@ pub fn or_shifted_up(row: &mut [u64]) {
 pub fn clear_from(row: &mut [u64], end: usize) {
     for (i, word) in row.iter_mut().enumerate() {
         *word &= word_between(i, 0, end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_and_bits_are_those_of_each_place() {
+        let row = [0x8000_0000_0000_0001, 0xf0f0_1234_5678_9abc, 1];
+        for first in 0..140 {
+            for count in [0, 1, 7, 8, 9, 64, 70] {
+                let mut flags = vec![true; count];
+                unpack(&row, first, &mut flags);
+                for (z, flag) in (first..).zip(flags) {
+                    assert_eq!(flag, z < 192 && get(&row, z), "{first} {z}");
+                }
+                let any = (first..first + count).any(|z| z < 192 && get(&row, z));
+                assert_eq!(any_between(&row, first, first + count), any, "{first} {count}");
+            }
+        }
+        assert_eq!(lowest_bits([1, 0, 1, 1, 0, 0, 0, 1]), 0b1000_1101);
     }
 }
