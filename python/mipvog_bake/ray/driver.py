@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import socket
 import time
 from collections import deque
@@ -32,6 +33,10 @@ _LOOKED_FOR = 32
 _LOOK = 5.0
 # Seconds to reach a cluster.
 _REACH = 10.0
+
+# Ray gives these functions no types.
+_resources: Callable[[], dict[str, float]] = ray.cluster_resources
+_nodes: Callable[[], list[dict[str, Any]]] = ray.nodes
 
 
 @dataclass(frozen=True)
@@ -84,12 +89,16 @@ def _remote(work: Callable[..., Any], **resources: Any) -> Any:
 
 
 def _connect(address: Optional[str]) -> None:
-    quiet = {"log_to_driver": False, "logging_level": "ERROR", "ignore_reinit_error": True}
     if ray.is_initialized():
         return
     _reach(address)
     try:
-        ray.init(address=address, **quiet)
+        ray.init(
+            address=address,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            ignore_reinit_error=True,
+        )
     except (RayError, OSError, RuntimeError, ValueError) as error:
         raise Failure(_no_cluster(address or "this machine"), INPUT_OUTPUT) from error
 
@@ -121,7 +130,7 @@ def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
     while True:
         if time.monotonic() - looked > _LOOK:
             looked = time.monotonic()
-            cores = ray.cluster_resources().get("CPU", 1)
+            cores = _resources().get("CPU", 1)
             most = max(_LEAST_IN_FLIGHT, int(_IN_FLIGHT * cores))
         while len(flying) < most and waiting:
             job = waiting.popleft()
@@ -184,7 +193,7 @@ def _larger(job: Job, needs: Needs) -> Job:
     """A job with the memory that a forecast asks for, and the cores that share so much of a
     node."""
     memory = int(needs.memory * _MARGIN)
-    nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+    nodes = [node["Resources"] for node in _nodes() if node["Alive"]]
     fitting = [node for node in nodes if node.get("memory", 0) >= memory and node.get("CPU", 0)]
     if not fitting:
         largest = max((int(node.get("memory", 0)) for node in nodes), default=0)
