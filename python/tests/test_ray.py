@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -286,40 +284,3 @@ def test_a_store_without_renames_gets_whole_files(tmp_path: Path) -> None:
     assert raised.value.exit_code == 5 and "no such file" in str(raised.value)
     with pytest.raises(Failure):
         store.size("nonsense://a/b")
-
-
-@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="no /proc")
-def test_the_driver_holds_no_more_than_names(tmp_path: Path) -> None:
-    count = 10_000
-    lines = tmp_path / "long.jsonl"
-    with lines.open("w", encoding="utf-8") as file:
-        for number in range(count):
-            scene = {"input": f"{number}.tar", "output": f"{number}.mipvog", "options": {}}
-            file.write(json.dumps(scene) + "\n")
-    report = tmp_path / "report.jsonl"
-    script = (
-        "import sys, mipvog_bake.ray.__main__ as ray\n"
-        "code = ray.main(sys.argv[1:])\n"
-        "status = open('/proc/self/status').read()\n"
-        "print(next(l for l in status.splitlines() if l.startswith('VmHWM')).split()[1])\n"
-        "sys.exit(code)\n"
-    )
-    arguments = [str(lines), "-o", str(tmp_path / "out"), "--report", str(report)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    ended = subprocess.run(
-        [sys.executable, "-c", script, *arguments],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=environment,
-    )
-    assert ended.returncode == 1, ended.stderr
-    assert int(ended.stdout.split()[-1]) < 500_000
-    codes = set()
-    outputs = set()
-    for line in report.read_text(encoding="utf-8").splitlines():
-        result = json.loads(line)
-        codes.add(result["exit_code"])
-        outputs.add(result["output"])
-    assert codes == {5} and len(outputs) == count
-    assert f"{count} scenes: 0 baked, 0 current, {count} failed" in ended.stdout
