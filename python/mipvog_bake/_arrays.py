@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _check, _native
 from ._error import Error, bad_array
 from ._field import Field
 
@@ -17,7 +18,12 @@ _FLOATS = {np.dtype(np.float32): "F32", np.dtype(np.float16): "F16"}
 _WHOLE = {np.dtype(np.int32): "I32", np.dtype(np.int64): "I64"}
 # Settings of the open door.
 _SETTINGS = ("offset", "clamp", "stepsize", "background", "block_size", "dimensions")
+_NUMBERS = {"background": 3, "dimensions": 3}
+_CLAMPS = ("zero", "none", "sigmoid")
 _ARRAYS = ("density", "aabb", "sh", "color", "blocks")
+
+# A layer by the checkpoint's name.
+_LAYER = re.compile(r"(?:.*rgbnet\.)?([0-9]+\.(?:weight|bias))")
 
 Network = Union[Mapping[str, Any], Sequence[tuple[Any, Any]]]
 # Name, element type, shape, and bytes in pieces.
@@ -45,21 +51,27 @@ def as_array(name: str, value: Any) -> npt.NDArray[Any]:
     return array
 
 
+def _floats(name: str, value: Any) -> npt.NDArray[Any]:
+    """An array in memory, of floats."""
+    array = as_array(name, value)
+    if array.dtype.kind != "f":
+        raise bad_array(
+            name,
+            f"dtype {array.dtype}",
+            "float32, float16 or float64",
+            f"pass {name}.astype(numpy.float32) if the numbers mean what they should",
+        )
+    return array
+
+
 def pieces(name: str, arrays: Sequence[Any], shape: Sequence[int]) -> Tensor:
     """Float arrays one behind the other as one tensor of a shape. Float32 and float16 in C order
     are borrowed, all else is converted to float32."""
-    found = [as_array(name, array) for array in arrays]
+    found = [_floats(name, array) for array in arrays]
     half = all(array.dtype == np.float16 for array in found)
     target = np.dtype(np.float16 if half else np.float32)
     parts = []
     for array in found:
-        if array.dtype.kind != "f":
-            raise bad_array(
-                name,
-                f"dtype {array.dtype}",
-                "float32, float16 or float64",
-                f"pass {name}.astype(numpy.float32) if the numbers mean what they should",
-            )
         part = np.ascontiguousarray(array, dtype=target)
         parts.append(part.reshape(-1).view(np.uint8))
     return name, _FLOATS[target], list(shape), parts
@@ -74,22 +86,35 @@ def _whole(name: str, value: Any) -> Tensor:
     return name, _WHOLE[array.dtype], list(array.shape), [array.reshape(-1).view(np.uint8)]
 
 
-def corners(name: str, value: Any) -> npt.NDArray[np.float32]:
+def corners(name: str, value: Any) -> npt.NDArray[np.float64]:
     """The two corners of a box, `[2, 3]`."""
     array = as_array(name, value)
+    help = "pass ((x, y, z), (x, y, z)), the lowest corner first"
     if array.dtype.kind not in "fiu" or array.size != 6:
         found = f"dtype {array.dtype} of shape {array.shape}"
-        help = "pass ((x, y, z), (x, y, z)), the lowest corner first"
         raise bad_array(name, found, "two corners of three numbers", help)
-    return array.astype(np.float32).reshape(2, 3)
+    low, high = array.astype(np.float64).reshape(2, 3)
+    if not (np.isfinite(low) & np.isfinite(high) & (low < high)).all():
+        found = f"{low.tolist()} and {high.tolist()}"
+        raise bad_array(name, found, "finite corners with some extent along each axis", help)
+    return np.stack([low, high])
 
 
 def _text(name: str, value: Any) -> str:
     """A setting as the file's text."""
-    if isinstance(value, str):
-        return value
-    numbers = np.asarray(value, dtype=np.float64).reshape(-1)
-    return ",".join(repr(float(number)) for number in numbers)
+    # Texts of an .npz are arrays.
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U":
+        value = str(value)
+    if name == "clamp":
+        if value not in _CLAMPS:
+            raise Error(f"clamp: found {value!r}, expected {', '.join(_CLAMPS)}")
+        return str(value)
+    count = _NUMBERS.get(name, 1)
+    expected = "a number" if count == 1 else f"{count} numbers"
+    found = _check.numbers(name, value, expected).reshape(-1)
+    if len(found) != count or not np.isfinite(found).all():
+        raise Error(f"{name}: found {value!r}, expected {expected}")
+    return ",".join(map(repr, found.tolist()))
 
 
 def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
@@ -134,11 +159,19 @@ def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
 
 def _layers(network: Network) -> list[Tensor]:
     """Weights and biases under the checkpoint's names."""
+    expected = "pairs of weight and bias, or names such as 0.weight and 0.bias"
+    named = {}
     if isinstance(network, Mapping):
-        named = {name.split("rgbnet.")[-1]: value for name, value in network.items()}
+        for name, value in network.items():
+            if not (found := _LAYER.fullmatch(str(name))):
+                raise Error(f"network: found {name!r}, expected {expected}")
+            named[found.group(1)] = value
     else:
-        named = {}
-        for number, (weight, bias) in enumerate(network):
+        try:
+            pairs = [(weight, bias) for weight, bias in network]
+        except (TypeError, ValueError) as error:
+            raise Error(f"network: found no pairs ({error}), expected {expected}") from error
+        for number, (weight, bias) in enumerate(pairs):
             named[f"{2 * number}.weight"], named[f"{2 * number}.bias"] = weight, bias
     layers = []
     for name, value in named.items():
@@ -174,9 +207,9 @@ def from_arrays(
 
     Arrays of float32 in C order are borrowed, not copied: do not change them before the bake.
     """
-    grid, colors = as_array("density", density), [as_array("diffuse", diffuse)]
+    grid, colors = _floats("density", density), [_floats("diffuse", diffuse)]
     if features is not None:
-        colors.append(as_array("features", features))
+        colors.append(_floats("features", features))
     if grid.ndim != 3:
         help = "drop axes of one element with density.reshape(X, Y, Z)"
         raise bad_array("density", f"shape {grid.shape}", "[X, Y, Z]", help)
@@ -188,25 +221,35 @@ def from_arrays(
             help = "channels come first, and the nodes are those of density"
             raise bad_array(name, f"shape {array.shape}", expected, help)
     low, high = corners("bounds", bounds)
+    offset = _check.number("shift", shift, "a finite number")
+    step = _check.number("stepsize", stepsize, "a number of voxels above 0", 0)
+    ratio = 1.0
+    if interval is not None:
+        ratio = _check.number("interval", interval, "a number of voxels above 0", 0) / step
+    start = _check.number("near", near, "a distance")
+    behind = _check.color("background", background)
+    octaves = _check.whole("frequencies", frequencies, "a number of octaves, 0 to 32", 0, 32)
     channels = sum(array.shape[0] for array in colors)
     tensors = [
         pieces("density", [grid], (1, 1, *grid.shape)),
         pieces("k0", colors, (1, channels, *grid.shape)),
         pieces("xyz_min", [low], (3,)),
         pieces("xyz_max", [high], (3,)),
-        ("act_shift", "F64", [1], [np.array([shift], dtype=np.float64).view(np.uint8)]),
+        ("act_shift", "F64", [1], [np.array([offset]).view(np.uint8)]),
     ]
     tensors += _layers(network) if network is not None else []
     texts = {
-        "stepsize": repr(float(stepsize)),
-        "near": repr(float(near)),
-        "background": "[" + ",".join(repr(float(value)) for value in background) + "]",
+        "stepsize": repr(step),
+        "near": repr(start),
+        "background": repr(behind),
         "num_voxels": str(grid.size),
-        "voxel_size_ratio": repr(1.0 if interval is None else float(interval) / float(stepsize)),
-        "viewbase_pe": str(frequencies),
+        "voxel_size_ratio": repr(ratio),
+        "viewbase_pe": str(octaves),
     }
     if far is not None:
-        texts["far"] = repr(float(far))
+        texts["far"] = repr(_check.number("far", far, "a distance beyond near", start))
     if color_threshold is not None:
-        texts["fast_color_thres"] = repr(float(color_threshold))
-    return Field.of_arrays(_native.Arrays(tensors, texts))
+        least = _check.number("color_threshold", color_threshold, "a finite number")
+        texts["fast_color_thres"] = repr(least)
+    names = "diffuse" if features is None else "diffuse or features"
+    return Field.of_arrays(_native.Arrays(tensors, texts), colors=names)

@@ -11,10 +11,11 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from . import _native
+from . import _check, _native
 from ._arrays import open_door
-from ._error import Error
-from ._field import Field, PathName, Progress
+from ._check import PathName
+from ._error import Error, by_arrays
+from ._field import Field, Progress
 
 # Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and
 # of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
@@ -53,19 +54,22 @@ def bake(
         if options.get("preset") is None:
             options.setdefault("alpha_threshold", _MODEL_THRESHOLD)
     arguments = ["bake", "--quiet", "--progress=never", *_arguments(options)]
-    arguments.append(f"--output={os.fspath(output)}")
-    arrays = None
+    arguments.append(f"--output={_check.path('output', output)}")
+    arrays, colors = None, ""
     if isinstance(input, Field) and input._arrays is not None:
-        arrays = input._arrays
+        arrays, colors = input._arrays, input._colors
     elif isinstance(input, Mapping):
-        arrays = open_door(input)
+        arrays, colors = open_door(input), "color" if input.get("sh") is None else "sh"
     if arrays is not None:
         source = "-"
     else:
         source = input._path or "" if isinstance(input, Field) else _path(input)
     arguments += ["--", source]
     with _shown(progress) as callback:
-        report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback))
+        try:
+            report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback))
+        except Error as error:
+            raise by_arrays(error, colors) if arrays is not None else error from None
     if isinstance(input, Field) and input.report is not None:
         # The fit was made before the bake, which sees coefficients.
         report["view"] |= input.report["view"]
@@ -74,14 +78,13 @@ def bake(
 
 
 def _path(input: Any) -> str:
-    try:
-        path = os.fspath(input)
-    except TypeError as error:
-        found = type(input).__name__
-        raise Error(f"input: found {found}, expected a path, a Field or arrays by name") from error
+    expected = "expected a path, a Field or arrays by name"
+    if not isinstance(input, (str, bytes, os.PathLike)):
+        raise Error(f"input: found {type(input).__name__}, {expected}")
+    path = _check.path("input", input)
     if path == "-":
-        raise Error("input: found the standard input, expected a path, a Field or arrays by name")
-    return str(path)
+        raise Error(f"input: found the standard input, {expected}")
+    return path
 
 
 def _arguments(options: Mapping[str, Any]) -> Iterator[str]:
@@ -90,7 +93,8 @@ def _arguments(options: Mapping[str, Any]) -> Iterator[str]:
         option = name.replace("_", "-")
         if option in _NONE_OF:
             raise Error(f"found option {name}, expected one that a function has a use for")
-        if value is None or value is False:
+        # The parser refuses a name that it does not know, whatever its value.
+        if option in again and (value is None or value is False):
             continue
         if value is True:
             yield f"--{option}"
@@ -125,7 +129,7 @@ def _shown(progress: Union[None, bool, Progress]) -> Iterator[Optional[Progress]
         yield None
         return
     if progress is not True:
-        yield progress
+        yield _check.function("progress", progress)
         return
     try:
         from tqdm.auto import tqdm

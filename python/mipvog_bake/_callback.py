@@ -84,7 +84,8 @@ class Callback:
         shapes = [(count,), (count, 1)] if self._width == 1 else [(count, self._width)]
         if values.shape not in shapes:
             raise self._bad(f"shape {values.shape}", f"shape {shapes[0]} for {count} positions")
-        values = values.reshape(shapes[0]).astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):
+            values = values.reshape(shapes[0]).astype(np.float32, copy=False)
         if not np.isfinite(values).all():
             bad = int(np.count_nonzero(~np.isfinite(values)))
             raise self._bad(f"{bad} numbers that are not finite", "finite numbers")

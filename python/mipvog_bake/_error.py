@@ -69,6 +69,19 @@ def from_native(message: str, *, help: str, report: Optional[str], **details: An
     )
 
 
+def by_arrays(error: Error, colors: str) -> Error:
+    """An error of a bake by the names of the caller's arrays, which the library reads as the
+    standard input `-` and as the grid `k0`."""
+    if error.file != "-":
+        return error
+    named = [
+        None if text is None else text.replace("tensor k0", f"tensor {colors}")
+        for text in (error.args[0].removeprefix("-: "), error.place)
+    ]
+    message, kind, help = f"arrays: {named[0]}", error.kind, error.help
+    return Error(message, kind, "arrays", named[1], error.exit_code, help, error.report)
+
+
 def bad_array(name: str, found: str, expected: str, help: str) -> Error:
     """An array that cannot be taken."""
     return Error(

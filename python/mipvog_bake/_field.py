@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _check, _native
+from ._check import PathName
 from ._error import Error
 
-PathName = Union[str, "os.PathLike[str]"]
 Floats = npt.NDArray[np.float32]
 Progress = Callable[[str, float], Any]
 
@@ -43,17 +43,23 @@ class Field:
         path: Optional[str] = None,
         arrays: Optional[_native.Arrays] = None,
         report: Optional[dict[str, Any]] = None,
+        colors: str = "sh",
     ) -> None:
         self._native = native
         self._path = path
         self._arrays = arrays
         self._description: dict[str, Any] = json.loads(native.description())
         self._report = report
+        # The caller's name for the arrays of colours.
+        self._colors = colors
 
     @classmethod
-    def of_arrays(cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None) -> Field:
+    def of_arrays(
+        cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None, colors: str = "sh"
+    ) -> Field:
         """A field whose file is made of arrays."""
-        return cls(_native.NativeField.of_arrays(arrays), arrays=arrays, report=report)
+        native = _native.NativeField.of_arrays(arrays)
+        return cls(native, arrays=arrays, report=report, colors=colors)
 
     @property
     def dimensions(self) -> tuple[int, int, int]:
@@ -96,10 +102,12 @@ class Field:
         Names and shapes are those of `mipvog-bake unpack`: `level0.density` is `[X, Y, Z]`,
         `level0.diffuse` `[3, X, Y, Z]`, and so on.
         """
-        if levels is None:
-            chosen: list[int] = []
-        else:
-            chosen = [levels] if isinstance(levels, int) else [int(level) for level in levels]
+        chosen: list[int] = []
+        if levels is not None:
+            several = levels if isinstance(levels, Iterable) else [levels]
+            chosen = [_check.whole("levels", one, "level numbers from 0") for one in several]
+            if not chosen:
+                raise Error("levels: found no number, expected some, or None for all")
         return {
             name: bytes_.view(_ELEMENTS[dtype]).reshape(shape)
             for name, dtype, shape, bytes_ in self._native.unpack(chosen)
@@ -111,7 +119,7 @@ class Field:
         """The light along rays: `rgb` `[n, 3]` over the background and not clamped,
         `transmittance` `[n]` and `depth` `[n]`. Directions need no unit length. All samples are of
         one level, the finest unless `level` says another."""
-        starts, ways = _rows("origins", origins), _rows("directions", directions)
+        starts, ways = _check.rows("origins", origins), _check.rows("directions", directions)
         if len(starts) != len(ways):
             raise Error(
                 f"found {len(starts)} origins and {len(ways)} directions, expected as many of each"
@@ -126,7 +134,7 @@ class Field:
         """Values at points of the world: `density` `[n]`, optical depth per world unit; `opacity`
         `[n]` over one interval; `color` `[n, 3]`, that of all directions; and, where the field has
         them, `features` `[n, F]` and `coefficients` `[n, B, 3]` of harmonics."""
-        points = _rows("positions", positions)
+        points = _check.rows("positions", positions)
         found = self._native.sample(points, _level(level))
         density, opacity, color, features, coefficients = found
         values = {"density": density, "opacity": opacity, "color": color.reshape(-1, 3)}
@@ -152,17 +160,17 @@ class Field:
         None for a view of all that is visible. `size` is width and height in pixels, or one number
         for both.
         """
-        width, height = (size, size) if isinstance(size, (int, np.integer)) else size
-        if not (0 < int(width) <= 1 << 15 and 0 < int(height) <= 1 << 15):
-            raise Error(f"size: found {size}, expected 1 to 32768 pixels along each side")
+        width, height = _check.size(size)
+        if progress is not None:
+            _check.function("progress", progress)
         text, path = None, None
         if isinstance(camera, (str, os.PathLike)):
             path = os.fspath(camera)
         elif camera is not None:
-            text = json.dumps(_camera(camera))
+            text = json.dumps(_camera(camera), default=_plain)
         name = None if frame is None else str(frame)
-        pixels = self._native.render(text, path, name, (int(width), int(height)), progress)
-        return pixels.reshape(int(height), int(width), 3)
+        pixels = self._native.render(text, path, name, (width, height), progress)
+        return pixels.reshape(height, width, 3)
 
     def __repr__(self) -> str:
         x, y, z = self.dimensions
@@ -179,29 +187,18 @@ class Field:
 
 def open(path: PathName) -> Field:
     """Opens a container, a glTF asset with one, or anything that can be baked."""
-    name = os.fspath(path)
+    name = _check.path("path", path)
     return Field(_native.NativeField.open(name), path=os.path.abspath(name))
 
 
 def _level(level: Optional[int]) -> int:
-    if level is not None and (not isinstance(level, (int, np.integer)) or level < 0):
-        raise Error(f"level: found {level!r}, expected a whole number from 0")
-    return 0 if level is None else int(level)
-
-
-def _rows(name: str, value: Any) -> npt.NDArray[np.float64]:
-    rows = np.ascontiguousarray(value, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] != 3:
-        raise Error(f"{name}: found shape {rows.shape}, expected [n, 3]")
-    if not np.isfinite(rows).all():
-        raise Error(f"{name}: found numbers that are not finite, expected finite ones")
-    return rows
+    return 0 if level is None else _check.whole("level", level, "a whole number from 0")
 
 
 def _camera(camera: Any) -> dict[str, Any]:
     """A camera as a camera file has it."""
     if isinstance(camera, Mapping):
-        found = {key: _plain(value) for key, value in camera.items()}
+        found = dict(camera)
         if "frames" in found:
             return found
         if "transform_matrix" not in found:
@@ -215,10 +212,7 @@ def _camera(camera: Any) -> dict[str, Any]:
 
 
 def _matrix(value: Any) -> list[list[float]]:
-    try:
-        matrix = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise Error(f"camera: found {type(value).__name__}, expected a matrix") from error
+    matrix = _check.numbers("camera", value, "a matrix from camera to world")
     if matrix.shape not in ((3, 4), (4, 4)):
         raise Error(f"camera: found a matrix of shape {matrix.shape}, expected 3 x 4 or 4 x 4")
     if not np.isfinite(matrix).all():
@@ -228,4 +222,8 @@ def _matrix(value: Any) -> list[list[float]]:
 
 
 def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+    """What JSON has no form for: numbers of NumPy."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    found = type(value).__name__
+    raise Error(f"camera: found {found}, expected numbers, texts, lists and dictionaries")

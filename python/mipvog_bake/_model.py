@@ -12,7 +12,7 @@ from typing import Any, Optional, Union
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _check, _native
 from ._arrays import pieces
 from ._callback import Callback
 from ._error import Error
@@ -74,14 +74,12 @@ def from_model(
     if sh_degree not in (0, 1, 2, 3):
         raise Error(f"sh_degree: found {sh_degree!r}, expected 0, 1, 2 or 3")
     lattice = Lattice(bounds, resolution)
-    behind = np.broadcast_to(np.asarray(background, dtype=np.float64), (3,))
-    if not ((behind >= 0) & (behind <= 1)).all():
-        raise Error(f"background: found {background}, expected three numbers from 0 to 1")
+    behind = _check.color("background", background)
     places = _places(cameras)
     ask_density = Callback("density", density, 1, device)
     ask_color = Callback("color", color, 3, device)
     points = _points(max_memory)
-    tell = progress or (lambda step, share: None)
+    tell = (lambda step, share: None) if progress is None else _check.function("progress", progress)
 
     tell("find matter", 0.0)
     blocks = occupied_blocks(lattice, ask_density, points)
@@ -148,9 +146,8 @@ def _points(max_memory: Optional[int]) -> int:
     """Points of a chunk: an eighth of the memory, within limits."""
     if max_memory is None:
         return MOST_POINTS
-    if not isinstance(max_memory, (int, np.integer)) or max_memory <= 0:
-        raise Error(f"max_memory: found {max_memory!r}, expected a number of bytes above 0")
-    return int(min(MOST_POINTS, max(LEAST_POINTS, max_memory // 8 // POINT_BYTES)))
+    bound = _check.whole("max_memory", max_memory, "a number of bytes above 0", 1)
+    return min(MOST_POINTS, max(LEAST_POINTS, bound // 8 // POINT_BYTES))
 
 
 def _arrays(
@@ -158,7 +155,7 @@ def _arrays(
     blocks: npt.NDArray[np.int64],
     mean: npt.NDArray[np.float32],
     sh: npt.NDArray[np.float16],
-    background: npt.NDArray[np.float64],
+    background: list[float],
 ) -> _native.Arrays:
     """The samples as the open door has them. Arrays are borrowed, and may still be filled."""
     count, cube, functions = len(blocks), (EDGE,) * 3, sh.shape[-1]
@@ -173,7 +170,7 @@ def _arrays(
     texts = {
         "block_size": str(EDGE),
         "dimensions": ",".join(map(str, lattice.counts.tolist())),
-        "background": ",".join(repr(float(value)) for value in background),
+        "background": ",".join(map(repr, background)),
         "offset": "0.5",
         "clamp": "zero",
     }
@@ -240,13 +237,11 @@ def _places(cameras: Any) -> list[list[float]]:
                 file=name,
                 exit_code=3,
             ) from error
-    found = np.asarray(cameras, dtype=np.float64)
+    expected = "a camera file, finite places [n, 3] or matrices [n, 4, 4]"
+    found = _check.numbers("cameras", cameras, expected)
     if found.ndim == 3 and found.shape[1:] in ((3, 4), (4, 4)):
         found = found[:, :3, 3]
     if found.ndim != 2 or found.shape[1] != 3 or not np.isfinite(found).all():
-        raise Error(
-            f"cameras: found shape {found.shape}, expected finite places [n, 3] or matrices "
-            "[n, 4, 4]"
-        )
+        raise Error(f"cameras: found shape {found.shape}, expected {expected}")
     rows: list[list[float]] = found.tolist()
     return rows

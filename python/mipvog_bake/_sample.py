@@ -20,8 +20,10 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
+from . import _check
+from ._arrays import corners
 from ._callback import Callback
-from ._error import Error, bad_array
+from ._error import Error
 
 EDGE = 8
 NODES = EDGE**3
@@ -42,25 +44,16 @@ class Lattice:
     """Nodes of a box: `counts` along each axis, the outermost on its faces."""
 
     def __init__(self, bounds: Any, resolution: Union[int, Sequence[int]]) -> None:
-        corners = np.asarray(bounds, dtype=np.float64)
-        if corners.shape != (2, 3) or not np.isfinite(corners).all():
-            help = "pass ((x, y, z), (x, y, z))"
-            raise bad_array("bounds", f"shape {corners.shape}", "two finite corners", help)
-        self.low, self.high = corners
+        self.low, self.high = corners("bounds", bounds)
         extent = self.high - self.low
-        if not (extent > 0).all():
-            help = "give the lowest corner first"
-            raise bad_array("bounds", f"{corners.tolist()}", "some extent along each axis", help)
-        if isinstance(resolution, (int, np.integer)):
-            along = np.rint(extent / extent.max() * (int(resolution) - 1)).astype(np.int64) + 1
-            self.counts = np.maximum(along, 2)
-        else:
-            self.counts = np.asarray(resolution, dtype=np.int64)
-        sound = self.counts.shape == (3,) and ((self.counts >= 2) & (self.counts <= 4096)).all()
-        if not sound or int(np.max(resolution)) < 2:
-            raise Error(
-                f"resolution: found {resolution}, expected 2 to 4096 nodes along the longest axis"
-            )
+        expected = "2 to 4096 nodes along the longest axis, or along each of three"
+        sides = np.atleast_1d(_check.numbers("resolution", resolution, expected))
+        in_range = (sides >= 2) & (sides <= 4096) & (sides == np.rint(sides))
+        if sides.shape not in ((1,), (3,)) or not in_range.all():
+            raise Error(f"resolution: found {resolution!r}, expected {expected}")
+        if len(sides) == 1:
+            sides = np.maximum(np.rint(extent / extent.max() * (sides - 1)) + 1, 2)
+        self.counts = sides.astype(np.int64)
         self.spacing = extent / (self.counts - 1)
         self.blocks = -(-self.counts // EDGE)
 

@@ -111,9 +111,16 @@ def test_progress_grows_and_may_end_the_work(tmp_path):
     def refuse(step, share):
         raise LookupError("enough")
 
+    # Long enough to be told of amid the work.
+    slow = open_door(160)
     with pytest.raises(LookupError, match="enough"):
-        mipvog_bake.bake(arrays, tmp_path / "a.mipvog", progress=refuse)
-    assert list(tmp_path.iterdir()) == [] or told
+        mipvog_bake.bake(slow, tmp_path / "a.mipvog", progress=refuse, zstd_level=19)
+    assert list(tmp_path.iterdir()) == []
+    # A model has progress, too.
+    with pytest.raises(LookupError, match="enough"):
+        mipvog_bake.from_model(
+            lambda p: p[:, 0] + 2, lambda p, d: p, bounds=BOX, resolution=8, progress=refuse
+        )
 
 
 def test_ctrl_c_ends_the_work(tmp_path):
