@@ -41,7 +41,9 @@ def main(program, scene, *words):
     pairs = [module - own for own, module in zip(*times.values(), strict=True)]
     for name, seconds in times.items():
         print(f"{name}: {1e3 * statistics.median(seconds):.0f} ms")
+    ratios = [module / own for own, module in zip(*times.values(), strict=True)]
     print(f"module beyond program: {1e3 * statistics.median(pairs):.0f} ms, median of pairs")
+    print(f"module to program: {statistics.median(ratios):.3f}, median of pairs")
     words = [sys.executable, "-c", ALONE, scene, output, json.dumps(options)]
     alone = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     print(

@@ -201,6 +201,21 @@ def test_bad_manifests_and_programs_are_refused_before_any_work(
     assert not (tmp_path / "out").exists() and not ray.is_initialized()
 
 
+def test_an_output_that_is_a_file_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], cluster: Cluster
+) -> None:
+    scenes = write(tmp_path / "scenes.jsonl", [{"input": "a.tar", "output": "a.mipvog"}])
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for out in (tmp_path / "file", tmp_path / "file/below"):
+        assert main([str(scenes), "-o", str(out), "--address", cluster.address]) == 5
+        words = capsys.readouterr().err
+        assert (
+            words == f"error: cannot write {out}: a file is there, expected a folder; name "
+            "another place\n"
+        )
+    assert files(tmp_path) == {"scenes.jsonl", "file"}
+
+
 def test_bad_options_fail_their_scene_alone(tmp_path: Path) -> None:
     from mipvog_bake.ray import task
 

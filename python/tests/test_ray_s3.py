@@ -170,3 +170,27 @@ def test_a_bucket_without_permission_is_one_sentence(
     words = capsys.readouterr().err
     assert words.startswith("error: cannot write s3://closed/out: the store gives no permission;")
     assert words.count("\n") == 1
+    assert main(["s3://closed/scenes.jsonl", "-o", str(tmp_path / "out")]) == 5
+    words = capsys.readouterr().err
+    assert words.startswith("error: cannot read s3://closed/scenes.jsonl: the store gives no perm")
+    assert words.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+def test_an_input_without_permission_fails_its_scene_alone(tmp_path: Path, proxy: Proxy) -> None:
+    shutil.copy(SMALL, tmp_path / "sound.npz")
+    manifest, report = tmp_path / "scenes.jsonl", tmp_path / "report.jsonl"
+    lines = [
+        {"input": "s3://closed/a.npz", "output": "a.mipvog"},
+        {"input": "sound.npz", "output": "b.mipvog", "options": {"stepsize": 0.5}},
+    ]
+    manifest.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    assert main([str(manifest), "-o", str(tmp_path / "out"), "--report", str(report)]) == 1
+    results = {
+        result["output"]: result
+        for result in map(json.loads, report.read_text(encoding="utf-8").splitlines())
+    }
+    refused = results["a.mipvog"]
+    assert (refused["status"], refused["exit_code"]) == ("failed", 5)
+    assert "cannot read s3://closed/a.npz: the store gives no permission" in refused["error"]
+    assert results["b.mipvog"]["status"] == "baked"
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["b.mipvog"]

@@ -23,7 +23,8 @@ _TRIES, _PAUSE = 6, 0.25
 # Stores in which a file appears whole: a put that fails leaves nothing.
 _ATOMIC = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oss", "memory"}
 # Errors that another try does not mend.
-_PERMANENT = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError)
+_IN_THE_WAY = (FileExistsError, NotADirectoryError)
+_PERMANENT = (FileNotFoundError, PermissionError, IsADirectoryError, *_IN_THE_WAY)
 
 
 def is_remote(name: str) -> bool:
@@ -178,6 +179,8 @@ def _is_refusal(error: Exception) -> bool:
 def _sentence(verb: str, name: str, error: Exception) -> str:
     if isinstance(error, FileNotFoundError):
         return f"cannot {verb} {name}: there is no such file or bucket; check the name"
+    if isinstance(error, _IN_THE_WAY):
+        return f"cannot {verb} {name}: a file is there, expected a folder; name another place"
     if isinstance(error, PermissionError) or _is_refusal(error):
         return (
             f"cannot {verb} {name}: the store gives no permission; give the workers credentials "
