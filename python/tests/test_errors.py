@@ -116,6 +116,11 @@ def test_progress_grows_and_may_end_the_work(tmp_path):
     with pytest.raises(LookupError, match="enough"):
         mipvog_bake.bake(slow, tmp_path / "a.mipvog", progress=refuse, zstd_level=19)
     assert list(tmp_path.iterdir()) == []
+    # The work may have ended by then: the output is whole or not there.
+    with pytest.raises(LookupError, match="enough"):
+        mipvog_bake.bake(open_door(), tmp_path / "a.mipvog", progress=refuse)
+    for path in tmp_path.iterdir():
+        assert path.name == "a.mipvog" and mipvog_bake.open(path).dimensions == (24, 24, 24)
     # A model has progress, too.
     with pytest.raises(LookupError, match="enough"):
         mipvog_bake.from_model(
