@@ -19,7 +19,7 @@ const PARTS: usize = 8;
 /// Rays of a step, over all scales.
 const BATCH: usize = 12288;
 /// Each scale has this share of the rays of the next finer one, and at least [`LEAST_RAYS`].
-const THINNING: f64 = 0.7;
+const THINNING: f64 = 0.85;
 /// Rays of a scale in a step, at least.
 const LEAST_RAYS: usize = 512;
 /// Validation rays of each scale.
@@ -32,8 +32,8 @@ const STEPS_BETWEEN: usize = 25;
 const LEAST_GAIN: f64 = 0.005;
 /// Measurements without gain, one after another, that end a fit.
 const PATIENCE: usize = 3;
-/// Parts of the steps after which the curve is searched.
-const SEARCHES: [f64; 2] = [0.4, 0.8];
+/// Part of the steps after which the curve is searched.
+const SEARCH: f64 = 0.6;
 
 /// All levels' fit.
 pub struct JointFit<'a, const C: usize> {
@@ -85,15 +85,15 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let mut best = Best { states: self.states(), rule, psnr };
         let nodes: Vec<usize> = self.adams.iter().map(Adam::nodes).collect();
         let mut gradients: Vec<Gradient<C>> = (0..PARTS).map(|_| Gradient::new(&nodes)).collect();
-        let (mut taken, mut stalled, mut searches) = (0, 0, SEARCHES.as_slice());
+        let (mut taken, mut stalled, mut searched) = (0, 0, false);
         let (first, seconds) = (self.spent(), options.seconds.unwrap_or(f64::INFINITY));
         let mut cut_short = first >= seconds;
         while taken < options.steps && stalled < PATIENCE && !cut_short {
             self.tell(taken, &best);
             let by_seconds = (self.spent() - first) / (seconds - first);
             let done = by_seconds.max(taken as f64 / options.steps as f64);
-            if let Some((_, later)) = searches.split_first().filter(|(at, _)| done >= **at) {
-                searches = later;
+            if !searched && done >= SEARCH {
+                searched = true;
                 rule = self.search(rule)?;
                 best =
                     Best { psnr: self.quality_of(rule, VALIDATION)?, rule, states: self.states() };
@@ -105,7 +105,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
             if taken.is_multiple_of(STEPS_BETWEEN) || taken == options.steps || cut_short {
                 let psnr = self.quality_of(rule, VALIDATION)?;
                 let gain = mean(&psnr) - mean(&best.psnr);
-                stalled = if gain < LEAST_GAIN && done >= SEARCHES[1] { stalled + 1 } else { 0 };
+                stalled = if gain < LEAST_GAIN && searched { stalled + 1 } else { 0 };
                 if gain > 0.0 {
                     best = Best { states: self.states(), rule, psnr };
                 }

@@ -22,7 +22,7 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 const NEAR_CAMERAS: usize = 64;
 /// Cameras of pictures for large windows alone: a small picture of the field has so few windows
 /// that only more directions tell more of it.
-const FAR_CAMERAS: usize = 96;
+const FAR_CAMERAS: usize = 128;
 /// Pixels of pictures for small windows along one of those for large windows.
 const FAR_REDUCTION: usize = 2;
 /// Pixels of a large window, at least, along each side.
