@@ -53,7 +53,7 @@ impl Curve {
         LevelOfDetail { factor, bias, bends, ..self.line }
     }
 
-    /// Moves each knot by a step or none, uphill in `quality`, whose value of the curve as it is is `highest`. Returns the
+    /// Moves each knot by a step, or not, uphill in `quality`, which is `highest` before. Returns the
     /// quality reached.
     pub fn climb(
         &mut self,
