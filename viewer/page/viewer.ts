@@ -1,9 +1,10 @@
 /** The page: opens what the address names or what is dropped, and says how it goes. */
 
 import { Color, Matrix4, SRGBColorSpace } from "three";
+import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
 import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
-import { Stage, startDevice } from "../src/stage/stage.js";
+import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { openFile } from "./open.js";
@@ -292,17 +293,16 @@ window.__mipvog = {
 };
 
 try {
-  // One task is to start the device, which may take as long as all the others.
-  startDevice(page.canvas);
-  await new Promise((later) => setTimeout(later));
+  const own = ownFile();
+  useOwnWorker();
+  // The stage's context would hold the page up where it is the one that starts the device.
+  await deviceLimits();
   stage = new Stage(page.canvas);
   stage.painter.drawn = drawn;
   listen();
   bindTools(stage, () => opened?.name ?? "picture");
   offerLevels(null);
   page.panel.open = innerWidth >= WIDE;
-  const own = ownFile();
-  useOwnWorker();
   const asked = new URLSearchParams(location.search);
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
   if (cameras) void fetchCameras(cameras).catch(fail);

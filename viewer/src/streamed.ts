@@ -56,7 +56,6 @@ export class StreamedField {
     source: Source,
     private readonly owner: Owner,
   ) {
-    const device = deviceLimits();
     this.worker = startDecoder();
     const opened = promise<Metadata>();
     const finished = promise<void>();
@@ -84,7 +83,7 @@ export class StreamedField {
         } else if (data.kind === "entry") {
           if (data.round === this.round) this.content?.atlas.finish(data.entry);
           owner.tell("change", {});
-        } else {
+        } else if (data.kind === "done") {
           finished.resolve();
           owner.tell("done", {});
         }
@@ -95,7 +94,13 @@ export class StreamedField {
     };
     // A blob's bytes are not copied on their way to the worker.
     const own = typeof source === "string" ? new URL(source, document.baseURI).href : source instanceof Blob ? source : new Blob([source]);
-    this.ask({ kind: "load", source: own, device });
+    deviceLimits().then(
+      (device) => this.ask({ kind: "load", source: own, device }),
+      (error) => {
+        this.terminate();
+        this.fail(error);
+      },
+    );
   }
 
   /** What is in the file; null until it is opened. */

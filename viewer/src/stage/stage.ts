@@ -20,13 +20,8 @@ const DAMPING = 0.15;
 /** A flight to another place takes so many milliseconds. */
 const FLIGHT_MS = 400;
 
-/** As `Stage` draws: without smoothing of its own, and with what was drawn before. */
+/** Without smoothing of its own, and with what was drawn before. */
 const CONTEXT = { alpha: true, antialias: false, preserveDrawingBuffer: true };
-
-/** Makes a canvas ready for `Stage`, which does so itself where this was not called. */
-export function startDevice(canvas: HTMLCanvasElement): void {
-  canvas.getContext("webgl2", CONTEXT);
-}
 
 export class Stage {
   readonly scene = new Scene();
