@@ -137,20 +137,12 @@ export class StreamedField {
     if (!this.content) return false;
     const { atlas } = this.content;
     const before = atlas.live.size;
-    try {
-      if (!atlas.upload(gl)) {
-        this.round++;
-        this.ask({ kind: "again" });
-      }
-    } catch (error) {
-      if (!(error instanceof FieldError)) throw error;
-      this.terminate();
-      this.content = null;
-      this.fail(error);
-      return false;
+    if (!atlas.upload(gl)) {
+      this.round++;
+      this.ask({ kind: "again" });
     }
     const isChanged = atlas.live.size !== before;
-    if (atlas.waiting || isChanged) this.owner.tell("change", {});
+    if ((atlas.waiting && atlas.textures) || isChanged) this.owner.tell("change", {});
     return isChanged;
   }
 
@@ -167,7 +159,14 @@ export class StreamedField {
     const widest = Math.max(0, ...opened.network.flatMap((layer) => [layer.inputs, layer.outputs]));
     if (widest > WIDEST_LAYER) throw new FieldError(`The network has a layer of ${widest} values; this viewer takes ${WIDEST_LAYER}.`);
     this.owner.begin(opened);
-    this.content = { opened, atlas: new Atlas(opened) };
+    const atlas = new Atlas(opened, (error) => {
+      if (!error) return this.owner.tell("change", {});
+      this.terminate();
+      atlas.dispose();
+      this.content = null;
+      this.fail(error);
+    });
+    this.content = { opened, atlas };
     if (opened.fileBytes >= HELPED_BYTES) this.startHelpers();
   }
 

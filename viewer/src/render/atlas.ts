@@ -1,10 +1,12 @@
 /** The way of decoded levels into the device's textures. */
 
+import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { slotPlace } from "../load/plan.js";
 import { macroCounts, occupiedShares } from "../load/skip.js";
+import { whenDone } from "./fence.js";
 import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
@@ -23,11 +25,15 @@ export class Atlas {
   private readonly skipDistances: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
-  private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
+  private device: { gl: WebGL2RenderingContext; textures: Textures | null; isReady: boolean } | null = null;
   /** Whether there was a device before. */
   private hadDevice = false;
 
-  constructor(private readonly opened: Opened) {
+  /** `settled` is called when the device has room for the field, or with what is wrong where it has none. */
+  constructor(
+    private readonly opened: Opened,
+    private readonly settled: (error: FieldError | null) => void,
+  ) {
     this.macro = macroCounts(opened.metadata);
     const [x, y, z] = this.macro;
     this.skipDistances = new Uint8Array(x * y * z * Math.ceil(opened.metadata.levels.length / 4) * 4);
@@ -35,7 +41,7 @@ export class Atlas {
 
   /** Textures that hold the live levels; null where there is no device. */
   get textures(): Textures | null {
-    return this.device?.textures ?? null;
+    return this.device?.isReady ? this.device.textures : null;
   }
 
   /** Takes blocks of a level. */
@@ -77,22 +83,39 @@ export class Atlas {
         return false;
       }
     }
-    if (this.waiting) keeping(gl, () => this.bringSome(this.device!));
+    const { textures } = this;
+    if (textures && this.waiting) keeping(gl, () => this.bringSome(gl, textures));
     return true;
   }
 
   dispose(): void {
-    if (!this.device) return;
-    free(this.device.gl, this.device.textures);
+    if (this.device?.textures) free(this.device.gl, this.device.textures);
     this.forget();
   }
 
   private begin(gl: WebGL2RenderingContext): void {
     this.dispose();
     this.live.clear();
-    this.device = { gl, textures: allocate(gl, this.opened) };
     this.hadDevice = true;
     gl.canvas.addEventListener("webglcontextlost", this.forget);
+    this.makeRoom((this.device = { gl, textures: null, isReady: false }));
+  }
+
+  /** Makes textures and asks whether they fit. Who asks a device for errors waits for all that it was told before. */
+  private makeRoom(device: NonNullable<Atlas["device"]>): void {
+    const { gl } = device;
+    const whenDoneHere = (then: () => void) => whenDone(gl, () => this.device === device && then());
+    whenDoneHere(() => {
+      // Errors of before are not ours.
+      while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
+      device.textures = allocate(gl, this.opened);
+      whenDoneHere(() => {
+        const isFull = gl.getError() === gl.OUT_OF_MEMORY;
+        device.isReady = !isFull;
+        const megabytes = Math.round(this.opened.plan.bytes / 1e6);
+        this.settled(isFull ? new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device) : null);
+      });
+    });
   }
 
   /** What a lost device had is gone. */
@@ -101,7 +124,7 @@ export class Atlas {
     this.device = null;
   };
 
-  private bringSome({ gl, textures }: { gl: WebGL2RenderingContext; textures: Textures }): void {
+  private bringSome(gl: WebGL2RenderingContext, textures: Textures): void {
     const end = performance.now() + UPLOAD_MS;
     let left = UPLOAD_BYTES;
     while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
