@@ -25,7 +25,7 @@ export class Atlas {
   private readonly skipDistances: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
-  private device: { gl: WebGL2RenderingContext; textures: Textures | null; isReady: boolean } | null = null;
+  private device: { gl: WebGL2RenderingContext; textures: Textures; isReady: boolean } | null = null;
   /** Whether there was a device before. */
   private hadDevice = false;
 
@@ -89,7 +89,7 @@ export class Atlas {
   }
 
   dispose(): void {
-    if (this.device?.textures) free(this.device.gl, this.device.textures);
+    if (this.device) free(this.device.gl, this.device.textures);
     this.forget();
   }
 
@@ -98,23 +98,19 @@ export class Atlas {
     this.live.clear();
     this.hadDevice = true;
     gl.canvas.addEventListener("webglcontextlost", this.forget);
-    this.makeRoom((this.device = { gl, textures: null, isReady: false }));
+    this.makeRoom((this.device = { gl, textures: allocate(gl, this.opened), isReady: false }));
   }
 
-  /** Makes textures and asks whether they fit. Who asks a device for errors waits for all that it was told before. */
+  /** Makes textures, and asks whether they fit once they are made: the page waits for as long as the device is busy. */
   private makeRoom(device: NonNullable<Atlas["device"]>): void {
     const { gl } = device;
-    const whenDoneHere = (then: () => void) => whenDone(gl, () => this.device === device && then());
-    whenDoneHere(() => {
-      // Errors of before are not ours.
-      while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
-      device.textures = allocate(gl, this.opened);
-      whenDoneHere(() => {
-        const isFull = gl.getError() === gl.OUT_OF_MEMORY;
-        device.isReady = !isFull;
-        const megabytes = Math.round(this.opened.plan.bytes / 1e6);
-        this.settled(isFull ? new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device) : null);
-      });
+    whenDone(gl, () => {
+      if (this.device !== device) return;
+      let isFull = false;
+      for (let error = gl.getError(); error !== gl.NO_ERROR && !gl.isContextLost(); error = gl.getError()) isFull ||= error === gl.OUT_OF_MEMORY;
+      device.isReady = !isFull;
+      const megabytes = Math.round(this.opened.plan.bytes / 1e6);
+      this.settled(isFull ? new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device) : null);
     });
   }
 

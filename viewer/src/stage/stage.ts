@@ -1,7 +1,9 @@
 /** The canvas: camera, controls, and drawing when something has changed. */
 
-import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
+import { Box3, type Color, type Mesh, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { FieldError, REMEDY } from "../errors.js";
+import { whenDone } from "../render/fence.js";
 import type { RadianceField, Statistics } from "../three/field.js";
 import { Painter } from "./painter.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
@@ -39,6 +41,8 @@ export class Stage {
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
+    // Several questions in the first draw, each of which waits for the device. `prepare` asks its own.
+    this.renderer.debug.checkShaderErrors = false;
     this.painter = new Painter(this.renderer, this.scene, this.camera);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.dampingFactor = DAMPING;
@@ -92,7 +96,26 @@ export class Stage {
 
   /** Makes the shaders of an object that will be shown, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
-    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
+    await this.renderer.compileAsync(object, this.camera, this.scene);
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    // Where a device cannot say whether it has compiled them, it has them by then, or nearly so.
+    await new Promise<void>((done) => whenDone(gl, done));
+    for (const program of this.programsOf(object)) {
+      // The answer comes with all that the first draw has to know of the program.
+      if (gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost()) continue;
+      throw new FieldError(`The device does not take the shader: ${gl.getProgramInfoLog(program)?.trim()}`, REMEDY.device);
+    }
+  }
+
+  private programsOf(object: Object3D): Set<WebGLProgram> {
+    const programs = new Set<WebGLProgram>();
+    object.traverse((part) => {
+      for (const material of [(part as Partial<Mesh>).material ?? []].flat()) {
+        const made = this.renderer.properties.get(material) as { programs?: Map<string, { program: WebGLProgram }> };
+        for (const { program } of made.programs?.values() ?? []) programs.add(program);
+      }
+    });
+    return programs;
   }
 
   setBackground(color: Color): void {
