@@ -5,7 +5,7 @@ import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { slotPlace } from "../load/plan.js";
-import { macroCounts, occupiedShares } from "../load/skip.js";
+import { macroCounts } from "../load/skip.js";
 import { whenDone } from "./fence.js";
 import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
 
@@ -52,7 +52,7 @@ export class Atlas {
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
     this.uploads.push({ entry });
-    if (entry.skipDistances) this.occupied ??= occupiedShares(entry.skipDistances, this.macro);
+    this.occupied ??= entry.occupied;
   }
 
   /** Whether something waits for `upload`. */
@@ -184,13 +184,14 @@ export class Atlas {
       const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
       const [mx, my, mz] = this.macro;
       const count = mx * my * mz;
+      const all = this.skipDistances;
       for (const one of shown) {
         const start = Math.floor(one / 4) * count * 4 + (one % 4);
-        for (let i = 0; i < count; i++) this.skipDistances[start + 4 * i] = skipDistances[i];
+        for (let i = 0; i < count; i++) all[start + 4 * i] = skipDistances[i];
       }
-      const depth = this.skipDistances.length / (4 * my * mz);
+      const depth = all.length / (4 * my * mz);
       gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, mz, my, depth, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, this.skipDistances);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, mz, my, depth, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, all);
     }
     this.live.add(level);
   }
