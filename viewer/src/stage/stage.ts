@@ -4,7 +4,8 @@ import { Box3, type Color, type Mesh, type Object3D, PerspectiveCamera, Scene, S
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { FieldError, REMEDY } from "../errors.js";
 import { whenDone } from "../render/fence.js";
-import type { RadianceField, Statistics } from "../three/field.js";
+import type { Statistics } from "../render/measures.js";
+import type { RadianceField } from "../three/field.js";
 import { Painter } from "./painter.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";
@@ -96,9 +97,10 @@ export class Stage {
 
   /** Makes the shaders of an object that will be shown, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
-    await this.renderer.compileAsync(object, this.camera, this.scene);
+    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
+    else this.renderer.compile(object, this.camera, this.scene);
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
-    // Where a device cannot say whether it has compiled them, it has them by then, or nearly so.
+    // A device that cannot say whether it has compiled them has them by then, or nearly so.
     await new Promise<void>((done) => whenDone(gl, done));
     for (const program of this.programsOf(object)) {
       // The answer comes with all that the first draw has to know of the program.
