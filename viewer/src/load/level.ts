@@ -25,7 +25,7 @@ export interface DecodedPart {
   side: number;
   /** Bricks of density, one after the other, in 32 or 16 bits; null where the level has none. */
   density: Float32Array | Uint16Array | null;
-  /** Bricks of colour in four halves a texel; a block's quadruples of channels one after the other. */
+  /** Bricks of colour in four halves a texel: those of the first quadruple of channels, then those of the next one. */
   color: Uint16Array;
 }
 

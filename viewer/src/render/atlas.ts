@@ -11,7 +11,7 @@ import { allocate, free, keeping, tableStarts, type Textures } from "./textures.
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
-/** Blocks between two looks at the clock. */
+/** Blocks that go at once, at most: the clock is looked at between two goes. */
 const UPLOAD_BLOCKS = 32;
 
 /** What is on its way to the device: blocks, and after all of a level's the level itself. */
@@ -134,42 +134,35 @@ export class Atlas {
     }
   }
 
-  /** Uploads a few blocks; how many bytes that were. */
+  /** Uploads a few blocks, whose slots follow each other, in one go; how many bytes that were. */
   private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
-    const { part } = upload;
+    const { part, done } = upload;
     const { plan } = this.opened;
     const { slot, slots, quads, firstSlot } = plan;
-    const nodes = part.side ** 3;
-    const blockBytes = nodes * (8 * quads + (part.density?.BYTES_PER_ELEMENT ?? 0));
-    const end = Math.min(part.blocks, upload.done + UPLOAD_BLOCKS);
-    const start = firstSlot[part.level] + part.first;
-    const put = (place: Triple, format: number, type: number, values: ArrayBufferView) => {
-      const [x, y, z] = place.map((slots) => slots * slot);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, part.side, part.side, part.side, format, type, values);
+    const { side, density, color } = part;
+    const nodes = side ** 3;
+    const [x, y, z] = slotPlace(plan, firstSlot[part.level] + part.first + done);
+    // Bricks that fill their slots lie in a row of slots as they lie in memory.
+    const blocks = side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
+    const put = (z: number, format: number, type: number, values: ArrayBufferView) => {
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, x * slot, y * slot, z * slot, side, side, blocks * side, format, type, values);
     };
-    const { density, color } = part;
     if (density) {
       gl.bindTexture(gl.TEXTURE_3D, textures.u_density!);
       const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
       // Rows of an odd number of halves are the only ones that do not end at 4 bytes.
       const alignment = type === gl.HALF_FLOAT ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
       if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-      for (let block = upload.done; block < end; block++) {
-        put(slotPlace(plan, start + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
-      }
+      put(z, gl.RED, type, density.subarray(done * nodes, (done + blocks) * nodes));
       if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
     }
     gl.bindTexture(gl.TEXTURE_3D, textures.u_color!);
-    for (let block = upload.done; block < end; block++) {
-      const [x, y, z] = slotPlace(plan, start + block);
-      for (let quad = 0; quad < quads; quad++) {
-        const at = (block * quads + quad) * nodes * 4;
-        put([x, y, z + quad * slots[2]], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + nodes * 4));
-      }
+    for (let quad = 0; quad < quads; quad++) {
+      const at = (quad * part.blocks + done) * nodes * 4;
+      put(z + quad * slots[2], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + blocks * nodes * 4));
     }
-    const bytes = (end - upload.done) * blockBytes;
-    upload.done = end;
-    return bytes;
+    upload.done += blocks;
+    return blocks * nodes * (8 * quads + (density?.BYTES_PER_ELEMENT ?? 0));
   }
 
   /** Enters a level into the tables. */
