@@ -14,8 +14,11 @@ const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
 /** Blocks that go at once, at most: the clock is looked at between two goes. */
 const UPLOAD_BLOCKS = 32;
 
-/** What is on its way to the device: blocks, and after all of a level's the level itself. */
-type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry };
+/** Macro cells that go at once, at least a plane of them. */
+const UPLOAD_CELLS = 1 << 15;
+
+/** What is on its way to the device: blocks, and after all of a level's the level itself. `done` blocks or planes are there. */
+type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: number };
 
 export class Atlas {
   /** Levels whose blocks are all there. */
@@ -51,7 +54,7 @@ export class Atlas {
 
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
-    this.uploads.push({ entry });
+    this.uploads.push({ entry, done: 0 });
     this.occupied ??= entry.occupied;
   }
 
@@ -125,8 +128,10 @@ export class Atlas {
     let left = UPLOAD_BYTES;
     while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
       const [upload] = this.uploads;
-      if ("entry" in upload) this.enter(upload.entry, gl, textures);
-      else {
+      if ("entry" in upload) {
+        left -= this.enter(upload, gl, textures);
+        if (!this.live.has(upload.entry.level)) continue;
+      } else {
         left -= this.bring(upload, gl, textures);
         if (upload.done < upload.part.blocks) continue;
       }
@@ -165,27 +170,41 @@ export class Atlas {
     return blocks * nodes * (8 * quads + (density?.BYTES_PER_ELEMENT ?? 0));
   }
 
-  /** Enters a level into the tables. */
-  private enter({ level, table, skipDistances }: LevelEntry, gl: WebGL2RenderingContext, textures: Textures): void {
+  /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */
+  private enter(upload: { entry: LevelEntry; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
+    const { level, table, skipDistances } = upload.entry;
+    const [mx, my, mz] = this.macro;
+    if (skipDistances && upload.done < mx) {
+      const from = upload.done;
+      upload.done = Math.min(mx, from + Math.max(1, Math.floor(UPLOAD_CELLS / (my * mz))));
+      return this.putSkipDistances(level, skipDistances, [from, upload.done], gl, textures);
+    }
     const { metadata, plan } = this.opened;
     const [nx, ny, nz] = blockCounts(metadata.levels[level]);
     gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[level], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
-    if (skipDistances) {
-      // Colour alone shows what level 0 shows.
-      const { levels } = metadata;
-      const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
-      const [mx, my, mz] = this.macro;
-      const count = mx * my * mz;
-      const all = this.skipDistances;
-      for (const one of shown) {
-        const start = Math.floor(one / 4) * count * 4 + (one % 4);
-        for (let i = 0; i < count; i++) all[start + 4 * i] = skipDistances[i];
-      }
-      const depth = all.length / (4 * my * mz);
-      gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, mz, my, depth, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, all);
-    }
     this.live.add(level);
+    return table.byteLength;
+  }
+
+  /** Puts the planes `[from, to)` of a level's skip distances beside those of the levels that share their texels. */
+  private putSkipDistances(level: number, skipDistances: Uint8Array, [from, to]: [number, number], gl: WebGL2RenderingContext, textures: Textures): number {
+    const { levels } = this.opened.metadata;
+    const [mx, my, mz] = this.macro;
+    const all = this.skipDistances;
+    // Colour alone shows what level 0 shows.
+    const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
+    const quads = new Set(shown.map((one) => Math.floor(one / 4)));
+    gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
+    for (const quad of quads) {
+      const first = quad * mx * my * mz;
+      const cells = all.subarray(4 * (first + from * my * mz), 4 * (first + to * my * mz));
+      for (const one of shown) {
+        if (Math.floor(one / 4) !== quad) continue;
+        for (let at = one % 4, cell = from * my * mz; at < cells.length; at += 4, cell++) cells[at] = skipDistances[cell];
+      }
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, quad * mx + from, mz, my, to - from, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, cells);
+    }
+    return quads.size * 4 * (to - from) * my * mz;
   }
 }
