@@ -86,7 +86,6 @@ export class MipvogViewer extends HTMLElement {
       const made = await openAddress(new URL(address, document.baseURI).href);
       if (own !== this.number || !this.stage) return release(made);
       this.opened = made;
-      this.stage.scene.add(made.object);
       for (const field of made.fields) {
         field.addEventListener("change", () => {
           if (field.finest === null) this.stage?.lookAt(visibleBox(made));
@@ -95,6 +94,9 @@ export class MipvogViewer extends HTMLElement {
       }
       await Promise.all(made.fields.map((field) => field.opened));
       if (own !== this.number || !this.stage) return;
+      await this.stage.prepare(made.object);
+      if (own !== this.number || !this.stage) return;
+      this.stage.scene.add(made.object);
       this.paint();
       this.stage.lookAt(visibleBox(made));
       this.dispatchEvent(new Event("load"));

@@ -95,10 +95,12 @@ export class Stage {
     this.controls.update();
   }
 
-  /** Makes the shaders of an object that will be shown, without holding the page up. */
+  /** Makes the shaders and the textures of an object that will be shown, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
     if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
     else this.renderer.compile(object, this.camera, this.scene);
+    // Whoever asks a device waits for its pictures, too: better before there are any.
+    this.upload(object);
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     // A device that cannot say whether it has compiled them has them by then, or nearly so.
     await new Promise<void>((done) => whenDone(gl, done));
@@ -267,16 +269,16 @@ export class Stage {
       this.controls.update();
     }
     // A device that is told more than it can do makes the page wait.
-    if (!this.painter.isBusy) this.painter.draw(this.upload());
+    if (!this.painter.isBusy) this.painter.draw(this.upload(this.scene));
   }
 
-  /** Brings decoded blocks of all fields to the device, a few milliseconds of them; whether more of them wait. */
-  private upload(): boolean {
+  /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more of them wait. */
+  private upload(object: Object3D): boolean {
     let waits = false;
     if (this.renderer.getContext().isContextLost()) return waits;
-    this.scene.traverse((object) => {
-      if (!("isRadianceField" in object)) return;
-      const field = object as RadianceField;
+    object.traverse((part) => {
+      if (!("isRadianceField" in part)) return;
+      const field = part as RadianceField;
       if (field.upload(this.renderer)) this.redraw(true);
       waits ||= field.waiting;
     });
