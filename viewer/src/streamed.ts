@@ -142,7 +142,7 @@ export class StreamedField {
       this.ask({ kind: "again" });
     }
     const isChanged = atlas.live.size !== before;
-    if ((atlas.waiting && atlas.textures) || isChanged) this.owner.tell("change", {});
+    if (atlas.waiting || isChanged) this.owner.tell("change", {});
     return isChanged;
   }
 
@@ -160,7 +160,6 @@ export class StreamedField {
     if (widest > WIDEST_LAYER) throw new FieldError(`The network has a layer of ${widest} values; this viewer takes ${WIDEST_LAYER}.`);
     this.owner.begin(opened);
     const atlas = new Atlas(opened, (error) => {
-      if (!error) return this.owner.tell("change", {});
       this.terminate();
       atlas.dispose();
       this.content = null;

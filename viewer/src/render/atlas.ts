@@ -28,14 +28,14 @@ export class Atlas {
   private readonly skipDistances: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
-  private device: { gl: WebGL2RenderingContext; textures: Textures; isReady: boolean } | null = null;
+  private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
   /** Whether there was a device before. */
   private hadDevice = false;
 
-  /** `settled` is called when the device has room for the field, or with what is wrong where it has none. */
+  /** `refused` is called where the device turns out to have no room for the field. */
   constructor(
     private readonly opened: Opened,
-    private readonly settled: (error: FieldError | null) => void,
+    private readonly refused: (error: FieldError) => void,
   ) {
     this.macro = macroCounts(opened.metadata);
     const [x, y, z] = this.macro;
@@ -44,7 +44,7 @@ export class Atlas {
 
   /** Textures that hold the live levels; null where there is no device. */
   get textures(): Textures | null {
-    return this.device?.isReady ? this.device.textures : null;
+    return this.device?.textures ?? null;
   }
 
   /** Takes blocks of a level. */
@@ -86,8 +86,8 @@ export class Atlas {
         return false;
       }
     }
-    const { textures } = this;
-    if (textures && this.waiting) keeping(gl, () => this.bringSome(gl, textures));
+    const { textures } = this.device!;
+    if (this.waiting) keeping(gl, () => this.bringSome(gl, textures));
     return true;
   }
 
@@ -101,19 +101,19 @@ export class Atlas {
     this.live.clear();
     this.hadDevice = true;
     gl.canvas.addEventListener("webglcontextlost", this.forget);
-    this.makeRoom((this.device = { gl, textures: allocate(gl, this.opened), isReady: false }));
+    this.device = { gl, textures: allocate(gl, this.opened) };
+    this.askForRoom(this.device);
   }
 
-  /** Makes textures, and asks whether they fit once they are made: the page waits for as long as the device is busy. */
-  private makeRoom(device: NonNullable<Atlas["device"]>): void {
+  /** Asks whether the textures fit, once they are made: the page would wait for as long as the device is busy. */
+  private askForRoom(device: NonNullable<Atlas["device"]>): void {
     const { gl } = device;
     whenDone(gl, () => {
       if (this.device !== device) return;
       let isFull = false;
       for (let error = gl.getError(); error !== gl.NO_ERROR && !gl.isContextLost(); error = gl.getError()) isFull ||= error === gl.OUT_OF_MEMORY;
-      device.isReady = !isFull;
       const megabytes = Math.round(this.opened.plan.bytes / 1e6);
-      this.settled(isFull ? new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device) : null);
+      if (isFull) this.refused(new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device));
     });
   }
 
