@@ -1,9 +1,10 @@
 /** The page: opens what the address names or what is dropped, and says how it goes. */
 
 import { Color, Matrix4, SRGBColorSpace } from "three";
+import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
 import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
-import { Stage, startDevice } from "../src/stage/stage.js";
+import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { openFile } from "./open.js";
@@ -19,6 +20,7 @@ interface Hook {
   /** Bytes that had arrived when the first picture was drawn. */
   readonly firstPicture: number | null;
   readonly field: RadianceField | null;
+  /** Undefined until the device is started. */
   readonly stage: Stage;
   /** Pixels of a picture; `toWorld` is a camera's matrix in the field's axes, row by row. */
   capture(view: { width: number; height: number; toWorld: number[][]; focal: number }): number[];
@@ -37,6 +39,8 @@ const COUNT_MS = 250;
 const WIDE = 1000;
 
 let stage: Stage;
+/** Resolves once there is a stage. */
+let started: Promise<void>;
 let opened: Opened | null = null;
 /** The second file of a comparison. */
 let other: Opened | null = null;
@@ -73,6 +77,7 @@ async function begin(open: () => Opened | Promise<Opened>): Promise<Opened | nul
   loading = true;
   let made: Opened | null = null;
   try {
+    await started;
     made = await open();
     await Promise.all(made.fields.map((field) => field.opened));
     await stage.prepare(made.object);
@@ -215,26 +220,8 @@ async function take(file: File): Promise<void> {
   await openCameras(file).catch(fail);
 }
 
-function listen(): void {
-  page.level.addEventListener("change", () => {
-    fields().forEach((field) => (field.fixedLevel = page.level.value === "" ? null : Number(page.level.value)));
-    stage.redraw();
-  });
-  page.colors.addEventListener("change", () => {
-    page.legend.hidden = !page.colors.checked;
-    fields().forEach((field) => (field.showLevels = page.colors.checked));
-    stage.redraw();
-  });
-  page.fov.addEventListener("input", () => (stage.fov = Number(page.fov.value)));
-  page.background.addEventListener("input", () => paint(page.background.value));
-  page.trained.addEventListener("click", () => paint(null));
-  page.views.addEventListener("change", () => goToChosen(stage, field()));
-  page.at.addEventListener("input", divide);
-  page.numbers.addEventListener("toggle", drawn);
-  page.canvas.addEventListener("dblclick", ({ offsetX, offsetY }) => {
-    const shown = field();
-    if (shown) stage.focus(shown, offsetX, offsetY);
-  });
+/** Takes files from the first moment on: a browser leaves the page for one that nobody takes. */
+function listenForFiles(): void {
   page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file)))));
   page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file))));
   page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(fail)));
@@ -255,8 +242,41 @@ function listen(): void {
     const file = event.dataTransfer?.files[0];
     if (file) void take(file);
   });
+}
+
+function listen(): void {
+  page.level.addEventListener("change", () => {
+    fields().forEach((field) => (field.fixedLevel = page.level.value === "" ? null : Number(page.level.value)));
+    stage.redraw();
+  });
+  page.colors.addEventListener("change", () => {
+    page.legend.hidden = !page.colors.checked;
+    fields().forEach((field) => (field.showLevels = page.colors.checked));
+    stage.redraw();
+  });
+  page.fov.addEventListener("input", () => (stage.fov = Number(page.fov.value)));
+  page.background.addEventListener("input", () => paint(page.background.value));
+  page.trained.addEventListener("click", () => paint(null));
+  page.views.addEventListener("change", () => goToChosen(stage, field()));
+  page.at.addEventListener("input", divide);
+  page.numbers.addEventListener("toggle", drawn);
+  page.canvas.addEventListener("dblclick", ({ offsetX, offsetY }) => {
+    const shown = field();
+    if (shown) stage.focus(shown, offsetX, offsetY);
+  });
   page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, "The graphics device was taken away."));
   page.canvas.addEventListener("webglcontextrestored", () => showError(error));
+}
+
+async function start(): Promise<void> {
+  // The stage's context would hold the page up where it is the one that starts the device.
+  await deviceLimits();
+  stage = new Stage(page.canvas);
+  stage.painter.drawn = drawn;
+  listen();
+  bindTools(stage, () => opened?.name ?? "picture");
+  offerLevels(null);
+  page.panel.open = innerWidth >= WIDE;
 }
 
 window.__mipvog = {
@@ -292,17 +312,10 @@ window.__mipvog = {
 };
 
 try {
-  // One task is to start the device, which may take as long as all the others.
-  startDevice(page.canvas);
-  await new Promise((later) => setTimeout(later));
-  stage = new Stage(page.canvas);
-  stage.painter.drawn = drawn;
-  listen();
-  bindTools(stage, () => opened?.name ?? "picture");
-  offerLevels(null);
-  page.panel.open = innerWidth >= WIDE;
   const own = ownFile();
   useOwnWorker();
+  listenForFiles();
+  await (started = start());
   const asked = new URLSearchParams(location.search);
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
   if (cameras) void fetchCameras(cameras).catch(fail);

@@ -1,21 +1,31 @@
-/** What this device's WebGL can hold. */
+/** Starts the device, and tells what it can hold. */
 
-import { FieldError, REMEDY } from "./errors.js";
+import { startDecoder } from "./decoder.js";
+import { limitsOf } from "./load/limits.js";
+import type { Reply, Request } from "./load/messages.js";
 import type { DeviceLimits } from "./load/plan.js";
 
-/** Bytes of textures that a page should not go beyond. */
-const MOST_BYTES = 1.5 * 2 ** 30;
+let known: Promise<DeviceLimits> | null = null;
 
-let known: DeviceLimits | null = null;
+/**
+ * Asked once, and in a worker: the first context of a browser starts its device, which holds up the thread that asks for
+ * it, by half a second on a software renderer. Contexts that are made after that are there at once.
+ */
+export function deviceLimits(): Promise<DeviceLimits> {
+  return (known ??= askWorker().then((limits) => limits ?? limitsOf(document.createElement("canvas"))));
+}
 
-/** Asked once, of a context that is given back. */
-export function deviceLimits(): DeviceLimits {
-  if (known) return known;
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) throw new FieldError("This browser has no WebGL 2.", REMEDY.device);
-  // More is not needed, and places of slots have 10 bits an axis.
-  const side = Math.min(2048, gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number);
-  const floatLinear = gl.getExtension("OES_texture_float_linear") !== null;
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return (known = { side, floatLinear, bytes: MOST_BYTES });
+/** What a worker answers; null where workers have no WebGL. */
+function askWorker(): Promise<DeviceLimits | null> {
+  return new Promise((resolve) => {
+    const worker = startDecoder();
+    const end = (limits: DeviceLimits | null) => {
+      worker.terminate();
+      resolve(limits);
+    };
+    // A decoder that does not start is told of by who needs it to decode.
+    worker.onerror = () => end(null);
+    worker.onmessage = ({ data }: MessageEvent<Reply>) => end(data.kind === "device" ? data.limits : null);
+    worker.postMessage({ kind: "device" } satisfies Request);
+  });
 }

@@ -1,6 +1,7 @@
 /** `<mipvog-viewer src="scene.mipvog">`: a field in any page, without a line of script. */
 
 import { Color, SRGBColorSpace } from "three";
+import { deviceLimits } from "./device.js";
 import { FieldError } from "./errors.js";
 import type { RadianceField } from "./three/field.js";
 import { type Opened, openAddress, release, visibleBox } from "./stage/opened.js";
@@ -20,7 +21,7 @@ p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff;
  */
 export class MipvogViewer extends HTMLElement {
   static readonly observedAttributes = ["src", "background", "alt"];
-  /** Camera, renderer and scene; null while the element is in no page. */
+  /** Camera, renderer and scene; null until the device is started, and while the element is in no page. */
   stage: Stage | null = null;
   private opened: Opened | null = null;
   private readonly canvas = document.createElement("canvas");
@@ -47,7 +48,15 @@ export class MipvogViewer extends HTMLElement {
   }
 
   connectedCallback(): void {
+    void this.start();
+  }
+
+  /** Makes the stage, on a device that is started: its context would hold the page up where it started one. */
+  private async start(): Promise<void> {
     try {
+      await deviceLimits();
+      // Meanwhile it may have left the page, or left it and come back.
+      if (!this.isConnected || this.stage) return;
       this.stage = new Stage(this.canvas);
       void this.load();
     } catch (error) {
@@ -77,7 +86,6 @@ export class MipvogViewer extends HTMLElement {
       const made = await openAddress(new URL(address, document.baseURI).href);
       if (own !== this.number || !this.stage) return release(made);
       this.opened = made;
-      this.stage.scene.add(made.object);
       for (const field of made.fields) {
         field.addEventListener("change", () => {
           if (field.finest === null) this.stage?.lookAt(visibleBox(made));
@@ -86,6 +94,9 @@ export class MipvogViewer extends HTMLElement {
       }
       await Promise.all(made.fields.map((field) => field.opened));
       if (own !== this.number || !this.stage) return;
+      await this.stage.prepare(made.object);
+      if (own !== this.number || !this.stage) return;
+      this.stage.scene.add(made.object);
       this.paint();
       this.stage.lookAt(visibleBox(made));
       this.dispatchEvent(new Event("load"));

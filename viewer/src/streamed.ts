@@ -56,7 +56,6 @@ export class StreamedField {
     source: Source,
     private readonly owner: Owner,
   ) {
-    const device = deviceLimits();
     this.worker = startDecoder();
     const opened = promise<Metadata>();
     const finished = promise<void>();
@@ -84,7 +83,7 @@ export class StreamedField {
         } else if (data.kind === "entry") {
           if (data.round === this.round) this.content?.atlas.finish(data.entry);
           owner.tell("change", {});
-        } else {
+        } else if (data.kind === "done") {
           finished.resolve();
           owner.tell("done", {});
         }
@@ -95,7 +94,13 @@ export class StreamedField {
     };
     // A blob's bytes are not copied on their way to the worker.
     const own = typeof source === "string" ? new URL(source, document.baseURI).href : source instanceof Blob ? source : new Blob([source]);
-    this.ask({ kind: "load", source: own, device });
+    deviceLimits().then(
+      (device) => this.ask({ kind: "load", source: own, device }),
+      (error) => {
+        this.terminate();
+        this.fail(error);
+      },
+    );
   }
 
   /** What is in the file; null until it is opened. */
@@ -132,17 +137,9 @@ export class StreamedField {
     if (!this.content) return false;
     const { atlas } = this.content;
     const before = atlas.live.size;
-    try {
-      if (!atlas.upload(gl)) {
-        this.round++;
-        this.ask({ kind: "again" });
-      }
-    } catch (error) {
-      if (!(error instanceof FieldError)) throw error;
-      this.terminate();
-      this.content = null;
-      this.fail(error);
-      return false;
+    if (!atlas.upload(gl)) {
+      this.round++;
+      this.ask({ kind: "again" });
     }
     const isChanged = atlas.live.size !== before;
     if (atlas.waiting || isChanged) this.owner.tell("change", {});
@@ -162,7 +159,13 @@ export class StreamedField {
     const widest = Math.max(0, ...opened.network.flatMap((layer) => [layer.inputs, layer.outputs]));
     if (widest > WIDEST_LAYER) throw new FieldError(`The network has a layer of ${widest} values; this viewer takes ${WIDEST_LAYER}.`);
     this.owner.begin(opened);
-    this.content = { opened, atlas: new Atlas(opened) };
+    const atlas = new Atlas(opened, (error) => {
+      this.terminate();
+      atlas.dispose();
+      this.content = null;
+      this.fail(error);
+    });
+    this.content = { opened, atlas };
     if (opened.fileBytes >= HELPED_BYTES) this.startHelpers();
   }
 

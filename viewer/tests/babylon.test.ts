@@ -79,6 +79,36 @@ for (const rightHanded of [true, false]) {
   });
 }
 
+test("a field tells its bounds, what a picture takes, and what it shows at a point", async () => {
+  const container = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
+  const look = { ...lookAt(container), address: offer(container) };
+  const at: [number, number][] = [[0.5, 0.5], [0.55, 0.45], [0.001, 0.001]];
+  const ask = (rightHanded: boolean) => page.evaluate(([look, at]) => window.askBabylon(look, at), [{ ...look, rightHanded }, at] as const);
+  const [right, left] = [await ask(true), await ask(false)];
+  const { bounds } = JSON.parse(program("inspect", container, "--format", "json"));
+  const wanted = await reference(container, "asked");
+  for (const { told, pixels } of [right, left]) {
+    assert.deepEqual(told.bounds, bounds);
+    const { sparse, dense } = told.statistics;
+    assert.ok(sparse.rays > 0 && sparse.rays === dense.rays && sparse.stepsPerRay === dense.stepsPerRay);
+    assert.equal(dense.samplesPerRay, dense.stepsPerRay);
+    assert.ok(sparse.samplesPerRay < dense.samplesPerRay && sparse.fetchesPerRay < dense.fetchesPerRay);
+    told.picked.slice(0, 2).forEach((picked, number) => {
+      const { point: [x, y, z], seen } = picked!;
+      seen.forEach((share, axis) => assert.ok(Math.abs(share - at[number][axis]) < 1e-4, `${seen}`));
+      // The field was turned from z up to y up, and a left-handed scene mirrors x.
+      const local = [told === right.told ? x : -x, -z, y];
+      assert.ok(local.every((value, axis) => value >= bounds.min[axis] && value <= bounds.max[axis]), `${local}`);
+    });
+    assert.equal(told.picked[2], null, "nothing is in the corner");
+    // What was asked leaves no trace in the next picture.
+    assert.ok(psnr(pixels, wanted) >= 40);
+  }
+  const [a, b] = [right, left].map(({ told }) => told.picked[0]!.point);
+  assert.ok(Math.hypot(a[0] + b[0], a[1] - b[1], a[2] - b[2]) < 1e-3, `${a} and ${b}`);
+  assert.deepEqual(problems, []);
+});
+
 test("a device that was lost gets the field back", async () => {
   const container = at("field.mipvog");
   const look = { ...lookAt(container), rightHanded: false, address: offer(container) };

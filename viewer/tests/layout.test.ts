@@ -89,7 +89,7 @@ for (const [width, height] of SIZES) {
         assert.deepEqual(await small(page), [], `${scheme}, ${where}`);
       };
       await page.goto(server.origin);
-      await page.waitForFunction(() => window.__mipvog);
+      await page.waitForFunction(() => window.__mipvog?.stage);
       assert.deepEqual(await onTop(page, "#open", [0.1, 0.5, 0.9]), ["open", "open", "open"]);
       const ground = await page.evaluate(() => getComputedStyle(document.querySelector("main")!).backgroundColor);
       assert.equal(Number(ground.match(/\d+/)![0]) < 128, scheme === "dark", ground);

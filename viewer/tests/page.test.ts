@@ -201,7 +201,7 @@ test("meshes beside a field are lit, and nothing of a file stays on the device a
   const { page, problems } = await newPage(browser);
   await countTextures(page);
   await page.goto(server.origin);
-  await page.waitForFunction(() => window.__mipvog);
+  await page.waitForFunction(() => window.__mipvog?.stage);
   const after = [];
   for (const _ of [0, 1]) {
     await drop(page, "asset.glb", asset(bytes, UPRIGHT, { neighbour: true }));
@@ -227,7 +227,7 @@ test("a device without room is told in words, and what it had taken is free agai
   const { page, problems } = await newPage(browser);
   await countTextures(page);
   await page.goto(server.origin);
-  await page.waitForFunction(() => window.__mipvog);
+  await page.waitForFunction(() => window.__mipvog?.stage);
   await page.evaluate(() => {
     const context = WebGL2RenderingContext.prototype;
     const { texStorage3D, getError } = context;

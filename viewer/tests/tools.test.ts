@@ -1,4 +1,4 @@
-/** The page's tools: links to views, pictures, ways to move, focus, comparison, keys, loading without long tasks. */
+/** The page's tools: links to views, pictures, ways to move, focus, comparison, keys. */
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -201,20 +201,4 @@ test("two files share a picture, each on its side", async () => {
   assert.ok(both[0] === first[0] && both[1] === second[1]);
   assert.deepEqual(problems, []);
   await page.close();
-});
-
-test("no task is long while a scene loads and is drawn in full", async () => {
-  const longest: number[] = [];
-  for (let load = 0; load < 5 && !longest.some((time) => time <= 250); load++) {
-    const { page } = await newPage(browser, { width: 640, height: 400 });
-    await page.addInitScript(() => {
-      const found: number[] = ((window as unknown as { longTasks: number[] }).longTasks = []);
-      new PerformanceObserver((list) => found.push(...list.getEntries().map(({ duration }) => duration))).observe({ type: "longtask", buffered: true });
-    });
-    await page.goto(server.page("tiny.mipvog", bytes));
-    await ready(page);
-    longest.push(Math.max(0, ...(await page.evaluate(() => (window as unknown as { longTasks: number[] }).longTasks))));
-    await page.close();
-  }
-  assert.ok(Math.min(...longest) <= 250, `${longest} ms`);
 });

@@ -2,11 +2,13 @@
 
 import { Constants } from "@babylonjs/core/Engines/constants.js";
 import type { Engine } from "@babylonjs/core/Engines/engine.js";
+import "@babylonjs/core/Engines/Extensions/engine.renderTarget.js";
 import { WebGLHardwareTexture } from "@babylonjs/core/Engines/WebGL/webGLHardwareTexture.js";
 import { Material } from "@babylonjs/core/Materials/material.js";
 import { ShaderMaterial } from "@babylonjs/core/Materials/shaderMaterial.js";
 import { BaseTexture } from "@babylonjs/core/Materials/Textures/baseTexture.js";
 import { InternalTexture, InternalTextureSource } from "@babylonjs/core/Materials/Textures/internalTexture.js";
+import { Color4 } from "@babylonjs/core/Maths/math.color.js";
 import { Matrix, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import type { AbstractMesh } from "@babylonjs/core/Meshes/abstractMesh.js";
 import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
@@ -20,9 +22,10 @@ import type { Metadata } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { inverse, product } from "../render/matrices.js";
+import { pickedPoint, pickedProjection, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS, type Textures } from "../render/textures.js";
-import { fieldUniforms, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
+import { fieldUniforms, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
 import { type FieldEvents, StreamedField } from "../streamed.js";
 import { setUniforms } from "./uniforms.js";
 
@@ -60,6 +63,8 @@ export class RadianceField extends Mesh {
   private readonly context: WebGL2RenderingContext;
   private readonly streamed: StreamedField;
   private uniforms: Uniforms = {};
+  /** What is drawn in place of what the scene's camera sees; null for pictures. */
+  private sampled: { view: View; shown: Partial<Shown> } | null = null;
   /** What the material draws from, and the handles that it was made for. */
   private wrapped: { textures: BaseTexture[]; handles: Textures } | null = null;
 
@@ -125,6 +130,27 @@ export class RadianceField extends Mesh {
     return this.finest === null || !this.wrapped || !isPerspective ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
   }
 
+  /**
+   * Counts what a picture of `rows` rows takes that the scene's camera sees, from `width` by `height` rays of it. Without
+   * `skips` as a dense march would: every sample between entry and exit, with its colours.
+   */
+  statistics(width: number, height: number, rows: number, skips = true): Statistics {
+    return statisticsOf(this.sample(width, height, this.view(), { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
+  }
+
+  /**
+   * The world's point that the scene's camera shows at `x`, `y`, shares of the picture's width and height from the top left;
+   * null where the field is next to invisible.
+   */
+  pick(x: number, y: number): Vector3 | null {
+    const view = this.view();
+    const projection = pickedProjection(view.projection, x, y);
+    const point = pickedPoint(this.sample(1, 1, { ...view, projection }, { output: OUTPUT.distance }), view.camera, projection);
+    if (!point) return null;
+    if (!this.getScene().useRightHandedSystem) point[0] *= -1;
+    return Vector3.FromArray(point);
+  }
+
   /** Ends loading and frees the device's memory. */
   override dispose(doNotRecurse?: boolean): void {
     this.streamed.dispose();
@@ -156,8 +182,40 @@ export class RadianceField extends Mesh {
   private bind(scene: Scene, metadata: Metadata): void {
     const { finest, fixedLevel, keepsRange } = this;
     const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
-    const shown = { finest: finest!, fixedLevel, keepsRange, output };
-    setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, viewOf(scene, this.getWorldMatrix().m), shown) });
+    const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m);
+    const shown = { finest: finest!, fixedLevel, keepsRange, output, ...this.sampled?.shown };
+    setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, view, shown) });
+  }
+
+  /** What the scene's camera sees. */
+  private view(): View {
+    const scene = this.getScene();
+    scene.updateTransformMatrix(true);
+    return viewOf(scene, this.computeWorldMatrix(true).m);
+  }
+
+  /** Four numbers a pixel of one kind of output, all 0 where nothing is drawn. */
+  private sample(width: number, height: number, view: View, shown: Partial<Shown>): Float32Array {
+    const engine = this.getEngine() as Engine;
+    const gl = this.context;
+    const options = { type: Constants.TEXTURETYPE_FLOAT, samplingMode: Constants.TEXTURE_NEAREST_NEAREST, generateDepthBuffer: false, generateMipMaps: false };
+    const target = engine.createRenderTargetTexture({ width, height }, options);
+    const pixels = new Float32Array(4 * width * height);
+    const alphaMode = engine.getAlphaMode();
+    this.sampled = { view: { ...view, viewport: [0, 0, width, height] }, shown };
+    try {
+      engine.bindFramebuffer(target);
+      engine.clear(new Color4(0, 0, 0, 0), true, false);
+      engine.setAlphaMode(Constants.ALPHA_DISABLE);
+      if (this.subMeshes?.length) this.render(this.subMeshes[0], false);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, pixels);
+    } finally {
+      this.sampled = null;
+      engine.setAlphaMode(alphaMode);
+      engine.unBindFramebuffer(target);
+      target.dispose();
+    }
+    return pixels;
   }
 
   /** Lets Babylon.js draw from textures that it did not make, and from no others. */

@@ -47,7 +47,7 @@ export function densityBricks(blocks: Blocks, edge: number, [from, to]: [number,
   return out;
 }
 
-/** Colours of the blocks `[from, to)`: of each block `quads` bricks with four channels a texel, in halves. */
+/** Colours of the blocks `[from, to)`, in `quads` rows of bricks, one a block, with four channels a texel in halves. */
 export function colorBricks(blocks: Blocks, edge: number, [from, to]: [number, number], quads: number, groups: Group<Uint16Array>[]): Uint16Array {
   // Two halves at a time, the first in the lower one, as every device with WebGL has it.
   const out = new Uint32Array((to - from) * quads * (edge + 1) ** 3 * 2);
@@ -64,7 +64,7 @@ export function colorBricks(blocks: Blocks, edge: number, [from, to]: [number, n
     for (let corner = 0; corner < 8; corner++) {
       const frame = neighbour(blocks, block, corner);
       for (let pair = 0; pair < 2 * quads; pair++) {
-        const brick = (block - from) * quads + (pair >> 1);
+        const brick = (pair >> 1) * (to - from) + block - from;
         putPair(part(edge, brick, corner), lane(2 * pair, frame), lane(2 * pair + 1, frame), out, pair & 1);
       }
     }

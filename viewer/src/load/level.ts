@@ -10,7 +10,7 @@ import { Blocks } from "./blocks.js";
 import { colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
 import { interpolatedDensity } from "./interpolated.js";
 import { type Plan, slotPlace } from "./plan.js";
-import { MacroCells } from "./skip.js";
+import { MacroCells, macroCounts, occupiedShares } from "./skip.js";
 
 /** Bytes of a part's bricks, about. */
 const PART_BYTES = 4 << 20;
@@ -25,7 +25,7 @@ export interface DecodedPart {
   side: number;
   /** Bricks of density, one after the other, in 32 or 16 bits; null where the level has none. */
   density: Float32Array | Uint16Array | null;
-  /** Bricks of colour in four halves a texel; a block's quadruples of channels one after the other. */
+  /** Bricks of colour in four halves a texel: those of the first quadruple of channels, then those of the next one. */
   color: Uint16Array;
 }
 
@@ -36,6 +36,8 @@ export interface LevelEntry {
   table: Uint32Array;
   /** The skip distance of each macro cell; null where the level has no density. */
   skipDistances: Uint8Array | null;
+  /** Two corners, as shares of the box, between which the level shows something; null where it has no density. */
+  occupied: [number[], number[]] | null;
 }
 
 /** A level's chunks by their kinds. */
@@ -132,7 +134,9 @@ export class LevelDecoder {
   entry(marks: Uint8Array | null): LevelEntry {
     const { level, plan } = this;
     const table = this.blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
-    return { level, table, skipDistances: marks && this.macro.skipDistances(marks) };
+    const skipDistances = marks && this.macro.skipDistances(marks);
+    const occupied = skipDistances && occupiedShares(skipDistances, macroCounts(this.metadata));
+    return { level, table, skipDistances, occupied };
   }
 
   /** All colours, for inherited blocks of the next finer level. */

@@ -5,15 +5,20 @@ import type { Opened } from "./loader.js";
 import type { DeviceLimits } from "./plan.js";
 import type { OwnSource } from "./source.js";
 
-/** Load a container; decode again what was loaded; let the helpers at `ports` decode, too; be one, at `port`. */
+/**
+ * Ask the device for its limits; load a container; decode again what was loaded; let the helpers at `ports` decode, too; be
+ * one, at `port`.
+ */
 export type Request =
+  | { kind: "device" }
   | { kind: "load"; source: OwnSource; device: DeviceLimits }
   | { kind: "again" }
   | { kind: "crew"; ports: MessagePort[] }
   | { kind: "help"; port: MessagePort };
 
-/** `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
+/** `limits` are null where workers have no WebGL. `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
 export type Reply =
+  | { kind: "device"; limits: DeviceLimits | null }
   | { kind: "opened"; opened: Opened }
   | { kind: "progress"; arrived: number }
   | { kind: "part"; part: DecodedPart; round: number }

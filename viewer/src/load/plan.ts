@@ -77,8 +77,7 @@ function arrange(count: number, side: number, slot: number, quads: number): Trip
   return y <= most ? [x, y, z] : null;
 }
 
-/** The place of a slot. */
-export function slotPlace(plan: Plan, slot: number): Triple {
-  const [x, y] = plan.slots;
-  return [slot % x, Math.floor(slot / x) % y, Math.floor(slot / (x * y))];
+/** The place of a slot. Slots along z follow each other, so that their bricks, one behind the other, are one box of texels. */
+export function slotPlace({ slots: [x, , z] }: Plan, slot: number): Triple {
+  return [Math.floor(slot / z) % x, Math.floor(slot / (x * z)), slot % z];
 }

@@ -31,16 +31,20 @@ const STRAY = 0.005;
 
 /** Two corners, as shares of the box, between which nearly all occupied macro cells lie. */
 export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [number[], number[]] {
-  const [, ny, nz] = counts;
+  const [nx, ny, nz] = counts;
   const along = counts.map((count) => new Float64Array(count));
   let sum = 0;
-  skipDistances.forEach((distance, cell) => {
-    if (distance > 0) return;
-    sum++;
-    along[0][Math.floor(cell / nz / ny)]++;
-    along[1][Math.floor(cell / nz) % ny]++;
-    along[2][cell % nz]++;
-  });
+  for (let x = 0, cell = 0; x < nx; x++) {
+    for (let y = 0; y < ny; y++) {
+      for (let z = 0; z < nz; z++) {
+        if (skipDistances[cell++] > 0) continue;
+        sum++;
+        along[0][x]++;
+        along[1][y]++;
+        along[2][z]++;
+      }
+    }
+  }
   if (sum === 0) return [[0, 0, 0], [1, 1, 1]];
   /** The first cell behind the stray ones. */
   const start = (cells: Float64Array) => {

@@ -4,8 +4,10 @@ import { FieldError, REMEDY } from "../errors.js";
 import { prepareLanes } from "../format/codings/lanes.js";
 import { prepareInflate } from "../format/zstd.js";
 import { buffersOf, help } from "./crew.js";
+import { limitsOf } from "./limits.js";
 import { type Listener, Loader } from "./loader.js";
 import type { Reply, Request } from "./messages.js";
+import type { DeviceLimits } from "./plan.js";
 
 const port = self as unknown as {
   onmessage: (event: MessageEvent<Request>) => void;
@@ -23,6 +25,7 @@ const listener: Listener = {
 };
 
 port.onmessage = async ({ data }) => {
+  if (data.kind === "device") return port.postMessage({ kind: "device", limits: deviceLimits() });
   try {
     await prepared;
     if (data.kind === "load") {
@@ -41,6 +44,15 @@ port.onmessage = async ({ data }) => {
     port.postMessage({ kind: "failed", message, remedy });
   }
 };
+
+/** Null where workers have no WebGL. */
+function deviceLimits(): DeviceLimits | null {
+  try {
+    return limitsOf(new OffscreenCanvas(1, 1));
+  } catch {
+    return null;
+  }
+}
 
 /** What is no finding about the file: memory that the browser refuses, most of all. */
 function unexpected(error: unknown): string {

@@ -1,19 +1,24 @@
 /** The way of decoded levels into the device's textures. */
 
+import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { slotPlace } from "../load/plan.js";
-import { macroCounts, occupiedShares } from "../load/skip.js";
+import { macroCounts } from "../load/skip.js";
+import { whenDone } from "./fence.js";
 import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
-/** Blocks between two looks at the clock. */
+/** Blocks that go at once, at most: the clock is looked at between two goes. */
 const UPLOAD_BLOCKS = 32;
 
-/** What is on its way to the device: blocks, and after all of a level's the level itself. */
-type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry };
+/** Macro cells that go at once, at least a plane of them. */
+const UPLOAD_CELLS = 1 << 15;
+
+/** What is on its way to the device: blocks, and after all of a level's the level itself. `done` blocks or planes are there. */
+type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: number };
 
 export class Atlas {
   /** Levels whose blocks are all there. */
@@ -27,7 +32,11 @@ export class Atlas {
   /** Whether there was a device before. */
   private hadDevice = false;
 
-  constructor(private readonly opened: Opened) {
+  /** `refused` is called where the device turns out to have no room for the field. */
+  constructor(
+    private readonly opened: Opened,
+    private readonly refused: (error: FieldError) => void,
+  ) {
     this.macro = macroCounts(opened.metadata);
     const [x, y, z] = this.macro;
     this.skipDistances = new Uint8Array(x * y * z * Math.ceil(opened.metadata.levels.length / 4) * 4);
@@ -45,8 +54,8 @@ export class Atlas {
 
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
-    this.uploads.push({ entry });
-    if (entry.skipDistances) this.occupied ??= occupiedShares(entry.skipDistances, this.macro);
+    this.uploads.push({ entry, done: 0 });
+    this.occupied ??= entry.occupied;
   }
 
   /** Whether something waits for `upload`. */
@@ -77,22 +86,35 @@ export class Atlas {
         return false;
       }
     }
-    if (this.waiting) keeping(gl, () => this.bringSome(this.device!));
+    const { textures } = this.device!;
+    if (this.waiting) keeping(gl, () => this.bringSome(gl, textures));
     return true;
   }
 
   dispose(): void {
-    if (!this.device) return;
-    free(this.device.gl, this.device.textures);
+    if (this.device) free(this.device.gl, this.device.textures);
     this.forget();
   }
 
   private begin(gl: WebGL2RenderingContext): void {
     this.dispose();
     this.live.clear();
-    this.device = { gl, textures: allocate(gl, this.opened) };
     this.hadDevice = true;
     gl.canvas.addEventListener("webglcontextlost", this.forget);
+    this.device = { gl, textures: allocate(gl, this.opened) };
+    this.askForRoom(this.device);
+  }
+
+  /** Asks whether the textures fit, once they are made: the page would wait for as long as the device is busy. */
+  private askForRoom(device: NonNullable<Atlas["device"]>): void {
+    const { gl } = device;
+    whenDone(gl, () => {
+      if (this.device !== device) return;
+      let isFull = false;
+      for (let error = gl.getError(); error !== gl.NO_ERROR && !gl.isContextLost(); error = gl.getError()) isFull ||= error === gl.OUT_OF_MEMORY;
+      const megabytes = Math.round(this.opened.plan.bytes / 1e6);
+      if (isFull) this.refused(new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device));
+    });
   }
 
   /** What a lost device had is gone. */
@@ -101,13 +123,15 @@ export class Atlas {
     this.device = null;
   };
 
-  private bringSome({ gl, textures }: { gl: WebGL2RenderingContext; textures: Textures }): void {
+  private bringSome(gl: WebGL2RenderingContext, textures: Textures): void {
     const end = performance.now() + UPLOAD_MS;
     let left = UPLOAD_BYTES;
     while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
       const [upload] = this.uploads;
-      if ("entry" in upload) this.enter(upload.entry, gl, textures);
-      else {
+      if ("entry" in upload) {
+        left -= this.enter(upload, gl, textures);
+        if (!this.live.has(upload.entry.level)) continue;
+      } else {
         left -= this.bring(upload, gl, textures);
         if (upload.done < upload.part.blocks) continue;
       }
@@ -115,64 +139,72 @@ export class Atlas {
     }
   }
 
-  /** Uploads a few blocks; how many bytes that were. */
+  /** Uploads a few blocks, whose slots follow each other, in one go; how many bytes that were. */
   private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
-    const { part } = upload;
+    const { part, done } = upload;
     const { plan } = this.opened;
     const { slot, slots, quads, firstSlot } = plan;
-    const nodes = part.side ** 3;
-    const blockBytes = nodes * (8 * quads + (part.density?.BYTES_PER_ELEMENT ?? 0));
-    const end = Math.min(part.blocks, upload.done + UPLOAD_BLOCKS);
-    const start = firstSlot[part.level] + part.first;
-    const put = (place: Triple, format: number, type: number, values: ArrayBufferView) => {
-      const [x, y, z] = place.map((slots) => slots * slot);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, part.side, part.side, part.side, format, type, values);
+    const { side, density, color } = part;
+    const nodes = side ** 3;
+    const [x, y, z] = slotPlace(plan, firstSlot[part.level] + part.first + done);
+    // Bricks that fill their slots lie in a row of slots as they lie in memory.
+    const blocks = side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
+    const put = (z: number, format: number, type: number, values: ArrayBufferView) => {
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, x * slot, y * slot, z * slot, side, side, blocks * side, format, type, values);
     };
-    const { density, color } = part;
     if (density) {
       gl.bindTexture(gl.TEXTURE_3D, textures.u_density!);
       const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
       // Rows of an odd number of halves are the only ones that do not end at 4 bytes.
       const alignment = type === gl.HALF_FLOAT ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
       if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-      for (let block = upload.done; block < end; block++) {
-        put(slotPlace(plan, start + block), gl.RED, type, density.subarray(block * nodes, (block + 1) * nodes));
-      }
+      put(z, gl.RED, type, density.subarray(done * nodes, (done + blocks) * nodes));
       if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
     }
     gl.bindTexture(gl.TEXTURE_3D, textures.u_color!);
-    for (let block = upload.done; block < end; block++) {
-      const [x, y, z] = slotPlace(plan, start + block);
-      for (let quad = 0; quad < quads; quad++) {
-        const at = (block * quads + quad) * nodes * 4;
-        put([x, y, z + quad * slots[2]], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + nodes * 4));
-      }
+    for (let quad = 0; quad < quads; quad++) {
+      const at = (quad * part.blocks + done) * nodes * 4;
+      put(z + quad * slots[2], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + blocks * nodes * 4));
     }
-    const bytes = (end - upload.done) * blockBytes;
-    upload.done = end;
-    return bytes;
+    upload.done += blocks;
+    return blocks * nodes * (8 * quads + (density?.BYTES_PER_ELEMENT ?? 0));
   }
 
-  /** Enters a level into the tables. */
-  private enter({ level, table, skipDistances }: LevelEntry, gl: WebGL2RenderingContext, textures: Textures): void {
+  /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */
+  private enter(upload: { entry: LevelEntry; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
+    const { level, table, skipDistances } = upload.entry;
+    const [mx, my, mz] = this.macro;
+    if (skipDistances && upload.done < mx) {
+      const from = upload.done;
+      upload.done = Math.min(mx, from + Math.max(1, Math.floor(UPLOAD_CELLS / (my * mz))));
+      return this.putSkipDistances(level, skipDistances, [from, upload.done], gl, textures);
+    }
     const { metadata, plan } = this.opened;
     const [nx, ny, nz] = blockCounts(metadata.levels[level]);
     gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[level], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
-    if (skipDistances) {
-      // Colour alone shows what level 0 shows.
-      const { levels } = metadata;
-      const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
-      const [mx, my, mz] = this.macro;
-      const count = mx * my * mz;
-      for (const one of shown) {
-        const start = Math.floor(one / 4) * count * 4 + (one % 4);
-        for (let i = 0; i < count; i++) this.skipDistances[start + 4 * i] = skipDistances[i];
-      }
-      const depth = this.skipDistances.length / (4 * my * mz);
-      gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, mz, my, depth, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, this.skipDistances);
-    }
     this.live.add(level);
+    return table.byteLength;
+  }
+
+  /** Puts the planes `[from, to)` of a level's skip distances beside those of the levels that share their texels. */
+  private putSkipDistances(level: number, skipDistances: Uint8Array, [from, to]: [number, number], gl: WebGL2RenderingContext, textures: Textures): number {
+    const { levels } = this.opened.metadata;
+    const [mx, my, mz] = this.macro;
+    const all = this.skipDistances;
+    // Colour alone shows what level 0 shows.
+    const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
+    const quads = new Set(shown.map((one) => Math.floor(one / 4)));
+    gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
+    for (const quad of quads) {
+      const first = quad * mx * my * mz;
+      const cells = all.subarray(4 * (first + from * my * mz), 4 * (first + to * my * mz));
+      for (const one of shown) {
+        if (Math.floor(one / 4) !== quad) continue;
+        for (let at = one % 4, cell = from * my * mz; at < cells.length; at += 4, cell++) cells[at] = skipDistances[cell];
+      }
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, quad * mx + from, mz, my, to - from, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, cells);
+    }
+    return quads.size * 4 * (to - from) * my * mz;
   }
 }

@@ -1,6 +1,5 @@
 /** A field's textures in plain WebGL 2, so that every framework on it can draw from them. */
 
-import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import type { Plan } from "../load/plan.js";
@@ -25,13 +24,11 @@ export function tableStarts({ levels }: Metadata, { finest }: Plan): number[] {
 
 /** Makes the textures of a field: storage alone, but for what does not depend on levels. */
 export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, mask }: Opened): Textures {
-  // Errors of before are not ours.
-  while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
   const [x, y, z] = plan.slots.map((slots) => slots * plan.slot);
   const [mx, my, mz] = macroCounts(metadata);
   const [, ny, nz] = blockCounts(metadata.levels[plan.finest]);
   const depth = tableStarts(metadata, plan).pop()!;
-  const textures = keeping(gl, () => {
+  return keeping(gl, () => {
     const made: Textures = {
       u_density: volume(gl, [x, y, z], plan.floatLinear ? gl.R32F : gl.R16F, gl.LINEAR),
       u_color: volume(gl, [x, y, z * plan.quads], gl.RGBA16F, gl.LINEAR),
@@ -52,9 +49,6 @@ export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, 
     }
     return made;
   });
-  if (gl.getError() !== gl.OUT_OF_MEMORY) return textures;
-  free(gl, textures);
-  throw new FieldError(`The device has no room for ${Math.round(plan.bytes / 1e6)} MB of textures.`, REMEDY.device);
 }
 
 export function free(gl: WebGL2RenderingContext, textures: Textures): void {

@@ -5,6 +5,7 @@
  */
 
 import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
+import { whenDone } from "../render/fence.js";
 
 /** A picture of what moves may take this long, in milliseconds. */
 const SMOOTH_MS = 40;
@@ -179,21 +180,12 @@ export class Painter {
   /** Calls back when the device has drawn this many pixels, with the time that it took. */
   private whenDone(drawn: number, then: (time: number) => void): void {
     this.isBusy = true;
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
-    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    gl.flush();
-    const look = () => {
-      if (fence && !gl.isContextLost() && gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) {
-        setTimeout(look, 1);
-        return;
-      }
-      gl.deleteSync(fence);
+    whenDone(this.renderer.getContext() as WebGL2RenderingContext, () => {
       this.isBusy = false;
       const time = performance.now() - this.began;
       const rate = drawn / Math.max(time, 0.1);
       this.rate = Math.min(rate, GROWTH * (this.rate ?? rate));
       then(time);
-    };
-    setTimeout(look);
+    });
   }
 }

@@ -1,8 +1,11 @@
 /** The canvas: camera, controls, and drawing when something has changed. */
 
-import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
+import { Box3, type Color, type Mesh, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { RadianceField, Statistics } from "../three/field.js";
+import { FieldError, REMEDY } from "../errors.js";
+import { whenDone } from "../render/fence.js";
+import type { Statistics } from "../render/measures.js";
+import type { RadianceField } from "../three/field.js";
 import { Painter } from "./painter.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";
@@ -20,13 +23,8 @@ const DAMPING = 0.15;
 /** A flight to another place takes so many milliseconds. */
 const FLIGHT_MS = 400;
 
-/** As `Stage` draws: without smoothing of its own, and with what was drawn before. */
+/** Without smoothing of its own, and with what was drawn before. */
 const CONTEXT = { alpha: true, antialias: false, preserveDrawingBuffer: true };
-
-/** Makes a canvas ready for `Stage`, which does so itself where this was not called. */
-export function startDevice(canvas: HTMLCanvasElement): void {
-  canvas.getContext("webgl2", CONTEXT);
-}
 
 export class Stage {
   readonly scene = new Scene();
@@ -44,6 +42,8 @@ export class Stage {
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
+    // Several questions in the first draw, each of which waits for the device. `prepare` asks its own.
+    this.renderer.debug.checkShaderErrors = false;
     this.painter = new Painter(this.renderer, this.scene, this.camera);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.dampingFactor = DAMPING;
@@ -95,9 +95,31 @@ export class Stage {
     this.controls.update();
   }
 
-  /** Makes the shaders of an object that will be shown, without holding the page up. */
+  /** Makes the shaders and the textures of an object that will be shown, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
     if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
+    else this.renderer.compile(object, this.camera, this.scene);
+    // Whoever asks a device waits for its pictures, too: better before there are any.
+    this.upload(object);
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    // A device that cannot say whether it has compiled them has them by then, or nearly so.
+    await new Promise<void>((done) => whenDone(gl, done));
+    for (const program of this.programsOf(object)) {
+      // The answer comes with all that the first draw has to know of the program.
+      if (gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost()) continue;
+      throw new FieldError(`The device does not take the shader: ${gl.getProgramInfoLog(program)?.trim()}`, REMEDY.device);
+    }
+  }
+
+  private programsOf(object: Object3D): Set<WebGLProgram> {
+    const programs = new Set<WebGLProgram>();
+    object.traverse((part) => {
+      for (const material of [(part as Partial<Mesh>).material ?? []].flat()) {
+        const made = this.renderer.properties.get(material) as { programs?: Map<string, { program: WebGLProgram }> };
+        for (const { program } of made.programs?.values() ?? []) programs.add(program);
+      }
+    });
+    return programs;
   }
 
   setBackground(color: Color): void {
@@ -247,16 +269,16 @@ export class Stage {
       this.controls.update();
     }
     // A device that is told more than it can do makes the page wait.
-    if (!this.painter.isBusy) this.painter.draw(this.upload());
+    if (!this.painter.isBusy) this.painter.draw(this.upload(this.scene));
   }
 
-  /** Brings decoded blocks of all fields to the device, a few milliseconds of them; whether more of them wait. */
-  private upload(): boolean {
+  /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more of them wait. */
+  private upload(object: Object3D): boolean {
     let waits = false;
     if (this.renderer.getContext().isContextLost()) return waits;
-    this.scene.traverse((object) => {
-      if (!("isRadianceField" in object)) return;
-      const field = object as RadianceField;
+    object.traverse((part) => {
+      if (!("isRadianceField" in part)) return;
+      const field = part as RadianceField;
       if (field.upload(this.renderer)) this.redraw(true);
       waits ||= field.waiting;
     });

@@ -14,7 +14,7 @@ import {
   NormalBlending,
   type Object3D,
   type Object3DEventMap,
-  type PerspectiveCamera,
+  PerspectiveCamera,
   RawShaderMaterial,
   Scene,
   ShaderMaterial,
@@ -28,6 +28,7 @@ import {
 import type { Metadata } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
+import { pickedPoint, pickedProjection, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS } from "../render/textures.js";
 import { fieldUniforms, type Shown, type View, viewUniforms } from "../render/uniforms.js";
@@ -38,19 +39,6 @@ export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
 
 /** A range that three.js does not draw. It does draw one of no length, for which textures have to fit, too. */
 const NOTHING = [0, -1] as const;
-
-/** Pixels along a picture of which one is picked, and the opacity that it must have. */
-const [PICKED, LEAST_PICKED] = [1024, 0.1];
-
-/** What a picture took, as means over the rays that meet the box. */
-export interface Statistics {
-  /** Rays that meet the box. */
-  rays: number;
-  samplesPerRay: number;
-  fetchesPerRay: number;
-  /** Samples between entry and exit, looked at or not. */
-  stepsPerRay: number;
-}
 
 /**
  * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up:
@@ -144,12 +132,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * would: every sample between entry and exit, with its colours.
    */
   statistics(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, rows: number, skips = true): Statistics {
-    const pixels = this.sample(renderer, camera, width, height, { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows });
-    const sums = [0, 0, 0, 0];
-    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 1) for (let j = 0; j < 4; j++) sums[j] += pixels[i + j];
-    const [samples, fetches, steps, rays] = sums;
-    const mean = (sum: number) => sum / Math.max(rays, 1);
-    return { rays, samplesPerRay: mean(samples), fetchesPerRay: mean(fetches), stepsPerRay: mean(steps) };
+    return statisticsOf(this.sample(renderer, camera, width, height, { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
   /**
@@ -157,14 +140,14 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * field is next to invisible.
    */
   pick(renderer: WebGLRenderer, camera: PerspectiveCamera, x: number, y: number): Vector3 | null {
-    // A picture of one pixel, of those of one that is fine enough.
-    const one = camera.clone();
-    one.setViewOffset(PICKED, PICKED, x * PICKED - 0.5, y * PICKED - 0.5, 1, 1);
-    one.updateMatrixWorld(true);
-    const [distance, opacity] = this.sample(renderer, one, 1, 1, { output: OUTPUT.distance });
-    if (!(opacity > LEAST_PICKED)) return null;
-    const direction = new Vector3(0, 0, 0.5).applyMatrix4(one.projectionMatrixInverse);
-    return direction.multiplyScalar(-distance / direction.z).applyMatrix4(one.matrixWorld);
+    const one = new PerspectiveCamera();
+    one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
+    one.matrixWorld.copy(camera.matrixWorld);
+    one.matrixWorldInverse.copy(camera.matrixWorld).invert();
+    one.projectionMatrix.fromArray(pickedProjection(camera.projectionMatrix.elements, x, y));
+    const pixel = this.sample(renderer, one, 1, 1, { output: OUTPUT.distance });
+    const point = pickedPoint(pixel, one.matrixWorld.elements, one.projectionMatrix.elements);
+    return point && new Vector3(...point);
   }
 
   /** Four numbers a pixel of one kind of output. */

@@ -1,5 +1,7 @@
 /** What tests ask of pages that are somebody else's. */
 
+import type { Statistics } from "../../src/render/measures.js";
+
 /** A camera that looks at a point, y up, on a canvas as wide as high. */
 export interface Look {
   address: string;
@@ -18,6 +20,15 @@ export interface BabylonLook extends Look {
   wall?: number;
   /** Whether the device is taken away and given back before the picture. */
   losesDevice?: boolean;
+}
+
+/** What a field in Babylon.js tells of itself under a look. */
+export interface Told {
+  bounds: { min: number[]; max: number[] };
+  /** With and without what is known of empty space. */
+  statistics: { sparse: Statistics; dense: Statistics };
+  /** The world's points that were picked at shares of the picture, and the shares at which the camera sees them. */
+  picked: ({ point: number[]; seen: number[] } | null)[];
 }
 
 /** An object of a loaded scene. */
@@ -40,6 +51,8 @@ declare global {
     drawField(address: string): Promise<number[]>;
     /** As `draw`, of a container or an asset with a field. */
     drawBabylon(look: BabylonLook): Promise<number[]>;
+    /** What a field tells, with points picked at these shares of the picture's width and height; then its picture. */
+    askBabylon(look: BabylonLook, at: [number, number][]): Promise<{ told: Told; pixels: number[] }>;
     /** As `list`. */
     listBabylon(address: string): Promise<Found[]>;
     /** What engines without WebGL 2 say. */

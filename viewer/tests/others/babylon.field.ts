@@ -7,7 +7,8 @@ import "@babylonjs/core/Loading/loadingScreen.js";
 import { ImportMeshAsync } from "@babylonjs/core/Loading/sceneLoader.js";
 import { StandardMaterial } from "@babylonjs/core/Materials/standardMaterial.js";
 import { Color3, Color4 } from "@babylonjs/core/Maths/math.color.js";
-import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { Matrix, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { Viewport } from "@babylonjs/core/Maths/math.viewport.js";
 import { CreatePlane } from "@babylonjs/core/Meshes/Builders/planeBuilder.js";
 import { Scene } from "@babylonjs/core/scene.js";
 import "@babylonjs/loaders/glTF/index.js";
@@ -87,6 +88,24 @@ window.drawBabylon = async (look) => {
   field.dispose();
   engine.dispose();
   return pixels;
+};
+
+window.askBabylon = async (look, at) => {
+  const { engine, scene, field } = await open(look);
+  await drawWhole(scene, field);
+  const count = (skips: boolean) => field.statistics(look.size / 2, look.size / 2, look.size, skips);
+  const picked = at.map(([x, y]) => {
+    const point = field.pick(x, y);
+    const seen = point && Vector3.Project(point, Matrix.Identity(), scene.getTransformMatrix(), new Viewport(0, 0, 1, 1));
+    return point && seen && { point: point.asArray(), seen: [seen.x, seen.y] };
+  });
+  const { min, max } = field.bounds;
+  const told = { bounds: { min: min.asArray(), max: max.asArray() }, statistics: { sparse: count(true), dense: count(false) }, picked };
+  scene.render();
+  const pixels = await pixelsOf(engine, look.size);
+  field.dispose();
+  engine.dispose();
+  return { told, pixels };
 };
 
 window.listBabylon = async (address) => {

@@ -1,0 +1,42 @@
+/** What a picture takes, and what it shows at a point: from values that the shader writes in place of colours. */
+
+import type { Matrix } from "./matrices.js";
+
+/** What a picture took, as means over the rays that meet the box. */
+export interface Statistics {
+  /** Rays that meet the box. */
+  rays: number;
+  samplesPerRay: number;
+  fetchesPerRay: number;
+  /** Samples between entry and exit, looked at or not. */
+  stepsPerRay: number;
+}
+
+/** Pixels along a picture of which one is picked, and the opacity that it must have. */
+const [PICKED, LEAST_PICKED] = [1024, 0.1];
+
+/** The statistics of pixels of `OUTPUT.statistics`, four numbers each, with 0 where nothing was drawn. */
+export function statisticsOf(pixels: Float32Array): Statistics {
+  const sums = [0, 0, 0, 0];
+  for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 1) for (let j = 0; j < 4; j++) sums[j] += pixels[i + j];
+  const [samples, fetches, steps, rays] = sums;
+  const mean = (sum: number) => sum / Math.max(rays, 1);
+  return { rays, samplesPerRay: mean(samples), fetchesPerRay: mean(fetches), stepsPerRay: mean(steps) };
+}
+
+/** A projection of one small pixel alone, at `x`, `y`: shares of the picture's width and height from the top left. */
+export function pickedProjection(projection: Matrix, x: number, y: number): number[] {
+  const middle = [2 * x - 1, 1 - 2 * y];
+  return Array.from(projection, (value, at) => (at % 4 < 2 ? PICKED * (value - middle[at % 4] * projection[at - (at % 4) + 3]) : value));
+}
+
+/**
+ * The world's point in the middle of a picture from `camera`, of one pixel of `OUTPUT.distance`; null where the field is next
+ * to invisible.
+ */
+export function pickedPoint([distance, opacity]: Float32Array, camera: Matrix, projection: Matrix): [number, number, number] | null {
+  if (!(opacity > LEAST_PICKED)) return null;
+  const [x, y, z] = [projection[8] / projection[0], projection[9] / projection[5], -1].map((value) => value * distance);
+  const along = (axis: number) => camera[axis] * x + camera[axis + 4] * y + camera[axis + 8] * z + camera[axis + 12];
+  return [along(0), along(1), along(2)];
+}
