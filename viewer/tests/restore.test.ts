@@ -109,7 +109,9 @@ for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.ra
       const shares = new LevelDecoder(metadata, laidOut, level, chunks, coarser);
       const middle = Math.floor(count / 3);
       const parts = [[0, middle], [middle, count]].flatMap(([from, to]) => [...shares.parts(from, to)]);
-      assert.deepEqual(parts.flatMap(({ color }) => Array.from(color)), Array.from(whole.color));
+      // A part has the first quadruple of channels of all its blocks, then the next one.
+      const quad = (number: number) => parts.flatMap(({ color }) => Array.from(color.subarray((number * color.length) / laidOut.quads, ((number + 1) * color.length) / laidOut.quads)));
+      assert.deepEqual(Array.from({ length: laidOut.quads }, (_, number) => quad(number)).flat(), Array.from(whole.color));
       if (whole.density) assert.deepEqual(parts.flatMap(({ density }) => Array.from(density!)), Array.from(whole.density));
       assert.deepEqual(shares.marks, decoder.marks);
       coarser = decoder.colors();
