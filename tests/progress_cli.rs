@@ -72,7 +72,7 @@ fn parts_of_long_steps_are_named() {
     let fit =
         said(&[&bake[..], &["--filter", "fit", "--fit-steps", "30", "--levels", "3"]].concat());
     // Of 64 and 128 pictures and of some hundred steps, one a second is told.
-    assert!(fit.contains("reference pictures: picture ") && fit.contains("/192, "), "{fit}");
+    assert!(fit.contains("reference pictures: picture ") && fit.contains("/176, "), "{fit}");
     assert!(fit.contains("fit: all levels, step "), "{fit}");
     assert!(fit.contains("/30, ") && fit.contains(" dB, ") && fit.contains(" left"), "{fit}");
     // Time is up before the first step.

@@ -121,6 +121,20 @@ fn input_of(
     }
 }
 
+/// The sum of products, in eight sums side by side.
+fn dot(weights: &[f32], values: &[f32]) -> f32 {
+    let (weights, last_weights) = weights.as_chunks::<8>();
+    let (values, last) = values.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for (weights, values) in weights.iter().zip(values) {
+        for lane in 0..8 {
+            sums[lane] += weights[lane] * values[lane];
+        }
+    }
+    let last = last_weights.iter().zip(last).map(|(weight, value)| weight * value);
+    sums.into_iter().chain(last).sum()
+}
+
 /// Rays whose colours are computed together.
 pub const RAYS: usize = 16;
 
@@ -171,7 +185,7 @@ impl ViewMlp {
             let input = &values[number];
             let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
             let output = rows.map(|(weights, bias)| {
-                let sum = weights.iter().zip(input).fold(*bias, |sum, (w, value)| sum + w * value);
+                let sum = bias + dot(weights, input);
                 if is_last { lanes::sigmoid(sum) } else { sum.max(0.0) }
             });
             let output = output.collect();

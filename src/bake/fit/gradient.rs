@@ -11,6 +11,7 @@
 
 use multiversion::multiversion;
 
+use super::target::Windows;
 use super::trace::{Part, Rays, Sampled, Samples, Traced};
 use crate::view::render::ColorRule;
 
@@ -65,11 +66,12 @@ impl<const C: usize> Rays<'_, C> {
         &self,
         scale: usize,
         number: usize,
+        windows: Windows,
         worth: f32,
         gradient: &mut Gradient<C>,
     ) {
         let Gradient { levels, samples } = gradient;
-        let target = self.targets.draw(scale, number, false);
+        let target = self.targets.draw(scale, number, windows);
         let Some(traced) = target.and_then(|target| self.trace(&target, samples)) else { return };
         spread(self, &traced, worth, samples, levels);
     }
@@ -104,15 +106,15 @@ impl<const C: usize> Rays<'_, C> {
         }
     }
 
-    /// The squared error of ray `number` of validation, or of steps, over three channels.
+    /// The squared error of ray `number`, over three channels.
     pub fn square(
         &self,
         scale: usize,
         number: usize,
-        validates: bool,
+        windows: Windows,
         gradient: &mut Gradient<C>,
     ) -> f32 {
-        let target = self.targets.draw(scale, number, validates);
+        let target = self.targets.draw(scale, number, windows);
         let traced = target.and_then(|target| self.trace(&target, &mut gradient.samples));
         traced.map_or(0.0, |traced| traced.square)
     }

@@ -5,6 +5,7 @@ use super::context::{FitContext, Fitted, FittedLevel, psnr};
 use super::curve::Curve;
 use super::finest::Finest;
 use super::gradient::Gradient;
+use super::target::Windows;
 use super::trace::Rays;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
@@ -17,7 +18,7 @@ use crate::view::sample::Dense;
 /// Parts of a batch of rays that are differentiated at once; fixed, so that sums are too.
 const PARTS: usize = 8;
 /// Rays of a step, over all scales.
-const BATCH: usize = 12288;
+const BATCH: usize = 14336;
 /// Each scale has this share of the rays of the next finer one, and at least [`LEAST_RAYS`].
 const THINNING: f64 = 0.85;
 /// Rays of a scale in a step, at least.
@@ -32,6 +33,8 @@ const STEPS_BETWEEN: usize = 25;
 const LEAST_GAIN: f64 = 0.005;
 /// Measurements without gain, one after another, that end a fit.
 const PATIENCE: usize = 3;
+/// Part of the steps that take every second sample of their rays: they move levels as well.
+const HALVED: f64 = 0.6;
 /// Part of the steps after which the curve is searched.
 const SEARCH: f64 = 0.6;
 
@@ -183,7 +186,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let scales = self.context.targets.scales;
         let whole: f64 = (0..scales).map(|scale| THINNING.powi(scale as i32)).sum();
         let numbers: Vec<&[u32]> = self.adams.iter().map(Adam::numbers).collect();
-        let rays = self.rays(&numbers);
+        let halved = f64::from(done) < HALVED;
+        let rays = Rays { halved, ..self.rays(&numbers) };
         parallel::map_mut(gradients, |part, gradient| {
             for (scale, psnr) in psnr.iter().enumerate() {
                 let share = BATCH as f64 * THINNING.powi(scale as i32) / whole;
@@ -194,7 +198,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
                         return Err(Error::cancelled());
                     }
                     let number = (taken * PARTS + part) * count + i;
-                    rays.differentiate(scale, number, worth as f32, gradient);
+                    let windows = Windows::Part(part * count + i, PARTS * count);
+                    rays.differentiate(scale, number, windows, worth as f32, gradient);
                 }
             }
             Ok(())
@@ -228,7 +233,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
 
     fn rays<'b>(&'b self, numbers: &'b [&'b [u32]]) -> Rays<'b, C> {
         let Self { context, view, field, finest, .. } = self;
-        Rays { view, field, finest, targets: context.targets, numbers }
+        Rays { view, field, finest, targets: context.targets, numbers, halved: false }
     }
 
     /// PSNR of each scale under a rule, in dB, of `count` rays each, a multiple of 8.
@@ -245,7 +250,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
                 if progress.cancelled() {
                     return Err(Error::cancelled());
                 }
-                sum += f64::from(rays.square(scale, number, true, &mut gradient));
+                sum += f64::from(rays.square(scale, number, Windows::Validation, &mut gradient));
             }
             Ok(sum)
         })?;

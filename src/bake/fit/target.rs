@@ -9,6 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::options::FitOptions;
+use super::shown::{NOTHING, Shown, code};
 use super::summed_area::SummedArea;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -19,7 +20,7 @@ use crate::view::compare::photograph;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// Cameras of pictures for small windows; of given ones this many are taken.
-const NEAR_CAMERAS: usize = 64;
+const NEAR_CAMERAS: usize = 48;
 /// Cameras of pictures for large windows alone: a small picture of the field has so few windows
 /// that only more directions tell more of it.
 const FAR_CAMERAS: usize = 128;
@@ -33,9 +34,6 @@ const PIXELS_A_NODE: f64 = 2.0;
 const HALF_VIEW: f64 = 0.36;
 /// Nearest and farthest camera; at 1 the box fills the view.
 const DISTANCES: [f64; 2] = [0.7, 1.4];
-/// Windows of steps that lie around one pixel: their rays read the same nodes, which are in a cache
-/// then, and whose derivatives have less noise.
-const GROUP: usize = 4;
 /// One picture of this many is for validation.
 const VALIDATION: usize = 8;
 
@@ -51,8 +49,8 @@ struct Picture {
 #[derive(Debug)]
 struct Series {
     pictures: Vec<Picture>,
-    /// Pixels that show anything, `(picture, pixel)`, for steps and for validation.
-    shown: [Vec<(u32, u32)>; 2],
+    /// Pixels that show anything, for steps and for validation.
+    shown: [Shown; 2],
     /// Pixels of the finest series along one of this.
     reduction: usize,
 }
@@ -64,6 +62,15 @@ pub struct Targets {
     series: Vec<Series>,
     /// Scales that windows have: those of scale `s` are `2^(s + 1)` pixels wide.
     pub scales: usize,
+}
+
+/// The windows that a ray is drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Windows {
+    /// Those of validation.
+    Validation,
+    /// Those of steps: of so many parts of their order, this one.
+    Part(usize, usize),
 }
 
 /// One ray and the colour that it should have.
@@ -112,7 +119,7 @@ impl Targets {
         }
         let mut budget = Budget::new(limits);
         let mut spend = |lens: &Lens| {
-            let bytes = size_of::<[f32; 3]>() + size_of::<(u32, u32)>();
+            let bytes = size_of::<[f32; 3]>() + Shown::BYTES;
             let bytes = (lens.width * lens.height * bytes) as u64;
             budget.spend(bytes, "bytes of pictures", &Place::File)
         };
@@ -125,7 +132,7 @@ impl Targets {
         let largest = (3usize << coarser).pow(2);
         let mut rendered = 0;
         let mut render_series = |(cameras, reduction): (Vec<Camera>, usize)| {
-            let mut series = Series { pictures: Vec::new(), shown: Default::default(), reduction };
+            let (mut pictures, mut shown) = (Vec::new(), [Vec::new(), Vec::new()]);
             for (number, camera) in cameras.into_iter().enumerate() {
                 rendered += 1;
                 progress.part(Step::Targets, &format!("picture {rendered}/{count}"));
@@ -136,10 +143,15 @@ impl Targets {
                 if photographs.is_some() {
                     spend(&shot.camera.lens)?;
                 }
-                series.push(number, shot, largest);
+                let Shot { camera, color, places } = shot;
+                let pixels = (0u32..).zip(places).filter(|(_, place)| *place != NOTHING);
+                let pixels = pixels.map(|(pixel, place)| [place, number as u32, pixel]);
+                shown[usize::from(is_held_out(number))].extend(pixels);
+                let color = SummedArea::new(&color, camera.lens.width, largest);
+                pictures.push(Picture { color, camera });
                 progress.advance(Step::Targets, 1);
             }
-            Ok(series)
+            Ok(Series { pictures, shown: shown.map(Shown::new), reduction })
         };
         let series: Vec<Series> =
             series.into_iter().map(&mut render_series).collect::<Result<_>>()?;
@@ -151,17 +163,19 @@ impl Targets {
     }
 
     /// The target of window `number`; none if no picture shows anything.
-    pub fn draw(&self, scale: usize, number: usize, validates: bool) -> Option<Target> {
-        let random = |number: usize| scramble(number as u64 ^ (scale as u64) << 48);
-        let group = if validates { 1 } else { GROUP };
-        let drawn = random(number / group * group);
-        let series = self.series_of(scale, scramble(drawn));
-        let shown = series.shown(validates)?;
-        let (picture, pixel) = shown[(drawn % shown.len() as u64) as usize];
+    pub fn draw(&self, scale: usize, number: usize, windows: Windows) -> Option<Target> {
+        let (validates, part) = match windows {
+            Windows::Validation => (true, [0, 1]),
+            Windows::Part(part, parts) => (false, [part, parts]),
+        };
+        let random = scramble(number as u64 ^ (scale as u64) << 48);
+        let series = self.series_of(scale, random);
+        let random = scramble(random);
+        let [picture, pixel] = series.shown(validates)?.draw(random, part);
         let picture = &series.pictures[picture as usize];
         let Lens { width, height, .. } = picture.camera.lens;
         let shorter = width.min(height);
-        let random = scramble(random(number));
+        let random = scramble(random);
         let side = match random & 1 {
             // Steps see sizes between those of scales, too.
             1 if !validates && (3 << scale) / series.reduction <= shorter => 3 << scale,
@@ -201,21 +215,11 @@ impl Targets {
 }
 
 impl Series {
-    /// Adds picture `number`; windows have at most `largest` pixels of the finest series.
-    fn push(&mut self, number: usize, shot: Shot, largest: usize) {
-        let Shot { camera, color, shows } = shot;
-        let shown = (0..color.len()).filter(|&pixel| shows[pixel]);
-        let shown = shown.map(|pixel| (number as u32, pixel as u32));
-        self.shown[usize::from(is_held_out(number))].extend(shown);
-        let color = SummedArea::new(&color, camera.lens.width, largest);
-        self.pictures.push(Picture { color, camera });
-    }
-
     /// Pixels to draw from; where none are for validation, those of steps.
-    fn shown(&self, validates: bool) -> Option<&[(u32, u32)]> {
+    fn shown(&self, validates: bool) -> Option<&Shown> {
         let [steps, validation] = &self.shown;
         let shown = if validates && !validation.is_empty() { validation } else { steps };
-        Some(shown.as_slice()).filter(|shown| !shown.is_empty())
+        Some(shown).filter(|shown| !shown.is_empty())
     }
 }
 
@@ -229,8 +233,8 @@ struct Shot {
     camera: Camera,
     /// Colour over the background.
     color: Vec<[f32; 3]>,
-    /// False for pixels that show the background alone.
-    shows: Vec<bool>,
+    /// Codes of the places that pixels show; [`NOTHING`] for the background.
+    places: Vec<u32>,
 }
 
 impl Shot {
@@ -238,8 +242,22 @@ impl Shot {
     fn rendered(field: &Renderer, camera: Camera, progress: &dyn Progress) -> Result<Self> {
         let options = FrameOptions { levels: LevelChoice::Fixed(0), ..FrameOptions::default() };
         let frame = render(field, &camera, &options, progress)?;
-        let shows = frame.transmittance.iter().map(|left| *left < 0.9999).collect();
-        Ok(Self { camera, color: frame.color, shows })
+        let view = field.view();
+        let place = |pixel: usize| {
+            let left = frame.transmittance[pixel];
+            if left >= 0.9999 {
+                return NOTHING;
+            }
+            // Light that passes the field counts at its far end.
+            let passed = left * view.march.far.unwrap_or(0.0);
+            let distance = f64::from((frame.distance[pixel] - passed) / (1.0 - left));
+            let (x, y) = (pixel % frame.width, pixel / frame.width);
+            let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+            let place = ray.origin + ray.direction / ray.direction.length() * distance;
+            code(&view.bounds, place)
+        };
+        let places = (0..frame.color.len()).map(place).collect();
+        Ok(Self { camera, color: frame.color, places })
     }
 
     /// A photograph, of `side` pixels or more along its longer side.
@@ -252,11 +270,12 @@ impl Shot {
     ) -> Result<Self> {
         let background = field.view().background;
         let (camera, picture) = photograph(folder, camera, side, background, limits)?;
-        let shows = match picture.opacity {
-            Some(opacity) => opacity.iter().map(|opacity| *opacity > 0.0).collect(),
-            None => vec![true; picture.color.len()],
+        let place = |opacity: &f32| if *opacity > 0.0 { 0 } else { NOTHING };
+        let places = match picture.opacity {
+            Some(opacity) => opacity.iter().map(place).collect(),
+            None => vec![0; picture.color.len()],
         };
-        Ok(Self { camera, color: picture.color, shows })
+        Ok(Self { camera, color: picture.color, places })
     }
 }
 

@@ -8,7 +8,8 @@ use multiversion::multiversion;
 use super::finest::Finest;
 use super::target::{Target, Targets};
 use crate::model::activate::lanes;
-use crate::model::field::{ActivationOrder, DensityFunction};
+use crate::model::camera::Ray;
+use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::model::view_dependence::ViewDependence;
 use crate::view::render::{ColorRule, Path, Route, View};
 use crate::view::sample::{Cell, Dense, Sample};
@@ -30,6 +31,8 @@ pub struct Rays<'a, const C: usize> {
     pub targets: &'a Targets,
     /// From level 1 on, the number of each node among those that are fitted.
     pub numbers: &'a [&'a [u32]],
+    /// Takes every second sample, for the intervals of two.
+    pub halved: bool,
 }
 
 /// A sample's part of one level.
@@ -128,9 +131,15 @@ impl<'a, const C: usize> Rays<'a, C> {
         let mut sums = Sums { depth: 0.0, left: 1.0, color: [0.0; C] };
         let (k, lambda, intervals) = ([0.0; PACKET], [0.0; PACKET], [0.0; PACKET]);
         let mut packet = Packet { count: 0, k, lambda, intervals };
+        let each = if self.halved { 2.0 } else { 1.0 };
+        let mut passes = self.halved && starts_later(ray);
         route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
+            passes = self.halved && !passes;
+            if passes {
+                return true;
+            }
             let at = packet.count;
-            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
+            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, each * intervals);
             packet.count += 1;
             if packet.count == PACKET {
                 composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
@@ -166,11 +175,7 @@ impl<'a, const C: usize> Rays<'a, C> {
             let intervals = packet.intervals[i];
             samples.list.push(Sampled { parts, intervals, weight: 0.0, left: 0.0, colors: None });
         }
-        let mut optical = [0.0f32; PACKET];
-        for (optical, sample) in optical.iter_mut().zip(&samples.list[first..]) {
-            let [fine, coarse] = &sample.parts;
-            *optical = (self.optical_depth(fine) + self.optical_depth(coarse)) * sample.intervals;
-        }
+        let mut optical = self.optical_depths(&samples.list[first..]);
         let mut left = [0.0f32; PACKET];
         let mut depth = sums.depth;
         let mut visible = 0;
@@ -232,22 +237,45 @@ impl<'a, const C: usize> Rays<'a, C> {
         colors
     }
 
-    /// A part's share of the optical depth over one interval.
+    /// Optical depths of a packet's samples.
     #[inline(always)]
-    fn optical_depth(&self, part: &Part) -> f32 {
-        let (activation, density) = (&self.view.activation, part.density);
-        let whole = match (part.level, activation.order) {
-            (0, ActivationOrder::Raw) => match activation.function {
-                DensityFunction::Softplus => {
-                    lanes::softplus(density + activation.shift) * activation.interval
-                }
-                DensityFunction::Relu => density.max(0.0) * activation.interval,
-            },
-            (0, ActivationOrder::Density) => density * activation.interval,
-            (0, ActivationOrder::Opacity) => -libm::log1pf(-density.min(1.0 - f32::EPSILON)),
-            _ => density * density,
-        };
-        part.share * whole
+    fn optical_depths(&self, samples: &[Sampled]) -> [f32; PACKET] {
+        let (mut density, mut share) = ([[0.0f32; PACKET]; 2], [[0.0f32; PACKET]; 2]);
+        let (mut intervals, mut is_finest) = ([0.0f32; PACKET], [false; PACKET]);
+        for (i, sample) in samples.iter().enumerate().take(PACKET) {
+            for (part, of) in sample.parts.iter().enumerate() {
+                (density[part][i], share[part][i]) = (of.density, of.share);
+            }
+            (intervals[i], is_finest[i]) = (sample.intervals, sample.parts[0].level == 0);
+        }
+        let finest = self.finest_depths(&density[0]);
+        let mut optical = [0.0f32; PACKET];
+        for i in 0..PACKET {
+            let [fine, coarse] = [density[0][i], density[1][i]];
+            let fine = if is_finest[i] { finest[i] } else { fine * fine };
+            optical[i] = (share[0][i] * fine + share[1][i] * (coarse * coarse)) * intervals[i];
+        }
+        optical
+    }
+
+    /// Optical depths over one interval of level 0's densities.
+    #[inline(always)]
+    fn finest_depths(&self, density: &[f32; PACKET]) -> [f32; PACKET] {
+        let Activation { shift, interval, order, function } = self.view.activation;
+        let mut depths = *density;
+        match (order, function) {
+            (ActivationOrder::Raw, DensityFunction::Softplus) => {
+                depths.iter_mut().for_each(|at| *at = lanes::softplus(*at + shift) * interval);
+            }
+            (ActivationOrder::Raw, DensityFunction::Relu) => {
+                depths.iter_mut().for_each(|at| *at = at.max(0.0) * interval);
+            }
+            (ActivationOrder::Density, _) => depths.iter_mut().for_each(|at| *at *= interval),
+            (ActivationOrder::Opacity, _) => {
+                depths.iter_mut().for_each(|at| *at = -libm::log1pf(-at.min(1.0 - f32::EPSILON)));
+            }
+        }
+        depths
     }
 
     /// Derivatives of half the squared error of the ray's colour.
@@ -282,4 +310,9 @@ impl<'a, const C: usize> Rays<'a, C> {
         let square = errors.iter().map(|error| error * error).sum();
         Traced { by_color, by_left, left, square, rule }
     }
+}
+
+/// True for half of all rays, by a bit of the direction that is as good as random.
+fn starts_later(ray: &Ray) -> bool {
+    (ray.direction.x.to_bits() ^ ray.direction.y.to_bits()) >> 8 & 1 == 1
 }

@@ -43,12 +43,14 @@ impl Footprint {
     }
 
     /// The fractional level of sample `k`.
+    #[inline(always)]
     pub fn lambda(&self, k: f64) -> f32 {
-        let squares = self.sides.map(|[start, step]| {
-            let [x, y, z] = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
+        let square = |[start, step]: &[[f64; 3]; 2]| {
+            let along = |axis: usize| start[axis] + k * step[axis];
+            let (x, y, z) = (along(0), along(1), along(2));
             x * x + y * y + z * z
-        });
-        self.level(f64::max(squares[0], squares[1]))
+        };
+        self.level(f64::max(square(&self.sides[0]), square(&self.sides[1])))
     }
 
     /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
@@ -69,6 +71,7 @@ impl Footprint {
     }
 
     /// The level of a footprint whose square is this.
+    #[inline(always)]
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.
         let log = 0.5 * lanes::log2(square as f32);

@@ -101,9 +101,21 @@ impl Packet {
         rule: &ColorRule,
         sums: &mut Sums<C>,
     ) {
-        if self.count == 0 {
-            return;
+        if self.count > 0 {
+            shade(self, view, field, path, rule, sums);
         }
+    }
+
+    /// [`Self::shade`] of a packet that is not empty.
+    #[inline(always)]
+    fn add_to<const C: usize>(
+        &mut self,
+        view: &View,
+        field: &impl Sample<C>,
+        path: &Path,
+        rule: &ColorRule,
+        sums: &mut Sums<C>,
+    ) {
         let located = self.locate(view, field, path);
         let count = std::mem::take(&mut self.count);
         sums.samples += count as u32;
@@ -164,13 +176,15 @@ impl Packet {
                 false => None,
             };
             located.cells[i] = [fine, coarse];
-            let density = |owner: usize, at: usize, cell: Option<Cell>| {
-                let cell = if owner == at { cell } else { field.locate(owner, position) };
-                cell.map(|cell| field.density(owner, &cell))
-            };
-            let low = density(own, level, fine);
+            let low_cell = if own == level { fine } else { field.locate(own, position) };
+            let low = low_cell.map(|cell| field.density(own, &cell));
             let blends = self.blend[i] > 0.0 && next != own;
-            let high = if blends { density(next, level + 1, coarse) } else { None };
+            let high_cell = match blends {
+                true if next == level + 1 => coarse,
+                true => field.locate(next, position),
+                false => None,
+            };
+            let high = high_cell.map(|cell| field.density(next, &cell));
             if low.is_none() && high.is_none() {
                 continue;
             }
@@ -221,6 +235,19 @@ impl Packet {
         }
         color
     }
+}
+
+/// [`Packet::add_to`] in the processor's widest vectors.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn shade<const C: usize, S: Sample<C>>(
+    packet: &mut Packet,
+    view: &View,
+    field: &S,
+    path: &Path,
+    rule: &ColorRule,
+    sums: &mut Sums<C>,
+) {
+    packet.add_to(view, field, path, rule, sums);
 }
 
 /// The share of each sample of a packet.

@@ -124,9 +124,9 @@ impl<const C: usize> Sample<C> for Dense<C> {
 
     #[inline(always)]
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
-        let Nodes(sizes) = self.nodes[level];
-        let [(x, fx), (y, fy), (z, fz)] = [0, 1, 2].map(|a| split(position[a], sizes[a]));
-        Some(Cell { node: (x * sizes[1] + y) * sizes[2] + z, fraction: [fx, fy, fz] })
+        let (Nodes([sx, sy, sz]), [px, py, pz]) = (self.nodes[level], position);
+        let [(x, fx), (y, fy), (z, fz)] = [split(px, sx), split(py, sy), split(pz, sz)];
+        Some(Cell { node: (x * sy + y) * sz + z, fraction: [fx, fy, fz] })
     }
 
     #[inline(always)]

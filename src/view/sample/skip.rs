@@ -17,6 +17,8 @@ use super::interpolated_density;
 const LEAST_EDGE: usize = 2;
 /// Macro cells along an axis, at most: more would not fit into a processor's caches.
 const MAX_CELLS: usize = 128;
+/// Macro cells along a brick's edge: a brick of bytes is a cache line.
+const BRICK: usize = 4;
 
 /// Rules of a macro cell for samples in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,15 +31,18 @@ pub enum Macro {
     Masked,
 }
 
-/// Macro cells of a field.
+/// Macro cells of a field. Their bytes lie in bricks of a cache line each: a ray's next macro cells
+/// are in the same one for the most part.
 #[derive(Debug, Clone)]
 pub struct SkipGrid {
     counts: [usize; 3],
+    /// Bricks along y and z.
+    bricks: [usize; 2],
     /// Macro cells along the whole box, which the last ones may overhang.
     scale: [f64; 3],
-    /// For each level, the skip distance of each macro cell.
+    /// For each level, the skip distance of each macro cell, in bricks.
     skip_distances: Vec<Vec<u8>>,
-    /// Macro cells in which only some positions are inside the free-space mask.
+    /// Macro cells in which only some positions are inside the free-space mask, in bricks.
     masked: Option<Vec<bool>>,
 }
 
@@ -110,10 +115,13 @@ impl SkipGrid {
         let touched = |i: usize| masks.as_ref().is_none_or(|masks| masks.touched[i]);
         let reachable = |level: &Vec<bool>| {
             let cells = level.iter().enumerate();
-            distances(cells.map(|(i, &occupied)| occupied && touched(i)).collect(), counts)
+            let marked = cells.map(|(i, &occupied)| occupied && touched(i)).collect();
+            in_bricks(&distances(marked, counts), counts)
         };
         let skip_distances = occupied.iter().map(reachable).collect();
-        Ok(Self { counts, scale, skip_distances, masked: masks.map(|masks| masks.partly) })
+        let masked = masks.map(|masks| in_bricks(&masks.partly, counts));
+        let bricks = [1, 2].map(|axis| counts[axis].div_ceil(BRICK));
+        Ok(Self { counts, bricks, scale, skip_distances, masked })
     }
 
     /// The macro cell of a position, `0..=1` along each axis.
@@ -129,8 +137,8 @@ impl SkipGrid {
     /// The state of a macro cell for samples that read some of the levels from `finest` to
     /// `coarsest`.
     #[inline(always)]
-    pub fn state(&self, [finest, coarsest]: [usize; 2], [x, y, z]: [usize; 3]) -> Macro {
-        let at = (x * self.counts[1] + y) * self.counts[2] + z;
+    pub fn state(&self, [finest, coarsest]: [usize; 2], place: [usize; 3]) -> Macro {
+        let at = in_brick(place, self.bricks);
         let levels = &self.skip_distances[finest..=coarsest];
         match levels.iter().map(|distances| distances[at]).min() {
             Some(distance @ 1..) => Macro::Empty(distance.into()),
@@ -163,6 +171,23 @@ impl SkipGrid {
         }
         least
     }
+}
+
+/// The number of a macro cell among all, brick after brick; there are so many bricks along y and z.
+#[inline(always)]
+fn in_brick([x, y, z]: [usize; 3], [by, bz]: [usize; 2]) -> usize {
+    let brick = (x / BRICK * by + y / BRICK) * bz + z / BRICK;
+    ((brick * BRICK + x % BRICK) * BRICK + y % BRICK) * BRICK + z % BRICK
+}
+
+/// Values of macro cells, z fastest, in bricks.
+fn in_bricks<T: Copy + Default>(values: &[T], [nx, ny, nz]: [usize; 3]) -> Vec<T> {
+    let [bx, by, bz] = [nx, ny, nz].map(|count| count.div_ceil(BRICK));
+    let mut bricks = vec![T::default(); bx * by * bz * BRICK.pow(3)];
+    for (i, &value) in values.iter().enumerate() {
+        bricks[in_brick([i / nz / ny, i / nz % ny, i % nz], [by, bz])] = value;
+    }
+    bricks
 }
 
 /// Level-0 cells along a macro cell's edge, for level 0 of `nodes`.
