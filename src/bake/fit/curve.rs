@@ -13,6 +13,9 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.04, 0.2, 0.35, 0.9, 1.9, 3.4];
 /// A step of a knot's level.
 const STEP: f32 = 0.06;
+/// Gain of a step, at least: a rule that looks better on validation's rays by less may look worse
+/// on others.
+const LEAST_GAIN: f64 = 0.02;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
@@ -68,7 +71,7 @@ impl Curve {
                     continue;
                 }
                 let found = quality(moved.rule())?;
-                if found > highest {
+                if found > highest + LEAST_GAIN {
                     (*self, highest) = (moved, found);
                     break;
                 }

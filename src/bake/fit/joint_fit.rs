@@ -26,7 +26,7 @@ const LEAST_RAYS: usize = 512;
 /// Validation rays of each scale.
 const VALIDATION: usize = 2048;
 /// Validation rays of each scale that curves are compared by.
-const CURVE_RAYS: usize = 512;
+const CURVE_RAYS: usize = 1024;
 /// Steps between two measurements.
 const STEPS_BETWEEN: usize = 25;
 /// Gain of the mean over scales between two measurements, in dB, below which the fit has stalled.
