@@ -14,6 +14,8 @@ pub struct AxisTaps {
     width: usize,
     first: Vec<usize>,
     weights: Vec<f64>,
+    /// The output nodes `start..end` that read each input node.
+    readers: Vec<(usize, usize)>,
 }
 
 impl AxisTaps {
@@ -37,7 +39,12 @@ impl AxisTaps {
                 }
             }
         }
-        Self { inputs, width, first, weights }
+        let readers = |input: usize| {
+            let start = first.partition_point(|first| first + width <= input);
+            (start, first.partition_point(|&first| first <= input))
+        };
+        let readers = (0..inputs).map(readers).collect();
+        Self { inputs, width, first, weights, readers }
     }
 
     /// Nodes of the axis before the step.
@@ -98,8 +105,7 @@ impl AxisTaps {
 
     /// Output nodes `start..end` that read input node `input`.
     pub fn readers(&self, input: usize) -> (usize, usize) {
-        let start = self.first.partition_point(|first| first + self.width <= input);
-        (start, self.first.partition_point(|&first| first <= input))
+        self.readers[input]
     }
 
     /// Output nodes whose whole window lies below input node `end`.

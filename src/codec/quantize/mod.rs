@@ -3,7 +3,7 @@
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`linear`] that of
 //! values without bounds, [`search`] the one
 //! with the fewest bits within an error, [`code`] turns values into integer codes and back
-//! ([`nearest`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`]
+//! ([`nearest`], [`buckets`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`]
 //! drops some of them at nodes that pictures hardly show, [`inherited_colors`] makes them from the
 //! next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back
 //! ([`write_run`], [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
@@ -11,6 +11,7 @@
 //! density far below the opacity threshold ([`crate::model::field::Activation::invisible_raw`]).
 
 mod block;
+mod buckets;
 mod coarsen;
 mod code;
 mod code_word;

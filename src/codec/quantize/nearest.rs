@@ -1,14 +1,17 @@
 //! The nearest integer codes of values, many at a time.
 //!
+//! Up to 256 codes are looked up in a table ([`super::buckets`]).
+//!
 //! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is
-//! near the root of a cubic. Halley's method finds it, and a comparison with the borders of the
-//! codes to the side of the value settles it. Borders are computed as they are defined, so the
-//! result follows from the encoding alone and not from the method that found the root. If the
-//! borders do not confirm a code (values that are no numbers, encodings whose steps are below the
-//! spacing of numbers), codes are searched for one by one.
+//! near the root of a cubic. Of more codes, Halley's method finds it, and a comparison with the
+//! borders of the codes to the side of the value settles it. Borders are computed as they are
+//! defined, so the result follows from the encoding alone and not from the method that found the
+//! root. If the borders do not confirm a code (values that are no numbers, encodings whose steps
+//! are below the spacing of numbers), codes are searched for one by one.
 
 use multiversion::multiversion;
 
+use super::buckets::Buckets;
 use super::code_word::Code;
 use crate::model::baked::Encoding;
 use crate::model::grid::row::LANES;
@@ -17,9 +20,8 @@ use crate::model::grid::row::LANES;
 const RUN: usize = 16;
 /// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
 const START: f32 = 0.85;
-/// Codes of more bits take a second step. One leaves less than 1e-2 of the root, two less than
-/// 1e-6.
-const BITS_OF_ONE_STEP: u32 = 8;
+/// Steps towards a root. One leaves less than 1e-2 of it, two less than 1e-6.
+const STEPS: usize = 2;
 /// Makes the cube root's exponent of a third of the number's.
 const CUBE_ROOT_BIAS: u32 = 0x2a51_19f2;
 /// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other
@@ -31,9 +33,9 @@ const WHOLE: f32 = (1u32 << 23) as f32;
 #[derive(Debug, Clone)]
 pub struct Nearest {
     spacing: Spacing,
-    /// Steps towards a root; 0 where values are not in the order of their codes, and roots say
-    /// nothing.
-    steps: u32,
+    /// True if values are in the order of their codes; else roots say nothing.
+    ascends: bool,
+    buckets: Option<Buckets>,
     /// Between the values of neighbouring codes.
     borders: Vec<f32>,
 }
@@ -76,17 +78,17 @@ impl Nearest {
             middle: (1u32 << (encoding.bits - 1)) as f32,
             last: encoding.last_code() as f32,
         };
-        let borders = values.windows(2).map(|pair| border(pair[0], pair[1])).collect();
-        let steps = match encoding.bits {
-            _ if !values.is_sorted() => 0,
-            ..=BITS_OF_ONE_STEP => 1,
-            _ => 2,
-        };
-        Self { spacing, steps, borders }
+        let borders: Vec<f32> = values.windows(2).map(|pair| border(pair[0], pair[1])).collect();
+        let ascends = values.is_sorted();
+        let buckets = if ascends { Buckets::new(encoding, &borders) } else { None };
+        Self { spacing, ascends, buckets, borders }
     }
 
     /// The code of each value.
     pub fn codes<T: Code>(&self, values: &[f32], codes: &mut [T]) {
+        if let Some(buckets) = &self.buckets {
+            return buckets.codes(values, codes);
+        }
         let (vectors, rest) = values.as_chunks::<LANES>();
         let (codes, codes_of_rest) = codes.split_at_mut(vectors.as_flattened().len());
         for (vectors, codes) in vectors.chunks(RUN).zip(codes.chunks_mut(RUN * LANES)) {
@@ -105,12 +107,7 @@ impl Nearest {
     fn codes_of<T: Code>(&self, vectors: &[[f32; LANES]], codes: &mut [T]) {
         let mut found = [[0; LANES]; RUN];
         let found = &mut found[..vectors.len()];
-        let certain = match self.steps {
-            0 => false,
-            1 => nearest::<1>(&self.spacing, vectors, found),
-            _ => nearest::<2>(&self.spacing, vectors, found),
-        };
-        if certain {
+        if self.ascends && nearest(&self.spacing, vectors, found) {
             for (code, &found) in codes.iter_mut().zip(found.as_flattened()) {
                 *code = T::narrow(found);
             }
@@ -143,7 +140,7 @@ impl Spacing {
 
     /// A code that is mostly right, and else beside the right one.
     #[inline(always)]
-    fn guess<const STEPS: usize>(&self, value: f32) -> f32 {
+    fn guess(&self, value: f32) -> f32 {
         let from_center = value.max(self.lowest).min(self.highest) - self.center;
         // In steps: |x| + ratio |x|^3 = distance.
         let (distance, ratio) = (from_center.abs() * self.codes_per_unit, self.ratio);
@@ -162,16 +159,12 @@ impl Spacing {
 
 /// Codes of values. `false` if not all of them are certain.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn nearest<const STEPS: usize>(
-    spacing: &Spacing,
-    values: &[[f32; LANES]],
-    codes: &mut [[u32; LANES]],
-) -> bool {
+fn nearest(spacing: &Spacing, values: &[[f32; LANES]], codes: &mut [[u32; LANES]]) -> bool {
     let mut uncertain = [0; LANES];
     for (codes, values) in codes.iter_mut().zip(values) {
         for lane in 0..LANES {
             let value = values[lane];
-            let guess = spacing.guess::<STEPS>(value);
+            let guess = spacing.guess(value);
             let own = spacing.value(guess);
             let is_above = value >= own;
             let (side, end) = if is_above { (1.0, spacing.last) } else { (-1.0, 0.0) };
@@ -222,6 +215,23 @@ mod tests {
                 hold(&density_encoding(bits, domain, &activation));
             }
             hold(&color_encoding(bits));
+        }
+    }
+
+    #[test]
+    fn encodings_of_up_to_8_bits_have_a_table() {
+        for bits in 4..=9 {
+            let number = Bits::Integer(bits);
+            for interval in [0.05, 0.5, 4.0] {
+                let activation = Activation::logits(-4.6, interval);
+                let density = |domain| density_encoding(number, domain, &activation);
+                for encoding in
+                    DensityDomain::ALL.map(density).iter().chain([&color_encoding(number)])
+                {
+                    let has_table = Nearest::new(encoding).buckets.is_some();
+                    assert_eq!(has_table, bits <= 8, "{encoding:?}");
+                }
+            }
         }
     }
 
