@@ -12,15 +12,13 @@ const SMOOTH_MS = 40;
 /** A part of what rests may take this long: longer, because browsers compose all of the page after each. */
 const PART_MS = 100;
 /** Pixels along a side of what moves, of those of the screen, at least. */
-const COARSEST = 1 / 16;
+const COARSEST = 1 / 32;
 /** Without a move for this long, pictures are sharp again. */
 const REST_MS = 200;
 /** Rows and columns of the smallest part of a picture. */
 const CELL = 32;
 /** A draw may have so many times the pixels of the one before. */
 const GROWTH = 4;
-/** A part of a picture may have so many times the pixels a millisecond of the whole one, whose time is partly that of waiting. */
-const LEAP = 2;
 
 /** Two objects, left and right of a line; `at` is its place, 0 to 1. */
 export interface Split {
@@ -140,7 +138,7 @@ export class Painter {
   private drawPart([x, y]: [number, number]): void {
     const [width, height] = this.size;
     // Rows of background say nothing about those of the field, but the whole picture has both.
-    const rate = Math.min(this.rate ?? 0, LEAP * (this.wholeRate ?? 0));
+    const rate = Math.min(this.rate ?? 0, this.wholeRate ?? 0);
     const cells = Math.max(1, Math.floor((rate * PART_MS) / CELL ** 2));
     const rows = Math.floor(cells / Math.ceil(width / CELL));
     const wide = x === 0 && rows > 0 ? width : Math.min(width - x, cells * CELL);
