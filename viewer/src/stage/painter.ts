@@ -6,6 +6,7 @@
 
 import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
 import { whenDone } from "../render/fence.js";
+import { Enlarger } from "./enlarger.js";
 
 /** A picture of what moves may take this long, in milliseconds. */
 const SMOOTH_MS = 40;
@@ -51,6 +52,7 @@ export class Painter {
   /** Pixels a millisecond of the last whole picture, and of the last draw. */
   private wholeRate: number | null = null;
   private rate: number | null = null;
+  private readonly enlarger: Enlarger;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -58,6 +60,7 @@ export class Painter {
     private readonly camera: PerspectiveCamera,
   ) {
     renderer.setPixelRatio(1);
+    this.enlarger = new Enlarger(renderer.getContext() as WebGL2RenderingContext);
   }
 
   /** Whether the picture shows all there is, in full. */
@@ -106,7 +109,10 @@ export class Painter {
     this.renderer.setViewport(0, 0, wide, high);
     this.paint([0, 0, wide, high], [wide, high]);
     this.renderer.setViewport(0, 0, width, height);
-    if (this.sharpness < 1) this.enlarge(wide, high);
+    if (this.sharpness < 1) {
+      this.enlarger.spread(wide, high, this.size);
+      this.renderer.resetState();
+    }
     this.whenDone(wide * high, (time) => {
       this.wholeRate = this.rate;
       this.frameTime = time;
@@ -117,21 +123,6 @@ export class Painter {
   private startFull(): void {
     [this.isStale, this.sharpness, this.cursor, this.spent] = [false, 1, [0, 0], 0];
     this.drawPart(this.cursor);
-  }
-
-  /** Spreads the picture in the canvas' lower left corner over all of it. */
-  private enlarge(width: number, height: number): void {
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
-    // What is drawn into the canvas cannot come from it.
-    const [texture, corner] = [gl.createTexture(), gl.createFramebuffer()];
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.copyTexImage2D(gl.TEXTURE_2D, 0, gl.RGB, 0, 0, width, height, 0);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, corner);
-    gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, ...this.size, gl.COLOR_BUFFER_BIT, gl.LINEAR);
-    gl.deleteFramebuffer(corner);
-    gl.deleteTexture(texture);
-    this.renderer.resetState();
   }
 
   /** Draws as many cells, from `cursor` on, as may be. */
