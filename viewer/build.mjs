@@ -13,7 +13,9 @@ const common = { bundle: true, format: "esm", target: "es2022", legalComments: "
 // Into the bundles by its bytes: no request for it can fail.
 mkdirSync("build", { recursive: true });
 const options = ["-O3", "--runtime", "stub", "--enable", "simd", "--noAssert"];
-execFileSync("node_modules/.bin/asc", ["wasm/restore.ts", "--outFile", "build/restore.wasm", ...options], { stdio: "inherit" });
+for (const name of ["restore", "bricks", "skip"]) {
+  execFileSync("node_modules/.bin/asc", [`wasm/${name}.ts`, "--outFile", `build/${name}.wasm`, ...options], { stdio: "inherit" });
+}
 
 /** The licences of what a product contains, which they ask to be kept with it. */
 function notices(...packages) {

@@ -9,12 +9,11 @@
 
 import { readFileSync } from "node:fs";
 import { CODINGS } from "../src/format/codings/index.js";
-import { prepareLanes } from "../src/format/codings/lanes.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { colorGroups, readMetadata } from "../src/format/metadata.js";
-import { prepareInflate } from "../src/format/zstd.js";
 import { levelChunks, LevelDecoder } from "../src/load/level.js";
 import { plan } from "../src/load/plan.js";
+import { prepareDecoding } from "../src/load/prepare.js";
 
 /** Copies of which the fastest counts. */
 const COPIES = 5;
@@ -28,7 +27,7 @@ function seconds(work: () => void): number {
 }
 
 const bytes = Uint8Array.from(readFileSync(process.argv[2]));
-await Promise.all([prepareInflate(), prepareLanes()]);
+await prepareDecoding();
 const header = readHeader(bytes);
 const entries = readDirectory(header, bytes);
 const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
@@ -49,7 +48,7 @@ const bricks = seconds(() => {
   metadata.levels.forEach(({ blocks_stored: blocks }, number) => {
     const decoder = new LevelDecoder(metadata, laidOut, number, levelChunks(entries, number, bytes, 0), null);
     for (const part of decoder.parts(0, blocks)) if (part.blocks === 0) throw new Error("A part without blocks.");
-    decoder.entry(decoder.marks);
+    decoder.entry(decoder.marks, number === metadata.levels.length - 1);
   });
 });
 const [from, to] = [new Uint8Array(megabytes * 1e6).fill(1), new Uint8Array(megabytes * 1e6).fill(2)];

@@ -70,6 +70,7 @@ export class StreamedField {
         if (data.kind === "failed") {
           // Levels that came before are shown, and may have to come again.
           if (!this.content) this.terminate();
+          this.content?.atlas.expectNothing();
           this.fail(new FieldError(data.message, data.remedy));
         } else if (data.kind === "opened") {
           this.begin(data.opened);
@@ -78,6 +79,8 @@ export class StreamedField {
         } else if (data.kind === "progress") {
           this.arrived = data.arrived;
           owner.tell("progress", { arrived: data.arrived });
+        } else if (data.kind === "begun") {
+          if (data.round === this.round) this.content?.atlas.expect(data.level);
         } else if (data.kind === "part") {
           if (data.round === this.round) this.content?.atlas.add(data.part);
         } else if (data.kind === "entry") {
@@ -116,6 +119,11 @@ export class StreamedField {
   /** Whether levels have come that `upload` will bring to the device. */
   get waiting(): boolean {
     return this.content?.atlas.waiting ?? false;
+  }
+
+  /** Whether a level's bytes are there and are being decoded. */
+  get decoding(): boolean {
+    return this.content?.atlas.decoding ?? false;
   }
 
   /** What the device holds; null before the first upload. */

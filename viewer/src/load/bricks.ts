@@ -73,7 +73,7 @@ export function colorBricks(blocks: Blocks, edge: number, [from, to]: [number, n
 }
 
 /** The frame of a block, or of its next one along each axis whose bit is set. */
-function neighbour(blocks: Blocks, block: number, corner: number): number {
+export function neighbour(blocks: Blocks, block: number, corner: number): number {
   const [x, y, z] = blocks.places[block];
   return blocks.frame(x + (corner >> 2), y + ((corner >> 1) & 1), z + (corner & 1));
 }

@@ -8,12 +8,16 @@ import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
 import { blockCounts, colorGroups, type Encoding, type Metadata } from "../format/metadata.js";
 import { Blocks } from "./blocks.js";
 import { colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
+import { fillColors, fillDensity } from "./fill.js";
 import { interpolatedDensity } from "./interpolated.js";
 import { type Plan, slotPlace } from "./plan.js";
 import { MacroCells, macroCounts, occupiedShares } from "./skip.js";
 
 /** Bytes of a part's bricks, about. */
 const PART_BYTES = 4 << 20;
+
+/** Codes that there is room for, of those that are wanted at once. */
+const ROOM = 1.25;
 
 /** Consecutive blocks of a level. */
 export interface DecodedPart {
@@ -36,7 +40,7 @@ export interface LevelEntry {
   table: Uint32Array;
   /** The skip distance of each macro cell; null where the level has no density. */
   skipDistances: Uint8Array | null;
-  /** Two corners, as shares of the box, between which the level shows something; null where it has no density. */
+  /** Two corners, as shares of the box, between which the level shows something; null where nobody asked, or without density. */
   occupied: [number[], number[]] | null;
 }
 
@@ -117,11 +121,12 @@ export class LevelDecoder {
         colors.push(group.filled(codes, first, Uint16Array));
         continue;
       }
-      const full = densityBricks(blocks, edge, [from, to], group.filled(codes, first, Float32Array));
+      const filled = group.filled(codes, first, Float32Array);
+      const full = fillDensity(blocks, edge, [from, to], filled) ?? densityBricks(blocks, edge, [from, to], filled);
       this.macro.mark(full, blocks.places.slice(from, to));
       density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
     }
-    const color = colorBricks(blocks, edge, [from, to], plan.quads, colors);
+    const color = fillColors(blocks, edge, [from, to], plan.quads, colors) ?? colorBricks(blocks, edge, [from, to], plan.quads, colors);
     return { level, first: from, blocks: to - from, side: edge + 1, density, color };
   }
 
@@ -130,13 +135,13 @@ export class LevelDecoder {
     return this.metadata.levels[this.level].density ? this.macro.marks : null;
   }
 
-  /** The level's entry, when parts of all of its blocks have set `marks`. */
-  entry(marks: Uint8Array | null): LevelEntry {
+  /** The level's entry, when parts of all of its blocks have set `marks`; with what it shows where `isFraming`. */
+  entry(marks: Uint8Array | null, isFraming: boolean): LevelEntry {
     const { level, plan } = this;
     const table = this.blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
     const skipDistances = marks && this.macro.skipDistances(marks);
-    const occupied = skipDistances && occupiedShares(skipDistances, macroCounts(this.metadata));
-    return { level, table, skipDistances, occupied };
+    const occupied = isFraming && skipDistances && occupiedShares(skipDistances, macroCounts(this.metadata));
+    return { level, table, skipDistances, occupied: occupied || null };
   }
 
   /** All colours, for inherited blocks of the next finer level. */
@@ -155,8 +160,10 @@ export class LevelDecoder {
 /** One group of a level's channels, and of its codes those that are wanted next. */
 class Group {
   private readonly table: Float64Array | null;
+  /** Codes of the frames `[first, end)`, and room behind them. */
   private codes: Codes | null = null;
   private first = 0;
+  private end = 0;
   /** Whether the codes are those of all frames, which stay. */
   private isWhole = false;
 
@@ -187,25 +194,33 @@ class Group {
   }
 
   give(codes: Codes): void {
-    [this.codes, this.first, this.isWhole] = [codes, 0, true];
+    [this.codes, this.first, this.end, this.isWhole] = [codes, 0, codes.length / this.size, true];
   }
 
-  /** Codes of the frames `[from, to)`, the first of which is `first`. They are wanted in order, and may overlap. */
+  /**
+   * Codes of the frames `[from, to)`, the first of which is `first`. They are wanted in order, and may overlap. They stay as they
+   * are until the next ones are wanted.
+   */
   window(from: number, to: number): { codes: Codes; first: number } {
     const { size } = this;
-    const end = this.codes ? this.first + this.codes.length / size : from;
-    if (!this.isWhole) {
-      const isBefore = !this.codes || from < this.first || from > end;
-      if (isBefore) ({ codes: this.codes, first: this.first } = this.decode(from, to));
-      else if (to > end) {
-        const kept = this.codes!.subarray((from - this.first) * size);
-        const { codes } = this.decode(end, to);
-        const joined = new (codes.constructor as new (length: number) => Codes)(kept.length + codes.length);
-        joined.set(kept);
-        joined.set(codes, kept.length);
-        [this.codes, this.first] = [joined, from];
-      }
+    if (!this.codes || (!this.isWhole && (from < this.first || from > this.end))) {
+      const { codes, first } = this.decode(from, to);
+      [this.codes, this.first, this.end] = [codes, first, first + codes.length / size];
+    } else if (to > this.end) {
+      const { codes } = this.decode(this.end, to);
+      const kept = (this.end - from) * size;
+      this.codes = withRoom(this.codes, (from - this.first) * size, kept, codes.length);
+      this.codes.set(codes, kept);
+      [this.first, this.end] = [from, this.end + codes.length / size];
     }
-    return { codes: this.codes!.subarray((from - this.first) * size, (to - this.first) * size), first: from };
+    return { codes: this.codes.subarray((from - this.first) * size, (to - this.first) * size), first: from };
   }
+}
+
+/** The codes of `kept` nodes from `start` on, at the front of an array with room for `more`: the same one where it has it. */
+function withRoom(codes: Codes, start: number, kept: number, more: number): Codes {
+  if (kept + more <= codes.length) return codes.copyWithin(0, start, start + kept);
+  const larger = new (codes.constructor as new (length: number) => Codes)(Math.ceil(ROOM * (kept + more)));
+  larger.set(codes.subarray(start, start + kept));
+  return larger;
 }

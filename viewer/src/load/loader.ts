@@ -38,6 +38,8 @@ export interface Opened {
 export interface Listener {
   opened(opened: Opened): void;
   progress(arrived: number): void;
+  /** The bytes of a level have come, and its parts will. */
+  begun(level: number, round: number): void;
   /** Blocks of a level, in any order; `round` counts the calls of `again`. */
   part(part: DecodedPart, round: number): void;
   /** All parts of the level have come. */
@@ -62,6 +64,8 @@ export class Loader {
   /** What was decoded, to be decoded again after the device lost it. */
   private readonly kept: Piece[] = [];
   private round = 0;
+  /** Whether a level has told where the field is to be seen. */
+  private isFramed = false;
   /** What is being decoded, and waits to be. */
   private queue: Promise<unknown> = Promise.resolve();
 
@@ -135,6 +139,7 @@ export class Loader {
     const part = (part: DecodedPart) => listener.part(part, round);
     let colors = coarser;
     for (const level of levels) {
+      listener.begun(level, round);
       const chunks = levelChunks(this.entries, level, bytes, start);
       const decoder = new LevelDecoder(metadata, plan, level, chunks, colors);
       const { blocks_filled: inherited = 0, blocks_stored: blocks } = metadata.levels[level];
@@ -145,7 +150,9 @@ export class Loader {
       } else {
         for (const one of decoder.parts(0, blocks)) part(one);
       }
-      listener.entry(decoder.entry(marks), round);
+      const entry = decoder.entry(marks, !this.isFramed);
+      this.isFramed ||= entry.occupied !== null;
+      listener.entry(entry, round);
       colors = isInherited ? decoder.colors() : null;
     }
     return colors;

@@ -6,8 +6,9 @@
  * nearest occupied one. A ray jumps that far at once. `src/view/sample/skip.rs` of the reference renderer does the same.
  */
 
-import type { Metadata, Triple } from "../format/metadata.js";
+import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import { invisibleDensity } from "./interpolated.js";
+import { sweepLanes } from "./sweeps.js";
 
 /** Level-0 cells along a macro cell's edge where the box has few. */
 const LEAST_EDGE = 2;
@@ -54,6 +55,13 @@ export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [numb
   return [along.map((cells, axis) => start(cells) / counts[axis]), along.map((cells, axis) => 1 - start(cells.slice().reverse()) / counts[axis])];
 }
 
+/** A group of cells along an axis, and the first and last node of a block that is a corner of one of them. */
+interface Nodes {
+  group: number;
+  first: number;
+  last: number;
+}
+
 /** The macro cells of one level. */
 export class MacroCells {
   /** Groups of `edge` cells of the level a side: 1 where a corner of one of them can be seen. */
@@ -64,6 +72,8 @@ export class MacroCells {
   private readonly nodes: Triple;
   private readonly block: number;
   private readonly limit: number;
+  /** Of each axis, by the place of a block along it, what `groups` says. */
+  private readonly along: readonly Nodes[][][];
 
   constructor(metadata: Metadata, level: number) {
     const stored = metadata.levels[level];
@@ -73,6 +83,7 @@ export class MacroCells {
     this.nodes = stored.dimensions;
     this.block = stored.block_size;
     this.marks = new Uint8Array(this.groupCounts().reduce((product, count) => product * count, 1));
+    this.along = blockCounts(stored).map((count, axis) => Array.from({ length: count }, (_, place) => this.groups(place, axis)));
     this.limit = invisibleDensity(metadata.activation, stored.density?.decode ?? "raw_density");
   }
 
@@ -81,12 +92,8 @@ export class MacroCells {
     const [nx, ny, nz] = this.counts;
     const skipDistances = new Uint8Array(nx * ny * nz).fill(255);
     this.clear(marks, skipDistances);
-    // One sweep from each end, over the 13 neighbours that it has passed, is exact for the largest of the
-    // distances along the axes.
-    sweep(skipDistances, this.counts);
-    skipDistances.reverse();
-    sweep(skipDistances, this.counts);
-    return skipDistances.reverse();
+    if (!sweepLanes(skipDistances, this.counts)) sweepBoth(skipDistances, this.counts);
+    return skipDistances;
   }
 
   /** Marks the groups in which a corner of a cell can be seen. `bricks` are the densities of the blocks at `places`. */
@@ -94,12 +101,14 @@ export class MacroCells {
     const { marks } = this;
     const [, gy, gz] = this.groupCounts();
     const side = this.block + 1;
+    const [alongX, alongY, alongZ] = this.along;
     for (let block = 0; block < places.length; block++) {
-      const [xs, ys, zs] = places[block].map((place, axis) => this.groups(place, axis));
-      for (const [i, ...x] of xs) {
-        for (const [j, ...y] of ys) {
-          for (const [k, ...z] of zs) {
-            const group = (i * gy + j) * gz + k;
+      const place = places[block];
+      const [xs, ys, zs] = [alongX[place[0]], alongY[place[1]], alongZ[place[2]]];
+      for (const x of xs) {
+        for (const y of ys) {
+          for (const z of zs) {
+            const group = (x.group * gy + y.group) * gz + z.group;
             if (marks[group] === 0 && this.canBeSeen(bricks, block * side * side * side, x, y, z)) marks[group] = 1;
           }
         }
@@ -108,29 +117,29 @@ export class MacroCells {
   }
 
   /** Whether a node of a box in a brick is not invisible. Most boxes tell by one of their first nodes. */
-  private canBeSeen(bricks: Float32Array, brick: number, [x0, x1]: number[], [y0, y1]: number[], [z0, z1]: number[]): boolean {
+  private canBeSeen(bricks: Float32Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
     const { limit } = this;
     const side = this.block + 1;
-    for (let x = x0; x <= x1; x++) {
-      for (let y = y0; y <= y1; y++) {
+    for (let x = xs.first; x <= xs.last; x++) {
+      for (let y = ys.first; y <= ys.last; y++) {
         const row = brick + (x * side + y) * side;
-        for (let node = row + z0; node <= row + z1; node++) if (bricks[node] > limit) return true;
+        for (let node = row + zs.first; node <= row + zs.last; node++) if (bricks[node] > limit) return true;
       }
     }
     return false;
   }
 
   /**
-   * The groups along an axis of the cells whose lowest nodes a block holds, each with the first and last node in the block
-   * that is a corner of one of these cells. The last node of an axis is no cell's lowest.
+   * The groups along an axis of the cells whose lowest nodes a block holds, and of these cells the corners. The last node of
+   * an axis is no cell's lowest.
    */
-  private groups(place: number, axis: number): number[][] {
+  private groups(place: number, axis: number): Nodes[] {
     const { edge, block } = this;
     const first = place * block;
     const end = Math.min(first + block, this.nodes[axis] - 1);
-    const groups: number[][] = [];
+    const groups: Nodes[] = [];
     for (let group = Math.floor(first / edge); group * edge < end; group++) {
-      groups.push([group, Math.max(group * edge, first) - first, Math.min((group + 1) * edge, end) - first]);
+      groups.push({ group, first: Math.max(group * edge, first) - first, last: Math.min((group + 1) * edge, end) - first });
     }
     return groups;
   }
@@ -162,6 +171,17 @@ export class MacroCells {
     const [start, end] = [Math.floor(low + 1e-9), Math.ceil(high - 1e-9)];
     return [Math.min(start, this.counts[axis] - 1), Math.min(end, this.counts[axis])];
   }
+}
+
+/**
+ * Writes the distances of cells that are 0 or 255 over them. One sweep from each end, over the 13 neighbours that it has passed,
+ * is exact for the largest of the distances along the axes.
+ */
+export function sweepBoth(cells: Uint8Array, counts: Triple): void {
+  sweep(cells, counts);
+  cells.reverse();
+  sweep(cells, counts);
+  cells.reverse();
 }
 
 /** Each cell's least distance by way of the cells that lie before it. */

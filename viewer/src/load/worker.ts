@@ -1,13 +1,12 @@
 /** Loads one container and hands its levels over. Errors come as words. */
 
 import { FieldError, REMEDY } from "../errors.js";
-import { prepareLanes } from "../format/codings/lanes.js";
-import { prepareInflate } from "../format/zstd.js";
 import { buffersOf, help } from "./crew.js";
 import { limitsOf } from "./limits.js";
 import { type Listener, Loader } from "./loader.js";
 import type { Reply, Request } from "./messages.js";
 import type { DeviceLimits } from "./plan.js";
+import { prepareDecoding } from "./prepare.js";
 
 const port = self as unknown as {
   onmessage: (event: MessageEvent<Request>) => void;
@@ -15,11 +14,12 @@ const port = self as unknown as {
 };
 
 let loader: Loader | null = null;
-const prepared = Promise.all([prepareInflate(), prepareLanes()]);
+const prepared = prepareDecoding();
 
 const listener: Listener = {
   opened: (opened) => port.postMessage({ kind: "opened", opened }),
   progress: (arrived) => port.postMessage({ kind: "progress", arrived }),
+  begun: (level, round) => port.postMessage({ kind: "begun", level, round }),
   part: (part, round) => port.postMessage({ kind: "part", part, round }, buffersOf(part)),
   entry: (entry, round) => port.postMessage({ kind: "entry", entry, round }),
 };

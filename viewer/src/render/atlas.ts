@@ -28,6 +28,8 @@ export class Atlas {
   private readonly skipDistances: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
+  /** Levels whose parts are on their way from the decoders. */
+  private readonly expected = new Set<number>();
   private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
   /** Whether there was a device before. */
   private hadDevice = false;
@@ -47,6 +49,16 @@ export class Atlas {
     return this.device?.textures ?? null;
   }
 
+  /** A level is being decoded. */
+  expect(level: number): void {
+    this.expected.add(level);
+  }
+
+  /** What is being decoded will not come. */
+  expectNothing(): void {
+    this.expected.clear();
+  }
+
   /** Takes blocks of a level. */
   add(part: DecodedPart): void {
     this.uploads.push({ part, done: 0 });
@@ -55,12 +67,18 @@ export class Atlas {
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
     this.uploads.push({ entry, done: 0 });
+    this.expected.delete(entry.level);
     this.occupied ??= entry.occupied;
   }
 
   /** Whether something waits for `upload`. */
   get waiting(): boolean {
     return this.uploads.length > 0;
+  }
+
+  /** Whether a level is being decoded. */
+  get decoding(): boolean {
+    return this.expected.size > 0;
   }
 
   /** The finest live level without a hole below it; null where there is none. */
@@ -83,6 +101,7 @@ export class Atlas {
       this.begin(gl);
       if (!isFirst) {
         this.uploads = [];
+        this.expectNothing();
         return false;
       }
     }

@@ -114,7 +114,9 @@ bool locate(int level, vec3 position, out vec3 texel) {
   ivec3 nodes = u_nodes[level].xyz;
   int edge = u_nodes[level].w;
   vec3 at = position * vec3(nodes - 1);
-  ivec3 block = min(ivec3(at), nodes - 2) / edge;
+  // Half a node above the lowest one no rounding moves the quotient past a whole number; processors divide whole numbers
+  // one by one.
+  ivec3 block = ivec3((vec3(min(ivec3(at), nodes - 2)) + 0.5) / float(edge));
   int side = level & 1;
   if (lookedUp[side] != ivec4(block, level)) {
     lookedUp[side] = ivec4(block, level);

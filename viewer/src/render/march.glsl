@@ -1,5 +1,8 @@
 // One ray a fragment, marched as section 6 of formats/mipvog.md says and as src/render of the reference renderer does. It
 // follows `field.glsl` and the network's source.
+//
+// Functions are made a part of each place that calls them, and drivers take longer to compile the more there is. So what is
+// done for two levels, or for two ends of a ray, is a loop, which has one place.
 
 vec3 cameraDirection(vec2 pixel) {
   vec2 ndc = (pixel - u_viewport.xy) / u_viewport.zw * 2.0 - 1.0;
@@ -112,10 +115,6 @@ void activate(inout vec4 color[QUADS]) {
 #endif
 }
 
-void blendColor(inout vec4 color[QUADS], vec4 coarser[QUADS], float share) {
-  for (int quad = 0; quad < QUADS; quad++) color[quad] += (coarser[quad] - color[quad]) * share;
-}
-
 // IEC 61966-2-1.
 vec3 linear(vec3 display) {
   return mix(pow((display + 0.055) / 1.055, vec3(2.4)), display / 12.92, vec3(lessThanEqual(display, vec3(0.04045))));
@@ -137,8 +136,12 @@ void main() {
   float intervalsOfStep = tStep * length(local) / u_interval;
   vec3 start = u_origin + direction * t0;
   vec3 perStep = direction * tStep;
-  right = aside(gl_FragCoord.xy + vec2(u_halfPixel, 0.0), t0, tStep, direction);
-  below = aside(gl_FragCoord.xy - vec2(0.0, u_halfPixel), t0, tStep, direction);
+  for (int i = 0; i < 2; i++) {
+    vec2 shift = i == 0 ? vec2(u_halfPixel, 0.0) : vec2(0.0, -u_halfPixel);
+    Line line = aside(gl_FragCoord.xy + shift, t0, tStep, direction);
+    if (i == 0) right = line;
+    else below = line;
+  }
 
   // The first and the last sample inside, along every axis.
   float first = 0.0, last = u_mostSteps;
@@ -164,22 +167,23 @@ void main() {
 
   bool constant = u_fixedLevel >= 0.0;
   ivec2 range = ivec2(int(u_fixedLevel));
+  float most = u_fixedLevel;
   if (!constant) {
-    float most = max(levelAt(first), levelAt(last));
+    for (int i = 0; i < 2; i++) most = max(most, levelAt(i == 0 ? first : last));
     float least = min(most, levelOf(max(leastSquare(right, first, last), leastSquare(below, first, last))));
     constant = least == most;
     range = ivec2(int(least), int(ceil(most)));
   }
 
+#ifdef STEPS_BY_LEVEL
+  // Of a ray whose samples are all of one level.
+  float intervals = exp2(most);
+#else
+  const float intervals = 1.0;
+#endif
   float k = first;
   float enough = u_skips ? OPAQUE_DEPTH : LARGEST;
   while (k <= last && depth < enough) {
-    float lambda = levelAt(k);
-#ifdef STEPS_BY_LEVEL
-    float intervals = exp2(lambda);
-#else
-    const float intervals = 1.0;
-#endif
     vec3 position = clamp(start + k * perStep, 0.0, 1.0);
     ivec3 place = min(ivec3(position * u_macroScale), u_macroCounts - 1);
     int free = u_skips ? skipDistance(place, range) : 0;
@@ -202,7 +206,7 @@ void main() {
       continue;
     }
     do {
-      lambda = levelAt(k);
+      float lambda = levelAt(k);
       position = clamp(start + k * perStep, 0.0, 1.0);
       float t = t0 + k * tStep;
 #ifdef STEPS_BY_LEVEL
@@ -217,28 +221,49 @@ void main() {
       samples++;
       int level = int(lambda);
       float share = lambda - float(level);
-      bool blends = share > 0.0;
-      vec3 fineTexel, coarseTexel = vec3(0.0), otherTexel;
-      bool fine = locate(level, position, fineTexel);
-      bool coarse = blends && locate(level + 1, position, coarseTexel);
-      // A level without density has level 0's.
-      int own = u_levels[level].y != 0 ? level : 0;
-      int next = blends && u_levels[level + 1].y != 0 ? level + 1 : 0;
-      if (!blends) next = own;
-      bool low = fine, high = coarse;
-      vec3 lowTexel = fineTexel, highTexel = coarseTexel;
-      if (own != level) low = locate(own, position, lowTexel);
-      bool mixes = next != own;
-      if (!low && !(mixes && high)) continue;
-      float density = low ? densityAt(lowTexel) : u_empty[own].x;
-      float coarser = 0.0;
-      if (mixes) coarser = high ? densityAt(highTexel) : u_empty[next].x;
+      int count = share > 0.0 ? 2 : 1;
+      bool fine = false, coarse = false;
+      vec3 fineTexel, coarseTexel;
+      for (int i = 0; i < count; i++) {
+        vec3 texel;
+        bool stored = locate(level + i, position, texel);
+        if (i == 0) {
+          fine = stored;
+          fineTexel = texel;
+        } else {
+          coarse = stored;
+          coarseTexel = texel;
+        }
+      }
+#ifndef SHARED_DENSITY
+      if (!fine && !coarse) continue;
+#endif
+      bool seen = false;
+      float mixed = 0.0;
+      for (int i = 0; i < count; i++) {
+        int dense = level + i;
+        bool stored = i == 0 ? fine : coarse;
+        vec3 texel = i == 0 ? fineTexel : coarseTexel;
+#ifdef SHARED_DENSITY
+        // A level without density has level 0's.
+        if (u_levels[dense].y == 0) {
+          if (i == 1 && (level == 0 || u_levels[level].y == 0)) break;
+          dense = 0;
+          stored = locate(dense, position, texel);
+        }
+#endif
+        seen = seen || stored;
+        float density = stored ? densityAt(texel) : u_empty[dense].x;
 #ifdef BLEND_AFTER
-      float optical = opticalDepth(density, u_levels[own].z);
-      if (mixes) optical += (opticalDepth(coarser, u_levels[next].z) - optical) * share;
+        density = opticalDepth(density, u_levels[dense].z);
+#endif
+        mixed += (density - mixed) * (i == 0 ? 1.0 : share);
+      }
+      if (!seen) continue;
+#ifdef BLEND_AFTER
+      float optical = mixed;
 #else
-      if (mixes) density += (coarser - density) * share;
-      float optical = opticalDepth(density, u_levels[own].z);
+      float optical = opticalDepth(mixed, u_levels[level].z);
 #endif
       optical *= stands * intervalsOfStep;
       float alpha = opacity(optical);
@@ -250,21 +275,18 @@ void main() {
       levels += weight * lambda;
       if (weight > u_thresholds.y || !u_skips) {
         vec4 color[QUADS];
-        colorAt(level, fine, fineTexel, color);
-        if (blends) {
-          vec4 coarser[QUADS];
-          colorAt(level + 1, coarse, coarseTexel, coarser);
+        for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(0.0);
+        for (int i = 0; i < count; i++) {
+          vec4 one[QUADS];
+          colorAt(level + i, i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
 #ifdef BLEND_AFTER
-          activate(color);
-          activate(coarser);
-          blendColor(color, coarser, share);
-#else
-          blendColor(color, coarser, share);
-          activate(color);
+          activate(one);
 #endif
-        } else {
-          activate(color);
+          for (int quad = 0; quad < QUADS; quad++) color[quad] += (one[quad] - color[quad]) * (i == 0 ? 1.0 : share);
         }
+#ifndef BLEND_AFTER
+        activate(color);
+#endif
         for (int quad = 0; quad < QUADS; quad++) sum[quad] += weight * color[quad];
       }
     } while (k < leaves && k <= last && depth < enough);

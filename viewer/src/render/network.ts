@@ -5,7 +5,7 @@ import { type Metadata, networkOf } from "../format/metadata.js";
 
 /** Widest layer of a network that a fragment can hold. */
 export const WIDEST_LAYER = 256;
-/** Texels along a row of the texture of weights. */
+/** Texels along a row of the texture of weights: a power of two. */
 export const WEIGHTS_WIDTH = 1024;
 
 /** The view-dependent colour as GLSL: weights come from a texture, four inputs a texel. */
@@ -14,7 +14,8 @@ export function networkSource(metadata: Metadata, network: Layer[]): string {
   if (!view || network.length === 0) return "";
   const first = view.input === "features" ? 3 : 0;
   const lines = [
-    `vec4 weight(int at) { return texelFetch(u_weights, ivec2(at % ${WEIGHTS_WIDTH}, at / ${WEIGHTS_WIDTH}), 0); }`,
+    // Processors divide whole numbers one by one.
+    `vec4 weight(int at) { return texelFetch(u_weights, ivec2(at & ${WEIGHTS_WIDTH - 1}, at >> ${Math.log2(WEIGHTS_WIDTH)}), 0); }`,
     "vec3 networkColor(vec3 d, vec4 accumulated[QUADS]) {",
     `  float inputs[${4 * Math.ceil(network[0].inputs / 4)}];`,
     "  inputs[0] = d.x; inputs[1] = d.y; inputs[2] = d.z;",

@@ -71,6 +71,7 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
     ...set("STEPS_BY_LEVEL", metadata.step_rule === "level_of_detail"),
     ...set("ASIDE_SAME_INDEX", metadata.level_of_detail.aside === "same_index"),
     ...(metadata.level_of_detail.bends && { BENDS: metadata.level_of_detail.bends.length }),
+    ...set("SHARED_DENSITY", metadata.levels.some((level) => level.density === null)),
     ...set("MASKED", metadata.free_space),
     ...set("NETWORK", network.length > 0),
     ...set("RELU", metadata.activation.function === "relu"),

@@ -30,8 +30,8 @@ export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, 
   const depth = tableStarts(metadata, plan).pop()!;
   return keeping(gl, () => {
     const made: Textures = {
-      u_density: volume(gl, [x, y, z], plan.floatLinear ? gl.R32F : gl.R16F, gl.LINEAR),
-      u_color: volume(gl, [x, y, z * plan.quads], gl.RGBA16F, gl.LINEAR),
+      u_density: cleared(gl, volume(gl, [x, y, z], plan.floatLinear ? gl.R32F : gl.R16F, gl.LINEAR), gl.RED, gl.FLOAT, new Float32Array(1)),
+      u_color: cleared(gl, volume(gl, [x, y, z * plan.quads], gl.RGBA16F, gl.LINEAR), gl.RGBA, gl.HALF_FLOAT, new Uint16Array(4)),
       u_table: volume(gl, [nz, ny, depth], gl.R32UI, gl.NEAREST),
       u_skipDistances: volume(gl, [mz, my, mx * Math.ceil(metadata.levels.length / 4)], gl.RGBA8UI, gl.NEAREST),
     };
@@ -77,6 +77,15 @@ export function keeping<T>(gl: WebGL2RenderingContext, uploads: () => T): T {
 function volume(gl: WebGL2RenderingContext, [x, y, z]: number[] | Triple, format: number, filter: number): WebGLTexture {
   const texture = begin(gl, gl.TEXTURE_3D, filter);
   gl.texStorage3D(gl.TEXTURE_3D, 1, format, x, y, z);
+  return texture;
+}
+
+/**
+ * Writes the first texel of the texture that was made last, before which browsers clear all of it: a software renderer takes
+ * seconds for a large one, and nothing waits for it yet.
+ */
+function cleared(gl: WebGL2RenderingContext, texture: WebGLTexture, format: number, type: number, texel: ArrayBufferView): WebGLTexture {
+  gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, 1, 1, 1, format, type, texel);
   return texture;
 }
 

@@ -6,21 +6,20 @@
 
 import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
 import { whenDone } from "../render/fence.js";
+import { Enlarger } from "./enlarger.js";
 
 /** A picture of what moves may take this long, in milliseconds. */
 const SMOOTH_MS = 40;
 /** A part of what rests may take this long: longer, because browsers compose all of the page after each. */
 const PART_MS = 100;
 /** Pixels along a side of what moves, of those of the screen, at least. */
-const COARSEST = 1 / 16;
+const COARSEST = 1 / 32;
 /** Without a move for this long, pictures are sharp again. */
 const REST_MS = 200;
 /** Rows and columns of the smallest part of a picture. */
 const CELL = 32;
 /** A draw may have so many times the pixels of the one before. */
 const GROWTH = 4;
-/** A part of a picture may have so many times the pixels a millisecond of the whole one, whose time is partly that of waiting. */
-const LEAP = 2;
 
 /** Two objects, left and right of a line; `at` is its place, 0 to 1. */
 export interface Split {
@@ -53,6 +52,7 @@ export class Painter {
   /** Pixels a millisecond of the last whole picture, and of the last draw. */
   private wholeRate: number | null = null;
   private rate: number | null = null;
+  private readonly enlarger: Enlarger;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -60,6 +60,7 @@ export class Painter {
     private readonly camera: PerspectiveCamera,
   ) {
     renderer.setPixelRatio(1);
+    this.enlarger = new Enlarger(renderer.getContext() as WebGL2RenderingContext);
   }
 
   /** Whether the picture shows all there is, in full. */
@@ -108,7 +109,10 @@ export class Painter {
     this.renderer.setViewport(0, 0, wide, high);
     this.paint([0, 0, wide, high], [wide, high]);
     this.renderer.setViewport(0, 0, width, height);
-    if (this.sharpness < 1) this.enlarge(wide, high);
+    if (this.sharpness < 1) {
+      this.enlarger.spread(wide, high, this.size);
+      this.renderer.resetState();
+    }
     this.whenDone(wide * high, (time) => {
       this.wholeRate = this.rate;
       this.frameTime = time;
@@ -121,26 +125,11 @@ export class Painter {
     this.drawPart(this.cursor);
   }
 
-  /** Spreads the picture in the canvas' lower left corner over all of it. */
-  private enlarge(width: number, height: number): void {
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
-    // What is drawn into the canvas cannot come from it.
-    const [texture, corner] = [gl.createTexture(), gl.createFramebuffer()];
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.copyTexImage2D(gl.TEXTURE_2D, 0, gl.RGB, 0, 0, width, height, 0);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, corner);
-    gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, ...this.size, gl.COLOR_BUFFER_BIT, gl.LINEAR);
-    gl.deleteFramebuffer(corner);
-    gl.deleteTexture(texture);
-    this.renderer.resetState();
-  }
-
   /** Draws as many cells, from `cursor` on, as may be. */
   private drawPart([x, y]: [number, number]): void {
     const [width, height] = this.size;
     // Rows of background say nothing about those of the field, but the whole picture has both.
-    const rate = Math.min(this.rate ?? 0, LEAP * (this.wholeRate ?? 0));
+    const rate = Math.min(this.rate ?? 0, this.wholeRate ?? 0);
     const cells = Math.max(1, Math.floor((rate * PART_MS) / CELL ** 2));
     const rows = Math.floor(cells / Math.ceil(width / CELL));
     const wide = x === 0 && rows > 0 ? width : Math.min(width - x, cells * CELL);

@@ -97,10 +97,10 @@ export class Stage {
 
   /** Makes the shaders and the textures of an object that will be shown, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
+    // Whoever asks a device waits for its pictures, too: better before there are any. It can make textures while it compiles.
+    this.upload(object);
     if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
     else this.renderer.compile(object, this.camera, this.scene);
-    // Whoever asks a device waits for its pictures, too: better before there are any.
-    this.upload(object);
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     // A device that cannot say whether it has compiled them has them by then, or nearly so.
     await new Promise<void>((done) => whenDone(gl, done));
@@ -272,7 +272,7 @@ export class Stage {
     if (!this.painter.isBusy) this.painter.draw(this.upload(this.scene));
   }
 
-  /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more of them wait. */
+  /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more are there or on their way from the decoders. */
   private upload(object: Object3D): boolean {
     let waits = false;
     if (this.renderer.getContext().isContextLost()) return waits;
@@ -280,7 +280,8 @@ export class Stage {
       if (!("isRadianceField" in part)) return;
       const field = part as RadianceField;
       if (field.upload(this.renderer)) this.redraw(true);
-      waits ||= field.waiting;
+      // A full picture would take the processor from the decoders of what replaces it.
+      waits ||= field.waiting || field.decoding;
     });
     return waits;
   }

@@ -103,6 +103,11 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return this.streamed.waiting;
   }
 
+  /** Whether a level's bytes are there and are being decoded. */
+  get decoding(): boolean {
+    return this.streamed.decoding;
+  }
+
   /** The part of the box, in local axes, where something is to be seen; all of it before the first level. */
   get visibleBounds(): Box3 {
     const [min, max] = this.streamed.visible;

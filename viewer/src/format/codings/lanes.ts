@@ -1,14 +1,12 @@
 /** The only door to `wasm/restore.ts`, which restores codes of one byte in vectors of WebAssembly. */
 
 import module from "../../../build/restore.wasm";
+import { instance, places, VECTOR } from "../modules.js";
 
 /** Blocks that are restored at once. */
 const LANES = 8;
-/** Vectors of the scratch memory for each node, and bytes of one. */
-const [VECTORS, VECTOR] = [8, 16];
-/** Where memory is free: what is below is the module's own. */
-const FREE = 1 << 16;
-const PAGE = 1 << 16;
+/** Vectors of the scratch memory for each node. */
+const VECTORS = 8;
 
 /** A run as `runs.ts` reads it. */
 export interface Run {
@@ -37,37 +35,24 @@ let lanes: Module | null = null;
 
 /** Makes restoring fast where the page and the device allow it; without this, it is as right. */
 export async function prepareLanes(): Promise<void> {
-  try {
-    const { instance } = await WebAssembly.instantiate(module);
-    lanes = instance.exports as unknown as Module;
-  } catch {
-    lanes = null;
-  }
+  lanes = await instance<Module>(module);
 }
 
 /** Writes all codes of a run; false where WebAssembly may not be used. */
 export function restoreLanes({ frames, channels, edge, live, residuals, starts, modes, weights, bits }: Run, codes: Uint8Array): boolean {
   if (!lanes) return false;
   const size = channels * edge ** 3;
-  let end = FREE;
-  const place = (bytes: number) => {
-    const at = end;
-    end = Math.ceil((at + bytes) / VECTOR) * VECTOR;
-    return at;
-  };
-  // One residual more is read than there are.
-  const at = {
-    residuals: place(residuals.length + 1),
-    starts: place(4 * frames),
-    modes: place(frames),
-    weights: place(8 * weights.length * channels),
-    bits: place(bits.length),
-    scratch: place(VECTORS * VECTOR * edge ** 3 + 8 * VECTOR),
-    out: place((frames + LANES - 1) * size),
-  };
   const { memory } = lanes;
-  const missing = end - memory.buffer.byteLength;
-  if (missing > 0) memory.grow(Math.ceil(missing / PAGE));
+  const at = places(memory, {
+    // One residual more is read than there are.
+    residuals: residuals.length + 1,
+    starts: 4 * frames,
+    modes: frames,
+    weights: 8 * weights.length * channels,
+    bits: bits.length,
+    scratch: VECTORS * VECTOR * edge ** 3 + 8 * VECTOR,
+    out: (frames + LANES - 1) * size,
+  });
   const bytes = new Uint8Array(memory.buffer);
   bytes.set(residuals, at.residuals);
   new Int32Array(memory.buffer, at.starts, frames).set(starts);

@@ -21,12 +21,8 @@ const WIDTHS = {
 export const decodeRuns: Coding = (atlas, chunk, from, to) => {
   const width = WIDTHS[atlas.encoding.number].bytes;
   const size = atlas.channels * atlas.edge * atlas.edge * atlas.edge;
-  const wanted: { bytes: Uint8Array; frame: number; frames: number; stored: boolean }[] = [];
-  let next = 0;
-  for (const run of runs(atlas, chunk)) {
-    if (next < to && next + run.frames > from) wanted.push({ ...run, frame: next });
-    next += run.frames;
-  }
+  const { full, runs } = runsOf(atlas, chunk);
+  const wanted = from < to ? runs.slice(Math.floor(from / full), Math.ceil(to / full)) : [];
   const first = wanted[0]?.frame ?? from;
   const count = wanted.reduce((sum, { frames }) => sum + frames, 0) * size;
   const codes: Codes = width === 1 ? new Uint8Array(count) : width === 2 ? new Uint16Array(count) : new Uint32Array(count);
@@ -38,22 +34,46 @@ export const decodeRuns: Coding = (atlas, chunk, from, to) => {
   return { first, codes };
 };
 
-/** The runs of a chunk, in order. */
-function* runs(atlas: Atlas, chunk: Uint8Array): Generator<{ bytes: Uint8Array; frames: number; stored: boolean }> {
+interface StoredRun {
+  bytes: Uint8Array;
+  /** The first of its frames. */
+  frame: number;
+  frames: number;
+  stored: boolean;
+}
+
+/** The runs of a chunk, in order, and the frames of each but the last. */
+interface Runs {
+  full: number;
+  runs: StoredRun[];
+}
+
+/** What was found in chunks that are decoded part by part. */
+const known = new WeakMap<Uint8Array, Runs>();
+
+function runsOf(atlas: Atlas, chunk: Uint8Array): Runs {
+  let found = known.get(chunk);
+  if (!found) known.set(chunk, (found = findRuns(atlas, chunk)));
+  return found;
+}
+
+function findRuns(atlas: Atlas, chunk: Uint8Array): Runs {
   const wrong = () => new FieldError(`${atlas.name} does not hold the runs of ${atlas.frames} blocks.`);
   if (chunk.length < 8) throw wrong();
   const data = new DataView(chunk.buffer, chunk.byteOffset, chunk.byteLength);
   const [full, count] = [data.getUint32(0, true), data.getUint32(4, true)];
   if (full === 0 || count !== Math.ceil(atlas.frames / full) || chunk.length < 8 + 4 * count) throw wrong();
+  const runs: StoredRun[] = [];
   let at = 8 + 4 * count;
   for (let run = 0; run < count; run++) {
     const word = data.getUint32(8 + 4 * run, true);
     const bytes = chunk.subarray(at, at + (word & ~STORED));
     at += word & ~STORED;
     if (at > chunk.length) throw wrong();
-    yield { bytes, frames: Math.min(full, atlas.frames - run * full), stored: word >= STORED };
+    runs.push({ bytes, frame: run * full, frames: Math.min(full, atlas.frames - run * full), stored: word >= STORED });
   }
   if (at !== chunk.length) throw wrong();
+  return { full, runs };
 }
 
 function inflateRun(atlas: Atlas, frames: number, bytes: Uint8Array): Uint8Array {
