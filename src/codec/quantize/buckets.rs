@@ -23,7 +23,7 @@ const BIASES: std::ops::Range<i32> = 0..10;
 #[derive(Debug, Clone)]
 pub struct Buckets {
     place: Place,
-    /// The border in each bucket, infinite where there is none.
+    /// The border in each bucket; where there is none, no number, which no value reaches.
     borders: Box<[f32; BUCKETS]>,
     /// Borders in the buckets below each.
     below: Box<[u8; BUCKETS]>,
@@ -94,18 +94,15 @@ impl Buckets {
             buckets.all(|bucket| std::mem::replace(&mut last, bucket) < bucket)
         };
         let place = places.find(|place| place.fits() && apart(place))?;
-        let mut table = Self {
-            place,
-            borders: Box::new([f32::INFINITY; BUCKETS]),
-            below: Box::new([0; BUCKETS]),
-        };
+        let mut table =
+            Self { place, borders: Box::new([f32::NAN; BUCKETS]), below: Box::new([0; BUCKETS]) };
         for &border in borders {
             table.borders[usize::from(place.bucket(border))] = border;
         }
         let mut below = 0;
         for (count, border) in table.below.iter_mut().zip(&*table.borders) {
             *count = below;
-            below += u8::from(border.is_finite());
+            below += u8::from(!border.is_nan());
         }
         Some(table)
     }
