@@ -1,4 +1,4 @@
-/** How long a page is held up while a scene of a usual size loads, and how long the browser's pictures wait for the device. */
+/** How long a page is held up while a scene of a usual size loads. */
 
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
@@ -8,15 +8,6 @@ import { CountingServer, launch, newPage, program, ready, temporaryFolder } from
 
 /** Milliseconds that a task may take. */
 const LONGEST_MS = 250;
-/**
- * Milliseconds between two pictures of the browser, with a fifth for the measure. The device is software here,
- * and shares the processor with all else, so that a machine at work is given the more time the longer it lets this process wait.
- */
-const LONGEST_FRAME_MS = 300;
-/** Milliseconds of computing by which the waiting is measured, and between two such measures. */
-const [PROBE_MS, PROBES_MS] = [4, 100];
-/** A browser has started after this long. */
-const STARTED_MS = 1500;
 /**
  * A task takes as long as the clock says, so that whatever else the machine does makes it longer, and nothing makes it
  * shorter: the quickest of a few loads is closest to the page's own time. A page that starts the device, compiles or fills
@@ -93,73 +84,4 @@ test("no task is long while a scene loads and is drawn in full", async () => {
   const longest: number[] = [];
   while (longest.length < LOADS && !longest.some((time) => time <= LONGEST_MS)) longest.push(await longestTask(server.page("scene.mipvog", bytes)));
   assert.ok(Math.min(...longest) <= LONGEST_MS, `${longest} ms`);
-});
-
-/** Measures how many times as long as it computes this process takes, until it is asked. */
-function measureWaiting(): () => number {
-  let [computed, passed] = [0, 0];
-  const timer = setInterval(() => {
-    const [start, before] = [performance.now(), process.cpuUsage()];
-    const used = () => {
-      const { user, system } = process.cpuUsage(before);
-      return (user + system) / 1000;
-    };
-    while (used() < PROBE_MS);
-    computed += used();
-    passed += performance.now() - start;
-  }, PROBES_MS);
-  return () => {
-    clearInterval(timer);
-    return Math.max(1, passed / Math.max(computed, PROBE_MS));
-  };
-}
-
-/** The longest frame while the scene loads, and while it is turned and comes to rest, in milliseconds of a process that need not wait. */
-async function longestFrames(address: string): Promise<{ loading: number; dragging: number }> {
-  const browser = await launch();
-  let waiting = measureWaiting();
-  try {
-    const { page, problems } = await newPage(browser, { width: 1280, height: 800 });
-    // The first frame of a browser is a long one on any page.
-    await page.goto(server.offer("empty.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
-    await page.waitForTimeout(STARTED_MS);
-    await page.addInitScript(() => {
-      const frames: number[] = ((window as unknown as { frames: number[] }).frames = []);
-      let before = performance.now();
-      const frame = (now: number) => {
-        frames.push(now - before);
-        before = now;
-        requestAnimationFrame(frame);
-      };
-      requestAnimationFrame(frame);
-    });
-    const longest = () => page.evaluate(() => Math.max(0, ...(window as unknown as { frames: number[] }).frames.splice(0)));
-    await page.goto(address);
-    await page.waitForFunction(() => window.__mipvog?.field?.finest === 0 && !window.__mipvog.field.waiting);
-    await page.waitForTimeout(STARTED_MS);
-    const loading = (await longest()) / waiting();
-    waiting = measureWaiting();
-    await page.mouse.move(640, 400);
-    await page.mouse.down();
-    for (let step = 1; step <= 10; step++) {
-      await page.mouse.move(640 + 10 * step, 400);
-      await page.waitForTimeout(50);
-    }
-    await page.mouse.up();
-    await page.waitForTimeout(STARTED_MS);
-    assert.deepEqual(problems, []);
-    return { loading, dragging: (await longest()) / waiting() };
-  } finally {
-    waiting();
-    await browser.close();
-  }
-}
-
-test("no picture of the browser waits long for the device while a scene loads and is turned", async () => {
-  const bytes = readFileSync(at("scene.mipvog"));
-  const found: { loading: number; dragging: number }[] = [];
-  const least = (kind: "loading" | "dragging") => Math.min(...found.map((frames) => frames[kind]));
-  do found.push(await longestFrames(server.page("scene.mipvog", bytes)));
-  while (found.length < LOADS && (least("loading") > LONGEST_FRAME_MS || least("dragging") > LONGEST_FRAME_MS));
-  assert.ok(least("loading") <= LONGEST_FRAME_MS && least("dragging") <= LONGEST_FRAME_MS, JSON.stringify(found));
 });
