@@ -1,10 +1,10 @@
 //! Values to codes, plane by plane, and blocks of codes to bytes that compress well.
 //!
 //! [`range`] picks the encoding of a level's group and proves its error bound, [`linear`] that of
-//! values without bounds, [`search`] the one
-//! with the fewest bits within an error, [`code`] turns values into integer codes and back
-//! ([`nearest`], [`buckets`]), [`planes`] those of whole planes, [`block`] cuts frames from them, [`coarsen`]
-//! drops some of them at nodes that pictures hardly show, [`inherited_colors`] makes them from the
+//! values without bounds, [`search`] the one with the fewest bits within an error, [`code`] turns
+//! values into integer codes and back ([`nearest`], [`buckets`]), [`planes`] those of whole planes,
+//! [`block`] cuts frames from them, [`coarsen`] drops some of them at nodes that pictures hardly
+//! show, [`inherited_colors`] makes them from the
 //! next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back
 //! ([`write_run`], [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
 //! ([`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
