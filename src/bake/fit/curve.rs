@@ -13,9 +13,11 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.04, 0.2, 0.35, 0.9, 1.9, 3.4];
 /// A step of a knot's level.
 const STEP: f32 = 0.06;
-/// Gain of a step, at least: a rule that looks better on validation's rays by less may look worse
+/// Gain of a step, at least, in dB: a rule that looks better on validation's rays by less may look worse
 /// on others.
 const LEAST_GAIN: f64 = 0.02;
+/// Loss of a scale by a step, at most, in dB: far scales must not gain at the cost of near ones.
+const MOST_LOSS: f64 = 0.02;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
@@ -56,13 +58,13 @@ impl Curve {
         LevelOfDetail { factor, bias, bends, ..self.line }
     }
 
-    /// Moves each knot by a step, or not, uphill in `quality`, which is `highest` before. Returns the
-    /// quality reached.
+    /// Moves each knot by a step, or not, uphill in the mean of `quality`, which is `best` before, in
+    /// dB by scale.
     pub fn climb(
         &mut self,
-        mut highest: f64,
-        mut quality: impl FnMut(LevelOfDetail) -> Result<f64>,
-    ) -> Result<f64> {
+        mut best: Vec<f64>,
+        mut quality: impl FnMut(LevelOfDetail) -> Result<Vec<f64>>,
+    ) -> Result<()> {
         for knot in 0..self.levels.len() {
             for by in [STEP, -STEP] {
                 let mut moved = self.clone();
@@ -71,13 +73,15 @@ impl Curve {
                     continue;
                 }
                 let found = quality(moved.rule())?;
-                if found > highest + LEAST_GAIN {
-                    (*self, highest) = (moved, found);
+                let gains = || found.iter().zip(&best).map(|(found, best)| found - best);
+                let gain = gains().sum::<f64>() / best.len().max(1) as f64;
+                if gain > LEAST_GAIN && gains().all(|gain| gain > -MOST_LOSS) {
+                    (*self, best) = (moved, found);
                     break;
                 }
             }
         }
-        Ok(highest)
+        Ok(())
     }
 
     fn rises(&self) -> bool {

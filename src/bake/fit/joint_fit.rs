@@ -213,8 +213,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// The best rule for the levels as they are.
     fn search(&mut self, rule: LevelOfDetail) -> Result<LevelOfDetail> {
         let mut curve = self.curve.clone();
-        let highest = mean(&self.quality_of(rule, CURVE_RAYS)?);
-        curve.climb(highest, |rule| Ok(mean(&self.quality_of(rule, CURVE_RAYS)?)))?;
+        let best = self.quality_of(rule, CURVE_RAYS)?;
+        curve.climb(best, |rule| self.quality_of(rule, CURVE_RAYS))?;
         self.curve = curve;
         Ok(self.curve.rule())
     }
