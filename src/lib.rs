@@ -71,7 +71,7 @@ pub mod output;
 #[doc(hidden)]
 pub mod view;
 
-pub use bake::{BakeOptions, BakeReport, Baker, MaxErrors, Preset};
+pub use bake::{BakeOptions, BakeReport, Baker, MaxErrors, Preset, Quality};
 pub use base::error::{Error, ErrorKind, Place, Result};
 pub use base::limits::Limits;
 pub use base::progress::Progress;

@@ -339,6 +339,44 @@ fn a_missed_gate_writes_nothing() {
 }
 
 #[test]
+fn a_quality_stands_for_other_options() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = scene();
+    let bake =
+        |out: &'static str| ["bake", &scene, "-o", out, "--stepsize", "0.5"].map(str::to_owned);
+    let baked = |out: &'static str, options: &[&str]| {
+        let arguments = bake(out);
+        let own: Vec<&str> =
+            arguments.iter().map(String::as_str).chain(options.iter().copied()).collect();
+        report(here, &own)
+    };
+    let bytes = |name: &str| std::fs::read(here.join(name)).expect("a container");
+    baked("web.mipvog", &["--preset", "web"]);
+    baked("75.mipvog", &["--quality", "75"]);
+    assert!(bytes("web.mipvog") == bytes("75.mipvog"));
+    baked("50.mipvog", &["--quality", "50"]);
+    assert!(bytes("50.mipvog").len() < bytes("75.mipvog").len());
+    // Cameras are used, and an option that is given counts.
+    let view = ["--turntable", "2", "--size", "16x16", "--quality", "50"];
+    let seen = baked("seen.mipvog", &[&view[..], &["--coarseness", "3"]].concat());
+    let option = |name: &str| seen["options"][name].as_f64().expect("a number");
+    let found = ["min_weight", "fill_error", "coarseness"].map(option);
+    assert_eq!(found, [0.002f32, 0.5, 3.0].map(f64::from));
+    assert!(bytes("seen.mipvog").len() < bytes("50.mipvog").len());
+    // A container takes it too.
+    report(here, &["bake", "75.mipvog", "-o", "again.mipvog", "--quality", "25"]);
+    assert!(bytes("again.mipvog").len() < bytes("50.mipvog").len());
+    for more in [["--bits", "8"], ["--max-error", "0.1"], ["--max-bytes", "1MB"]] {
+        let arguments =
+            [&["bake", &scene, "-o", "no.mipvog", "--quality", "50"][..], &more].concat();
+        refused(here, &arguments, 2, &["--quality"]);
+    }
+    let wrong = ["bake", &scene, "-o", "no.mipvog", "--quality", "0"];
+    refused(here, &wrong, 2, &["1 to 100"]);
+}
+
+#[test]
 fn an_error_instead_of_bits_is_kept_and_told() {
     let folder = folder();
     let here = folder.path();

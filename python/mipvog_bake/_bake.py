@@ -21,7 +21,7 @@ from ._field import Field, Progress
 # of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
 _MODEL_ERROR, _MODEL_THRESHOLD = "1e-4:1e-3:1e-3", 1e-4
 # Options that say how large errors may be.
-_PRECISION = ("bits", "max_error", "max_bytes", "preset")
+_PRECISION = ("bits", "max_error", "max_bytes", "quality", "preset")
 # Options of the program that a function has no use for.
 _NONE_OF = ("help", "version", "output", "format", "quiet", "verbose", "color")
 
@@ -42,7 +42,8 @@ def bake(
     Options are the program's long ones with underscores: `bits=12`, `preset="web"`,
     `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. An option that is None or
     False is not given. A field of `from_model` has `alpha_threshold=1e-4`, and
-    `max_error="1e-4:1e-3:1e-3"` unless `bits` or `max_bytes` is given; a `preset` sets both.
+    `max_error="1e-4:1e-3:1e-3"` unless `bits`, `quality` or `max_bytes` is given; a `preset` sets
+    both.
 
     `progress` is called with the step and the share of the work that is done, 0 to 1, on the thread
     that called; what it raises ends the work. True shows a bar of tqdm where that is installed,

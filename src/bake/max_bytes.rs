@@ -12,7 +12,6 @@ use serde::Serialize;
 use super::MaxErrors;
 use super::preset::WEB_ERRORS;
 use crate::base::error::{Error, ErrorKind, Result};
-use crate::model::baked::Group;
 
 /// The largest factor: the error of opacity is then the largest that may be asked for.
 const LARGEST: f64 = 12.5;
@@ -97,18 +96,13 @@ pub fn search<T>(
 
 /// The errors of a step, coarsest first, with three digits.
 fn errors(step: usize) -> MaxErrors {
-    let factor = LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64);
-    let scaled = |group| {
-        let error = (f64::from(WEB_ERRORS.of(group)) * factor).clamp(1e-6, 0.25);
-        format!("{error:.2e}").parse().unwrap_or(error as f32)
-    };
-    let [density, diffuse, features, ..] = Group::ALL.map(scaled);
-    MaxErrors::new(density, diffuse, features)
+    WEB_ERRORS.scaled(LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::baked::Group;
 
     #[test]
     fn errors_are_valid_and_fall() {

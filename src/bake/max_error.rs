@@ -44,6 +44,17 @@ impl MaxErrors {
         self
     }
 
+    /// All of them `factor` times as large, with three digits, as far as they may be.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        for error in &mut self.by_group {
+            let (least, most) = (f64::from(*RANGE.start()), f64::from(*RANGE.end()));
+            let scaled = (f64::from(*error) * factor).clamp(least, most);
+            *error = format!("{scaled:.2e}").parse().unwrap_or(scaled as f32);
+        }
+        self
+    }
+
     /// That of a group.
     pub fn of(&self, group: Group) -> f32 {
         self.by_group[group.index()]

@@ -39,6 +39,7 @@ mod photographs;
 mod plan;
 mod prepare;
 mod preset;
+mod quality;
 mod ranges;
 mod repack;
 mod report;
@@ -57,6 +58,7 @@ pub use options::BakeOptions;
 pub use origin::Origin;
 pub use photographs::Photographs;
 pub use preset::Preset;
+pub use quality::Quality;
 pub use repack::repack;
 pub use report::{
     BakeReport, FitReport, GroupReport, IslandReport, LevelReport, PruneReport, StageReport,

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use super::values::parse_bytes;
-use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors};
+use crate::bake::{BakeOptions, Filter, LevelRule, MaxErrors, Quality};
 use crate::codec::quantize::Bits;
 use crate::model::field::Nonfinite;
 
@@ -26,10 +26,15 @@ pub struct StoredArguments {
     /// with colons between: of opacity, diffuse colour and features
     #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
     pub max_error: Option<MaxErrors>,
+    /// Instead of bits or an error: how much pictures may lose, 1 to 100; 75 is as --preset web, 25
+    /// less doubles the errors. With --cameras or --turntable also instead of --min-weight,
+    /// --coarseness and --fill-error
+    #[arg(long, value_name = "QUALITY", conflicts_with_all = ["bits", "max_error"])]
+    pub quality: Option<Quality>,
     /// Instead of bits or an error: the best quality that fits into so many bytes, such as 3MB or
     /// 500KiB; finest levels are dropped where even the largest error does not fit
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
-          conflicts_with_all = ["bits", "max_error", "dry_run"])]
+          conflicts_with_all = ["bits", "max_error", "quality", "dry_run"])]
     pub max_bytes: Option<u64>,
     /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
@@ -83,8 +88,12 @@ impl StoredArguments {
         self.nonfinite == NonfiniteChoice::Empty
     }
 
-    /// Explicit options override the preset's.
-    pub fn apply(&self, options: &mut BakeOptions) {
+    /// Explicit options override the preset's, and what a quality stands for where the field is
+    /// `seen` from cameras or not.
+    pub fn apply(&self, options: &mut BakeOptions, seen: bool) {
+        if let Some(quality) = self.quality {
+            quality.apply(options, seen);
+        }
         if let Some(filter) = self.filter {
             options.filter = filter.into();
         }
@@ -99,8 +108,8 @@ impl StoredArguments {
         options.zstd_level = self.zstd_level.unwrap_or(options.zstd_level);
         options.lod_rule = self.lod_rule.or(options.lod_rule);
         options.lod_scale = self.lod_scale.unwrap_or(options.lod_scale);
-        options.min_weight = self.min_weight;
-        options.fill_error = self.fill_error;
+        options.min_weight = self.min_weight.or(options.min_weight);
+        options.fill_error = self.fill_error.or(options.fill_error);
         options.coarseness = self.coarseness.unwrap_or(options.coarseness);
         options.memory = self.memory;
         options.nonfinite = match self.nonfinite {

@@ -130,7 +130,9 @@ impl<'a, const C: usize> JointFit<'a, C> {
     }
 
     /// Leaves in the field the levels with the highest mean PSNR of those that are at no scale worse
-    /// than the filter's: all that are fitted, all but one, or none. Returns which are fitted.
+    /// than the filter's. Candidates are all fitted levels; all but one; those from a level on,
+    /// with the filter's rule up to a knot, so that near pictures stay as they are; none. Returns
+    /// which are fitted.
     fn keep_best(&mut self, unfitted: &Best<C>, best: &mut Best<C>) -> Result<Vec<bool>> {
         let levels = self.adams.len();
         let fits =
@@ -139,27 +141,31 @@ impl<'a, const C: usize> JointFit<'a, C> {
         if fits(&best.psnr) {
             return Ok(vec![true; levels]);
         }
-        let mut found: Option<(usize, Vec<f64>)> = None;
-        for level in 0..levels {
-            self.adams[level].restore(&mut self.field, &unfitted.states[level]);
-            let psnr = self.quality_of(best.rule, VALIDATION)?;
-            self.adams[level].restore(&mut self.field, &best.states[level]);
-            let higher = found.as_ref().is_none_or(|(_, most)| mean(&psnr) > mean(most));
-            if fits(&psnr) && higher {
-                found = Some((level, psnr));
+        let which = |kept: &dyn Fn(usize) -> bool| (0..levels).map(kept).collect::<Vec<_>>();
+        let without_one = (0..levels).map(|level| (which(&|kept| kept != level), best.rule));
+        let far_rules = self.curve.far_rules(unfitted.rule);
+        let far = (1..levels).flat_map(|first| {
+            far_rules.iter().map(move |&rule| (which(&|level| level >= first), rule))
+        });
+        let (mut rule_kept, mut psnr_kept) = (unfitted.rule, unfitted.psnr.clone());
+        let mut fitted = which(&|_| false);
+        for (kept, rule) in without_one.chain(far) {
+            self.restore_each(&kept, best, unfitted);
+            let psnr = self.quality_of(rule, VALIDATION)?;
+            if fits(&psnr) && mean(&psnr) > mean(&psnr_kept) {
+                (rule_kept, psnr_kept, fitted) = (rule, psnr, kept);
             }
         }
-        match found {
-            Some((level, psnr)) => {
-                self.adams[level].restore(&mut self.field, &unfitted.states[level]);
-                best.psnr = psnr;
-                Ok((0..levels).map(|kept| kept != level).collect())
-            }
-            None => {
-                self.restore(&unfitted.states);
-                (best.rule, best.psnr) = (unfitted.rule, unfitted.psnr.clone());
-                Ok(vec![false; levels])
-            }
+        self.restore_each(&fitted, best, unfitted);
+        (best.rule, best.psnr) = (rule_kept, psnr_kept);
+        Ok(fitted)
+    }
+
+    /// Restores each level as it was fitted, or as the filter made it.
+    fn restore_each(&mut self, fitted: &[bool], best: &Best<C>, unfitted: &Best<C>) {
+        for (level, &fitted) in fitted.iter().enumerate() {
+            let from = if fitted { best } else { unfitted };
+            self.adams[level].restore(&mut self.field, &from.states[level]);
         }
     }
 

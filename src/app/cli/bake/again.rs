@@ -22,11 +22,12 @@ pub fn bake_again(
     let stored = &arguments.stored;
     let metadata = &unpacked.metadata;
     let asked = |given: bool| given || arguments.preset.is_some();
+    let states_errors = stored.max_error.is_some() || stored.quality.is_some();
     let changes = Changes {
         bits: asked(stored.bits.is_some())
             .then_some(options.bits)
             .filter(|_| options.max_error.is_none()),
-        max_error: options.max_error.filter(|_| asked(stored.max_error.is_some())),
+        max_error: options.max_error.filter(|_| asked(states_errors)),
         max_bytes: stored.max_bytes,
         zstd_level: asked(stored.zstd_level.is_some()).then_some(options.zstd_level),
         levels: stored.levels,

@@ -136,10 +136,10 @@ impl Arguments {
             }
             (None, Content::Trained(_)) => BakeOptions::default(),
         };
-        self.stored.apply(&mut options);
+        let measures = self.gate.measures()?;
+        self.stored.apply(&mut options, measures);
         self.fit.apply(&mut options, |limits| self.gate.cameras_of_file(limits), limits)?;
         options.limits = limits.clone();
-        let measures = self.gate.measures()?;
         if options.memory.is_some() && measures {
             let message = "--memory excludes --cameras and --turntable: pictures are rendered \
                            from the whole field; use compare afterwards";

@@ -1,0 +1,103 @@
+//! One number for how much pictures may lose, in place of several options.
+//!
+//! At 75 errors are those of the preset `web`. Each 25 less doubles them, each 25 more halves them.
+//! With cameras that the field is seen from, the options that use them grow by the same factor.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::BakeOptions;
+use super::preset::WEB_ERRORS;
+
+/// The quality with the errors of `web`.
+const WEB: f64 = 75.0;
+/// Errors double over this much.
+const DOUBLES_OVER: f64 = 25.0;
+/// What cameras allow at [`WEB`]. Of a sweep with cameras all round, with test cameras between
+/// them, these take the fewest bytes for what their pictures lose.
+const MIN_WEIGHT: f64 = 1e-3;
+const COARSENESS: f64 = 1.0;
+const FILL_ERROR: f64 = 0.25;
+
+/// From 1, few bytes, to 100, small errors.
+///
+/// ```
+/// use mipvog_bake::{BakeOptions, Preset, Quality};
+///
+/// let mut options = BakeOptions::default();
+/// let quality: Quality = "75".parse()?;
+/// quality.apply(&mut options, false);
+/// assert_eq!(options, Preset::Web.options());
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality(f64);
+
+impl Quality {
+    /// Sets the errors; where the field is `seen` from given cameras, also
+    /// [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and [`BakeOptions::fill_error`].
+    pub fn apply(self, options: &mut BakeOptions, seen: bool) {
+        let factor = libm::exp2((WEB - self.0) / DOUBLES_OVER);
+        options.max_error = Some(WEB_ERRORS.scaled(factor));
+        if seen {
+            let share = |at_web: f64| (at_web * factor).min(1.0) as f32;
+            options.min_weight = Some(share(MIN_WEIGHT));
+            options.fill_error = Some(share(FILL_ERROR));
+            options.coarseness = (COARSENESS * factor) as f32;
+        }
+    }
+}
+
+impl FromStr for Quality {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number: Option<f64> = text.parse().ok();
+        let quality = number.filter(|number| (1.0..=100.0).contains(number));
+        quality.map(Self).ok_or_else(|| "expected a number from 1 to 100".to_owned())
+    }
+}
+
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::MaxErrors;
+    use crate::model::baked::Group;
+
+    fn options(quality: &str, seen: bool) -> BakeOptions {
+        let mut options = BakeOptions::default();
+        quality.parse::<Quality>().expect("a quality").apply(&mut options, seen);
+        options
+    }
+
+    #[test]
+    fn less_quality_allows_more_of_everything() {
+        let all = ["1", "25", "50", "62.5", "75", "100"].map(|quality| options(quality, true));
+        for (coarser, finer) in all.iter().zip(&all[1..]) {
+            assert!(coarser.check().is_ok() && finer.check().is_ok());
+            let error = |of: &BakeOptions| of.max_error.expect("errors").of(Group::Density);
+            assert!(error(coarser) > error(finer));
+            assert!(coarser.min_weight > finer.min_weight && coarser.fill_error > finer.fill_error);
+            assert!(coarser.coarseness > finer.coarseness);
+        }
+        assert_eq!(options("50", false).max_error, Some(MaxErrors::new(0.04, 0.036, 0.1)));
+    }
+
+    #[test]
+    fn nothing_depends_on_cameras_without_them() {
+        assert!(!options("10", false).sees() && options("10", true).sees());
+    }
+
+    #[test]
+    fn only_numbers_from_1_to_100_are_qualities() {
+        for text in ["", "0.9", "100.5", "nan", "inf", "-5", "high"] {
+            assert!(text.parse::<Quality>().is_err(), "{text}");
+        }
+    }
+}
