@@ -5,13 +5,11 @@ mod common;
 use common::transcoded::changed;
 use common::{baked_bytes, open_bytes, trained};
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, LevelRule};
-use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::model::baked::LevelOfDetail;
 use mipvog_bake::unstable::model::camera::turntable;
 use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
 use mipvog_bake::unstable::view::compare::{Reference, ScaleErrors, compare};
 use mipvog_bake::unstable::view::render::Renderer;
 use serde_json::{Value, json};
@@ -96,37 +94,5 @@ fn thread_count_never_shows_in_a_fit() {
     let one = common::with_threads(1, bake);
     for threads in [2, 3, 8] {
         assert!(one == common::with_threads(threads, bake), "{threads} threads");
-    }
-}
-
-/// The network's derivatives against differences of its own colours.
-#[test]
-fn the_network_is_differentiated() {
-    let mut random = common::Random::new(7);
-    let mut layer = |inputs: usize, outputs: usize| {
-        let mut values = |count: usize| (0..count).map(|_| random.between(-0.6, 0.6)).collect();
-        Layer { inputs, outputs, weights: values(inputs * outputs), bias: values(outputs) }
-    };
-    let layers = vec![layer(34, 16), layer(16, 16), layer(16, 3)];
-    let network = ViewMlp::new(layers, 4, 4, &Place::File).expect("a network");
-    let (direction, target) = ([0.48, -0.6, 0.64], [0.2f32, 0.9, 0.4]);
-    let accumulated: Vec<f32> = (0..7).map(|i| 0.1 + 0.11 * i as f32).collect();
-    let color = |accumulated: &[f32]| network.colors(&[direction], &[accumulated])[0];
-    let half_square = |accumulated: &[f32]| -> f64 {
-        let errors = color(accumulated).into_iter().zip(target);
-        errors.map(|(got, want)| 0.5 * f64::from(got - want).powi(2)).sum()
-    };
-    let error = |got: [f32; 3]| [0, 1, 2].map(|c| got[c] - target[c]);
-    let (errors, by) = network.differentiate(direction, &accumulated, error);
-    let want = error(color(&accumulated));
-    assert!((0..3).all(|c| (errors[c] - want[c]).abs() < 1e-6), "{errors:?} {want:?}");
-    for (channel, by) in by.iter().enumerate() {
-        let moved = |by: f32| {
-            let mut moved = accumulated.clone();
-            moved[channel] += by;
-            half_square(&moved)
-        };
-        let slope = (moved(1e-2) - moved(-1e-2)) / 2e-2;
-        assert!((slope - f64::from(*by)).abs() < 2e-4, "channel {channel}: {by} for {slope}");
     }
 }

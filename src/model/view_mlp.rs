@@ -9,6 +9,8 @@
 //! The embedding is coordinate-major: `d` (3), then all sines, then all cosines, each ordered x*1,
 //! x*2, x*4, x*8, y*1, ... , z*8.
 
+use multiversion::multiversion;
+
 use crate::base::error::{Error, Place, Result};
 use crate::model::activate::lanes;
 
@@ -76,8 +78,12 @@ impl ViewMlp {
 
     /// Widths from input to output.
     pub fn widths(&self) -> Vec<usize> {
+        self.each_width().collect()
+    }
+
+    fn each_width(&self) -> impl Iterator<Item = usize> {
         let first = self.layers.first().map(|layer| layer.inputs);
-        first.into_iter().chain(self.layers.iter().map(|layer| layer.outputs)).collect()
+        first.into_iter().chain(self.layers.iter().map(|layer| layer.outputs))
     }
 }
 
@@ -121,7 +127,36 @@ fn input_of(
     }
 }
 
+/// Memory of [`ViewMlp::differentiate`], which calls use again.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Workspace {
+    /// Inputs of layers, then the output.
+    values: Vec<Vec<f32>>,
+    /// Derivatives by them.
+    by: Vec<Vec<f32>>,
+}
+
+/// A layer's output of one ray.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn apply(layer: &Layer, input: &[f32], is_last: bool, output: &mut [f32]) {
+    let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
+    for ((weights, bias), output) in rows.zip(output) {
+        let sum = bias + dot(weights, input);
+        *output = if is_last { lanes::sigmoid(sum) } else { sum.max(0.0) };
+    }
+}
+
+/// Adds the derivative by a layer's input, where that by its output, before its last function, is
+/// `by`.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn apply_transposed(layer: &Layer, by: &[f32], by_input: &mut [f32]) {
+    for (weights, by) in layer.weights.chunks_exact(layer.inputs).zip(by) {
+        by_input.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * by);
+    }
+}
+
 /// The sum of products, in eight sums side by side.
+#[inline(always)]
 fn dot(weights: &[f32], values: &[f32]) -> f32 {
     let (weights, last_weights) = weights.as_chunks::<8>();
     let (values, last) = values.as_chunks::<8>();
@@ -162,54 +197,52 @@ impl ViewMlp {
         std::array::from_fn(|ray| std::array::from_fn(|channel| values[channel][ray]))
     }
 
-    /// The network's input of one ray.
-    fn input(&self, direction: [f64; 3], accumulated: &[f32]) -> Vec<f32> {
-        let skip = if self.input == ViewInput::Features { 3 } else { 0 };
-        let mut values = vec![0.0; 3 + 6 * self.frequencies];
-        self.embed(direction, |i, value| values[i] = value as f32);
-        values.extend_from_slice(&accumulated[skip..]);
-        values
-    }
-
-    /// The error of one ray, which is `error` of its view-dependent colour, and the derivative of
-    /// half the squared error by the ray's accumulated values, through the network alone.
-    pub fn differentiate(
+    /// The error of one ray, which is `error` of its view-dependent colour. `by_accumulated`
+    /// becomes the derivative of half the squared error by the ray's accumulated values, through
+    /// the network alone.
+    pub(crate) fn differentiate(
         &self,
         direction: [f64; 3],
         accumulated: &[f32],
         error: impl Fn([f32; 3]) -> [f32; 3],
-    ) -> ([f32; 3], Vec<f32>) {
-        let mut values = vec![self.input(direction, accumulated)];
+        by_accumulated: &mut [f32],
+        workspace: &mut Workspace,
+    ) -> [f32; 3] {
+        let embedding = 3 + 6 * self.frequencies;
+        let Workspace { values, by } = workspace;
+        values.resize_with(self.layers.len() + 1, Vec::new);
+        by.resize_with(self.layers.len() + 1, Vec::new);
+        for (values, width) in values.iter_mut().zip(self.each_width()) {
+            values.resize(width, 0.0);
+        }
+        let skip = accumulated.len() - (values[0].len() - embedding);
+        self.embed(direction, |i, value| values[0][i] = value as f32);
+        values[0][embedding..].copy_from_slice(&accumulated[skip..]);
         for (number, layer) in self.layers.iter().enumerate() {
             let is_last = number + 1 == self.layers.len();
-            let input = &values[number];
-            let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
-            let output = rows.map(|(weights, bias)| {
-                let sum = bias + dot(weights, input);
-                if is_last { lanes::sigmoid(sum) } else { sum.max(0.0) }
-            });
-            let output = output.collect();
-            values.push(output);
+            let (before, after) = values.split_at_mut(number + 1);
+            apply(layer, &before[number], is_last, &mut after[0]);
         }
         let color = &values[self.layers.len()];
         let errors = error([color[0], color[1], color[2]]);
         let slope = |(error, color): (&f32, &f32)| error * color * (1.0 - color);
-        let mut by: Vec<f32> = errors.iter().zip(color).map(slope).collect();
+        by[self.layers.len()].clear();
+        by[self.layers.len()].extend(errors.iter().zip(color).map(slope));
         for (number, layer) in self.layers.iter().enumerate().rev() {
-            let mut by_input = vec![0.0; layer.inputs];
-            for (weights, by) in layer.weights.chunks_exact(layer.inputs).zip(&by) {
-                by_input.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * by);
-            }
+            let (before, after) = by.split_at_mut(number + 1);
+            let by_input = &mut before[number];
+            by_input.clear();
+            by_input.resize(layer.inputs, 0.0);
+            apply_transposed(layer, &after[0], by_input);
             // If a relu lets nothing through, the layers before it have no effect.
             if number > 0 {
                 let closed = by_input.iter_mut().zip(&values[number]).filter(|(_, v)| **v <= 0.0);
                 closed.for_each(|(by, _)| *by = 0.0);
             }
-            by = by_input;
         }
-        let embedding = 3 + 6 * self.frequencies;
-        let skip = accumulated.len() - (by.len() - embedding);
-        (errors, [vec![0.0; skip], by.split_off(embedding)].concat())
+        by_accumulated[..skip].fill(0.0);
+        by_accumulated[skip..].copy_from_slice(&by[0][embedding..]);
+        errors
     }
 
     /// The embedding of a direction, by its numbers in the first layer's input.
@@ -242,5 +275,51 @@ impl Layer {
             }
         })
         .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The network's derivatives against differences of its own colours.
+    #[test]
+    fn the_network_is_differentiated() {
+        let wave = |at: usize, by: f32| 0.6 * libm::sinf(at as f32 * by);
+        let layer = |inputs: usize, outputs: usize| {
+            let weights = (0..inputs * outputs).map(|at| wave(at, 1.7)).collect();
+            Layer { inputs, outputs, weights, bias: (0..outputs).map(|at| wave(at, 2.3)).collect() }
+        };
+        for rest in [4, 7] {
+            let layers = vec![layer(27 + rest, 16), layer(16, 16), layer(16, 3)];
+            let network = ViewMlp::new(layers, 4, 4, &Place::File).expect("a network");
+            let (direction, target) = ([0.48, -0.6, 0.64], [0.2f32, 0.9, 0.4]);
+            let accumulated: Vec<f32> = (0..7).map(|i| 0.1 + 0.11 * i as f32).collect();
+            let color = |accumulated: &[f32]| network.colors(&[direction], &[accumulated])[0];
+            let half_square = |accumulated: &[f32]| -> f64 {
+                let errors = color(accumulated).into_iter().zip(target);
+                errors.map(|(got, want)| 0.5 * f64::from(got - want).powi(2)).sum()
+            };
+            let error = |got: [f32; 3]| [0, 1, 2].map(|c| got[c] - target[c]);
+            let mut workspace = Workspace::default();
+            // What a call leaves in its memory is nothing to the next one.
+            for _ in 0..2 {
+                let mut by = [9.0; 7];
+                let errors =
+                    network.differentiate(direction, &accumulated, error, &mut by, &mut workspace);
+                let want = error(color(&accumulated));
+                assert!((0..3).all(|c| (errors[c] - want[c]).abs() < 1e-6), "{errors:?} {want:?}");
+                for (channel, by) in by.iter().enumerate() {
+                    let moved = |by: f32| {
+                        let mut moved = accumulated.clone();
+                        moved[channel] += by;
+                        half_square(&moved)
+                    };
+                    let slope = (moved(1e-2) - moved(-1e-2)) / 2e-2;
+                    let off = (slope - f64::from(*by)).abs();
+                    assert!(off < 2e-4, "channel {channel}: {by} for {slope}");
+                }
+            }
+        }
     }
 }

@@ -13,8 +13,8 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.04, 0.2, 0.35, 0.9, 1.9, 3.4];
 /// A step of a knot's level.
 const STEP: f32 = 0.06;
-/// Gain of a step, at least, in dB: a rule that looks better on validation's rays by less may look worse
-/// on others.
+/// Gain of a step, at least, in dB: a rule that looks better on validation's rays by less may look
+/// worse on others.
 const LEAST_GAIN: f64 = 0.02;
 /// Loss of a scale by a step, at most, in dB: far scales must not gain at the cost of near ones.
 const MOST_LOSS: f64 = 0.02;

@@ -44,7 +44,7 @@ fn field(is_linear: bool) -> RadianceField {
 #[test]
 fn derivatives_are_differences_of_pictures_at_every_level() {
     // Steps of fits take every second sample of their rays at first.
-    for (is_linear, halved) in [(false, false), (true, false), (false, true)] {
+    for (is_linear, every) in [(false, 1), (true, 1), (false, 2)] {
         let filter = SharedFilter::from(Filter::Fit);
         let line = filter.rule(FootprintNeighbour::SameDistance);
         let bends = Bends::new(&[[0.0, 0.2], [1.0, 0.3]]).expect("a rule");
@@ -56,11 +56,11 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
         let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
         let (view, values) = rendered.into_parts().expect("values");
-        with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures"), halved));
+        with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures"), every));
     }
 }
 
-fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, halved: bool) {
+fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, every: u32) {
     let Stored::Dense(mut field) = stored else { panic!("a trained field is dense") };
     let sizes = level_sizes(Nodes(NODES), LEVELS);
     let adam = |(level, &nodes): (usize, &Nodes)| {
@@ -73,13 +73,13 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, halv
     let of_scale = |scale: usize| (0..RAYS).map(move |number| (scale, number));
     let all: Vec<_> = (0..targets.scales).flat_map(of_scale).collect();
     let mut gradient = Gradient::new(&counts);
-    let rays = Rays { view, field: &field, finest: &finest, targets, numbers: &numbers, halved };
+    let rays = Rays { view, field: &field, finest: &finest, targets, numbers: &numbers, every };
     for &(scale, number) in &all {
         rays.differentiate(scale, number, Windows::Part(0, 1), 1.0, &mut gradient);
     }
     let mut unused = Gradient::new(&[]);
     let mut loss = |field: &Dense<C>| -> f64 {
-        let rays = Rays { view, field, finest: &finest, targets, numbers: &numbers, halved };
+        let rays = Rays { view, field, finest: &finest, targets, numbers: &numbers, every };
         let square = |&(scale, number): &(usize, usize)| {
             0.5 * f64::from(rays.square(scale, number, Windows::Part(0, 1), &mut unused))
         };

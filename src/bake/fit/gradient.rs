@@ -44,7 +44,7 @@ impl<const C: usize> Gradient<C> {
     /// Zeros for this many nodes of each level.
     pub fn new(nodes: &[usize]) -> Self {
         let levels = nodes.iter().map(|&nodes| vec![Sums::ZERO; nodes]).collect();
-        Self { levels, samples: Samples { list: Vec::new(), colors: Vec::new() } }
+        Self { levels, samples: Samples::default() }
     }
 }
 

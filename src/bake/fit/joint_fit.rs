@@ -192,8 +192,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let scales = self.context.targets.scales;
         let whole: f64 = (0..scales).map(|scale| THINNING.powi(scale as i32)).sum();
         let numbers: Vec<&[u32]> = self.adams.iter().map(Adam::numbers).collect();
-        let halved = f64::from(done) < HALVED;
-        let rays = Rays { halved, ..self.rays(&numbers) };
+        let every = if f64::from(done) < HALVED { 2 } else { 1 };
+        let rays = Rays { every, ..self.rays(&numbers) };
         parallel::map_mut(gradients, |part, gradient| {
             for (scale, psnr) in psnr.iter().enumerate() {
                 let share = BATCH as f64 * THINNING.powi(scale as i32) / whole;
@@ -239,7 +239,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
 
     fn rays<'b>(&'b self, numbers: &'b [&'b [u32]]) -> Rays<'b, C> {
         let Self { context, view, field, finest, .. } = self;
-        Rays { view, field, finest, targets: context.targets, numbers, halved: false }
+        Rays { view, field, finest, targets: context.targets, numbers, every: 1 }
     }
 
     /// PSNR of each scale under a rule, in dB, of `count` rays each, a multiple of 8.

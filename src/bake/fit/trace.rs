@@ -11,6 +11,7 @@ use crate::model::activate::lanes;
 use crate::model::camera::Ray;
 use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::model::view_dependence::ViewDependence;
+use crate::model::view_mlp::Workspace;
 use crate::view::render::{ColorRule, Path, Route, View};
 use crate::view::sample::{Cell, Dense, Sample};
 
@@ -31,8 +32,8 @@ pub struct Rays<'a, const C: usize> {
     pub targets: &'a Targets,
     /// From level 1 on, the number of each node among those that are fitted.
     pub numbers: &'a [&'a [u32]],
-    /// Takes every second sample, for the intervals of two.
-    pub halved: bool,
+    /// One of so many samples is taken, for the intervals of all.
+    pub every: u32,
 }
 
 /// A sample's part of one level.
@@ -72,6 +73,8 @@ pub struct SampledColors<const C: usize> {
 pub struct Samples<const C: usize> {
     pub list: Vec<Sampled>,
     pub colors: Vec<SampledColors<C>>,
+    /// Memory of the view network.
+    network: Workspace,
 }
 
 /// A ray's squared error and what it follows from.
@@ -131,15 +134,10 @@ impl<'a, const C: usize> Rays<'a, C> {
         let mut sums = Sums { depth: 0.0, left: 1.0, color: [0.0; C] };
         let (k, lambda, intervals) = ([0.0; PACKET], [0.0; PACKET], [0.0; PACKET]);
         let mut packet = Packet { count: 0, k, lambda, intervals };
-        let each = if self.halved { 2.0 } else { 1.0 };
-        let mut passes = self.halved && starts_later(ray);
-        route.walk(self.view, self.field.skip(), |k, lambda, intervals| {
-            passes = self.halved && !passes;
-            if passes {
-                return true;
-            }
+        let taken = [as_good_as_random(ray) % self.every, self.every].map(f64::from);
+        route.walk(self.view, self.field.skip(), taken, |k, lambda, intervals| {
             let at = packet.count;
-            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, each * intervals);
+            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
             packet.count += 1;
             if packet.count == PACKET {
                 composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
@@ -149,7 +147,8 @@ impl<'a, const C: usize> Rays<'a, C> {
         composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
         let left = sums.left;
         rule.finish(&mut sums.color);
-        let mut traced = self.by_accumulated(rule, unit, &sums.color, left, *color);
+        let network = &mut samples.network;
+        let mut traced = self.by_accumulated(rule, unit, (&sums.color, left), *color, network);
         rule.by_sums(&sums.color, &mut traced.by_color);
         Some(traced)
     }
@@ -283,9 +282,9 @@ impl<'a, const C: usize> Rays<'a, C> {
         &self,
         rule: ColorRule<'a>,
         unit: [f64; 3],
-        accumulated: &[f32; C],
-        left: f32,
+        (accumulated, left): (&[f32; C], f32),
         target: [f32; 3],
+        workspace: &mut Workspace,
     ) -> Traced<'a, C> {
         let background = self.view.background;
         let channels = 3 + self.view.features;
@@ -296,10 +295,8 @@ impl<'a, const C: usize> Rays<'a, C> {
         };
         let errors = match network {
             Some(network) => {
-                let (sample, by_input) =
-                    network.differentiate(unit, &accumulated[..channels], error);
-                by_color[..channels].copy_from_slice(&by_input);
-                sample
+                let by_color = &mut by_color[..channels];
+                network.differentiate(unit, &accumulated[..channels], error, by_color, workspace)
             }
             None => error([0.0; 3]),
         };
@@ -312,7 +309,7 @@ impl<'a, const C: usize> Rays<'a, C> {
     }
 }
 
-/// True for half of all rays, by a bit of the direction that is as good as random.
-fn starts_later(ray: &Ray) -> bool {
-    (ray.direction.x.to_bits() ^ ray.direction.y.to_bits()) >> 8 & 1 == 1
+/// Bits of the direction that are as good as random.
+fn as_good_as_random(ray: &Ray) -> u32 {
+    (ray.direction.x.to_bits() ^ ray.direction.y.to_bits()) as u32 >> 8
 }

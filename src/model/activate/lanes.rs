@@ -2,9 +2,13 @@
 //! them become vector instructions. The same values for any lane count and CPU.
 //!
 //! Errors against the float64 functions of [`crate::model::activate`], over all finite inputs, are
-//! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35), 4e-7 relative for
+//! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35) and [`exp2`], 4e-7 relative for
 //! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`];
 //! 3e-7 absolute and a rounding of the result for [`log2`].
+
+/// Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
+/// bits: a conversion would saturate, which compilers do one lane at a time.
+const ROUNDER: f32 = 12_582_912.0;
 
 /// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, leads to
 /// no subnormal numbers, which processors are slow with.
@@ -15,20 +19,31 @@
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-80.0, 88.0);
-    // Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the
-    // lowest bits: a conversion would saturate, which compilers do one lane at a time.
-    const ROUNDER: f32 = 12_582_912.0;
     let rounded = x * std::f32::consts::LOG2_E + ROUNDER;
     let n = rounded - ROUNDER;
     // ln 2 in two parts, the first exact in products with small integers.
     let r = (x - n * 0.693_359_4) + n * 2.121_944_4e-4;
+    near_0(r) * f32::from_bits(rounded.to_bits().wrapping_add(127) << 23)
+}
+
+/// `2^x` for x in -120 to 127; beyond, the value at the end. Exact of whole numbers. As [`exp`],
+/// with `x = n + r / ln 2`.
+#[inline(always)]
+pub fn exp2(x: f32) -> f32 {
+    let rounded = x.clamp(-120.0, 127.0) + ROUNDER;
+    let r = (x.clamp(-120.0, 127.0) - (rounded - ROUNDER)) * std::f32::consts::LN_2;
+    near_0(r) * f32::from_bits(rounded.to_bits().wrapping_add(127) << 23)
+}
+
+/// `exp(r)` for r within half of ln 2.
+#[inline(always)]
+fn near_0(r: f32) -> f32 {
     let p = 1.0 / 720.0;
     let p = p * r + 1.0 / 120.0;
     let p = p * r + 1.0 / 24.0;
     let p = p * r + 1.0 / 6.0;
     let p = p * r + 0.5;
-    let p = (p * r) * r + r + 1.0;
-    p * f32::from_bits(rounded.to_bits().wrapping_add(127) << 23)
+    (p * r) * r + r + 1.0
 }
 
 /// `ln(1 + exp(x))`: `max(x, 0) + 2 atanh(y / (2 + y))` with `y = exp(-|x|)`, the series to z^13.
@@ -117,6 +132,16 @@ mod tests {
             assert!(error <= 3e-7, "{x}: {error}");
         }
         assert!(exp(-1e30) < 2e-35 && exp(1e30) > 1e38);
+    }
+
+    #[test]
+    fn powers_of_2_keep_their_bound() {
+        for x in inputs().filter(|x| x.abs() < 120.0) {
+            let error = relative(exp2(x), f64::from(x).exp2());
+            assert!(error <= 3e-7, "{x}: {error}");
+        }
+        let whole = [-3.0, 0.0, 1.0, 6.0].map(exp2);
+        assert_eq!(whole, [0.125, 1.0, 2.0, 64.0]);
     }
 
     #[test]

@@ -24,7 +24,7 @@ use glam::DVec3;
 use super::march::OPAQUE_DEPTH;
 use super::packet::optical_depth;
 use super::renderer::{Renderer, with_values};
-use super::route::Route;
+use super::route::{EVERY_SAMPLE, Route};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
@@ -205,7 +205,7 @@ fn follow<const C: usize>(
         let Some(route) = Route::new(view, field.levels(), &ray, None, Some(0)) else { continue };
         let mut depth = 0.0f64;
         samples.clear();
-        route.walk(view, field.skip(), |k, _, intervals| {
+        route.walk(view, field.skip(), EVERY_SAMPLE, |k, _, intervals| {
             let position = route.path.position(k);
             let Some(cell) = field.locate(0, position) else { return true };
             let depth_of_interval =

@@ -12,9 +12,9 @@ use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 /// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
-    /// Offset to the ray aside along x and y: at index 0, and for each step; voxels for a whole
-    /// pixel.
-    sides: [[[f64; 3]; 2]; 2],
+    /// `rho^2` of the rays aside along x and y: its parts that are constant, linear and square in
+    /// the index.
+    squares: [[f64; 3]; 2],
     rule: LevelOfDetail,
     finest: f32,
     last: f32,
@@ -26,7 +26,9 @@ impl Footprint {
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
-        Self { sides, rule: *rule, finest, last }
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let squares = sides.map(|[at, by]| [dot(at, at), 2.0 * dot(at, by), dot(by, by)]);
+        Self { squares, rule: *rule, finest, last }
     }
 
     /// A level that does not depend on the footprint.
@@ -39,18 +41,21 @@ impl Footprint {
             bound: None,
             bends: Bends::default(),
         };
-        Self { sides: [[[0.0; 3]; 2]; 2], rule, finest: only, last: only }
+        Self { squares: [[0.0; 3]; 2], rule, finest: only, last: only }
     }
 
     /// The fractional level of sample `k`.
     #[inline(always)]
     pub fn lambda(&self, k: f64) -> f32 {
-        let square = |[start, step]: &[[f64; 3]; 2]| {
-            let along = |axis: usize| start[axis] + k * step[axis];
-            let (x, y, z) = (along(0), along(1), along(2));
-            x * x + y * y + z * z
-        };
-        self.level(f64::max(square(&self.sides[0]), square(&self.sides[1])))
+        self.level(self.square(k, 0).max(self.square(k, 1)))
+    }
+
+    /// `rho^2` of one side at index `k`. Next to its least value rounding may leave less than
+    /// nothing.
+    #[inline(always)]
+    fn square(&self, k: f64, side: usize) -> f64 {
+        let [constant, linear, square] = self.squares[side];
+        (constant + k * (linear + k * square)).max(0.0)
     }
 
     /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
@@ -60,12 +65,10 @@ impl Footprint {
         }
         // Each side's square is convex: largest at an end, least at its vertex.
         let highest = self.lambda(first).max(self.lambda(last));
-        let least = self.sides.map(|[start, step]| {
-            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            let vertex = -dot(start, step) / dot(step, step).max(f64::MIN_POSITIVE);
-            let k = vertex.clamp(first, last);
-            let offset = [0, 1, 2].map(|axis| start[axis] + k * step[axis]);
-            dot(offset, offset)
+        let least = [0, 1].map(|side| {
+            let [_, linear, square] = self.squares[side];
+            let vertex = -0.5 * linear / square.max(f64::MIN_POSITIVE);
+            self.square(vertex.clamp(first, last), side)
         });
         [self.level(f64::max(least[0], least[1])).min(highest), highest]
     }

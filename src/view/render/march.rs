@@ -2,7 +2,7 @@
 
 use super::color_rule::ColorRule;
 use super::packet::{Packet, Sums};
-use super::route::Route;
+use super::route::{EVERY_SAMPLE, Route};
 use super::view::View;
 use crate::model::activate::lanes;
 use crate::model::camera::Ray;
@@ -47,7 +47,7 @@ pub fn march<const C: usize>(
     let path = &route.path;
     let steps = (path.last - path.first) as u32 + 1;
     let mut packet = Packet::empty();
-    route.walk(view, field.skip(), |k, lambda, interval| {
+    route.walk(view, field.skip(), EVERY_SAMPLE, |k, lambda, interval| {
         let level = lambda as usize;
         if packet.refuses(level) {
             packet.shade(view, field, path, &rule, &mut sums);

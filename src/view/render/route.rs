@@ -3,9 +3,13 @@
 use super::footprint::Footprint;
 use super::path::Path;
 use super::view::View;
+use crate::model::activate::lanes;
 use crate::model::baked::StepRule;
 use crate::model::camera::Ray;
 use crate::view::sample::{Macro, SkipGrid};
+
+/// A walk to all samples.
+pub const EVERY_SAMPLE: [f64; 2] = [0.0, 1.0];
 
 /// A ray's samples and their levels of detail.
 #[derive(Debug, Clone, Copy)]
@@ -41,9 +45,16 @@ impl Route {
     }
 
     /// Visits samples front to back with their number, level of detail and the intervals that each
-    /// stands for, until a visit says no.
+    /// stands for, until a visit says no. `[from, every]` leaves out so many samples at the entry,
+    /// and takes one of so many.
     #[inline(always)]
-    pub fn walk(&self, view: &View, skip: &SkipGrid, mut visit: impl FnMut(f64, f32, f32) -> bool) {
+    pub fn walk(
+        &self,
+        view: &View,
+        skip: &SkipGrid,
+        [from, every]: [f64; 2],
+        mut visit: impl FnMut(f64, f32, f32) -> bool,
+    ) {
         let Self { path, footprint, range: [lowest, highest] } = self;
         // Samples between two levels read both.
         let levels = [*lowest as usize, highest.ceil() as usize];
@@ -51,23 +62,24 @@ impl Route {
         // Steps from one sample to the next, where they do not depend on the sample.
         let steps = match view.step_rule {
             StepRule::Constant => Some(1.0),
-            StepRule::LevelOfDetail => constant.then(|| libm::exp2f(*lowest)),
+            StepRule::LevelOfDetail => constant.then(|| lanes::exp2(*lowest)),
         };
-        let mut k = path.first;
+        let faces = skip.faces(path.start, path.step);
+        let mut k = path.first + from;
         while k <= path.last {
             let place = skip.place(path.position(k));
             let state = skip.state(levels, place);
             let distance = if let Macro::Empty(distance) = state { distance } else { 1 };
-            let leaves = skip.leaves(place, distance, path.start, path.step);
+            let leaves = faces.leaves(place, distance);
             if let (Macro::Empty(_), Some(steps)) = (state, steps) {
                 // The first sample that has left; never the same again, however that is rounded.
-                let steps = f64::from(steps);
+                let steps = f64::from(steps) * every;
                 k += ((leaves.min(path.last + 1.0) - k) / steps).ceil().max(1.0) * steps;
                 continue;
             }
             loop {
                 let lambda = if constant { *lowest } else { footprint.lambda(k) };
-                let steps = steps.unwrap_or_else(|| libm::exp2f(lambda));
+                let steps = every as f32 * steps.unwrap_or_else(|| lanes::exp2(lambda));
                 let counts = match state {
                     Macro::Empty(_) => false,
                     Macro::Open => true,

@@ -147,29 +147,38 @@ impl SkipGrid {
         }
     }
 
-    /// The least `k` at which the ray `start + k * step`, in positions `0..=1`, has left a macro
-    /// cell and all those less than `distance` away: it lies on a face that it moves towards.
-    /// Infinity where it does not move.
-    #[inline(always)]
-    pub fn leaves(
-        &self,
-        place: [usize; 3],
-        distance: usize,
-        start: [f64; 3],
-        step: [f64; 3],
-    ) -> f64 {
-        let mut least = f64::INFINITY;
-        for axis in 0..3 {
+    /// The faces that the ray `start + k * step`, in positions `0..=1`, meets.
+    pub fn faces(&self, start: [f64; 3], step: [f64; 3]) -> Faces {
+        let along = |axis: usize| {
+            // Never left along an axis that the ray does not move along.
             if step[axis] == 0.0 {
-                continue;
+                return [0.0, f64::INFINITY];
             }
-            let face = match step[axis] > 0.0 {
-                true => (place[axis] + distance) as f64,
-                false => place[axis] as f64 - (distance - 1) as f64,
-            };
-            least = least.min((face / self.scale[axis] - start[axis]) / step[axis]);
-        }
-        least
+            let cell = 1.0 / (self.scale[axis] * step[axis]);
+            let ahead = if cell < 0.0 { cell } else { 0.0 };
+            [cell, ahead - start[axis] / step[axis]]
+        };
+        Faces([0, 1, 2].map(along))
+    }
+}
+
+/// Where a ray crosses the faces of macro cells: along each axis, the index's growth from one face
+/// to the next along the axis, and the index at which the ray leaves the first macro cell, less its
+/// length in indices.
+#[derive(Debug, Clone, Copy)]
+pub struct Faces([[f64; 2]; 3]);
+
+impl Faces {
+    /// The least index at which the ray has left a macro cell and all those less than `distance`
+    /// away: it lies on a face that it moves towards. Infinity where it does not move.
+    #[inline(always)]
+    pub fn leaves(&self, place: [usize; 3], distance: usize) -> f64 {
+        let distance = distance as f64;
+        let along = |axis: usize| {
+            let [cell, first] = self.0[axis];
+            place[axis] as f64 * cell + distance * cell.abs() + first
+        };
+        along(0).min(along(1)).min(along(2))
     }
 }
 
