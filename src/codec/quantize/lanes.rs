@@ -10,6 +10,9 @@ use super::code_word::Code;
 
 /// Nodes of a tile.
 const TILE: usize = 8;
+/// Tiles that are written to a row at once: whole cache lines. Rows are often a power of two apart,
+/// and then lines of different rows drive each other out of a cache.
+const TILES: usize = 8;
 
 /// Rows of `nodes` numbers to lanes; there are at most `L`, and lanes without a row stay.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
@@ -42,21 +45,23 @@ pub fn gather<T: Code, const L: usize>(
     stride: usize,
     nodes: usize,
 ) {
-    let mut tile = [[T::default(); TILE]; L];
-    for (i, lanes) in lanes.chunks(TILE).enumerate() {
-        match lanes.as_chunks::<TILE>() {
-            ([lanes], _) => to_rows(lanes, &mut tile),
-            (_, lanes) => {
-                let mut whole = [[T::default(); L]; TILE];
-                whole[..lanes.len()].copy_from_slice(lanes);
-                to_rows(&whole, &mut tile);
+    let mut tiles = [[[T::default(); TILE]; TILES]; L];
+    for (i, lanes) in lanes.chunks(TILES * TILE).enumerate() {
+        for (at, lanes) in lanes.chunks(TILE).enumerate() {
+            match lanes.as_chunks::<TILE>() {
+                ([lanes], _) => to_rows(lanes, &mut tiles, at),
+                (_, lanes) => {
+                    let mut whole = [[T::default(); L]; TILE];
+                    whole[..lanes.len()].copy_from_slice(lanes);
+                    to_rows(&whole, &mut tiles, at);
+                }
             }
         }
-        for (tile, row) in tile.iter().zip(rows.chunks_mut(stride)) {
-            let row = &mut row[i * TILE..nodes];
-            match row.first_chunk_mut() {
-                Some(whole) => *whole = *tile,
-                None => row.copy_from_slice(&tile[..row.len()]),
+        for (tiles, row) in tiles.iter().zip(rows.chunks_mut(stride)) {
+            let row = &mut row[i * TILES * TILE..nodes];
+            match row.first_chunk_mut::<{ TILES * TILE }>() {
+                Some(whole) => whole.copy_from_slice(tiles.as_flattened()),
+                None => row.copy_from_slice(&tiles.as_flattened()[..row.len()]),
             }
         }
     }
@@ -72,10 +77,14 @@ fn to_lanes<T: Code, const L: usize>(rows: &[[T; TILE]; L], lanes: &mut [[T; L];
 }
 
 #[inline(always)]
-fn to_rows<T: Code, const L: usize>(lanes: &[[T; L]; TILE], rows: &mut [[T; TILE]; L]) {
+fn to_rows<T: Code, const L: usize>(
+    lanes: &[[T; L]; TILE],
+    rows: &mut [[[T; TILE]; TILES]; L],
+    at: usize,
+) {
     for lane in 0..L {
         for node in 0..TILE {
-            rows[lane][node] = lanes[node][lane];
+            rows[lane][at][node] = lanes[node][lane];
         }
     }
 }
@@ -86,7 +95,7 @@ mod tests {
 
     #[test]
     fn lanes_are_rows_turned() {
-        for (nodes, rows) in [(1, 1), (7, 4), (8, 3), (27, 4), (64, 2)] {
+        for (nodes, rows) in [(1, 1), (7, 4), (8, 3), (27, 4), (64, 2), (131, 3), (512, 4)] {
             let numbers: Vec<u16> = (0..nodes * rows).map(|i| i as u16).collect();
             let mut lanes = vec![[u16::MAX; 4]; nodes];
             spread(&numbers, nodes, &mut lanes);
