@@ -65,7 +65,7 @@ impl Painted {
         self.around(middle, radius + 1.0, |off| {
             let along = dot(off, normal);
             let across = (dot(off, off) - along * along).max(0.0).sqrt();
-            (across <= radius).then(|| (OPAQUE * (1.2 - along.abs()), color))
+            (across <= radius).then_some((OPAQUE * (1.2 - along.abs()), color))
         });
     }
 
@@ -77,7 +77,7 @@ impl Painted {
         self.around(middle, 45.0, |off| {
             let along = dot(off, way);
             let across = (dot(off, off) - along * along).max(0.0).sqrt();
-            (across < 1.5).then(|| (OPAQUE * (1.1 - across), color))
+            (across < 1.5).then_some((OPAQUE * (1.1 - across), color))
         });
     }
 
