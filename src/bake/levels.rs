@@ -85,7 +85,7 @@ impl LevelSource for FilteredLevels<'_> {
             pipelined: self.pipelined,
         };
         match self.fitted {
-            Some(fitted) => pyramid.run(&FittedSink { fitted, sink }, step, progress)?,
+            Some(fitted) => pyramid.run(&FittedSink { fitted, sink, channels }, step, progress)?,
             None => pyramid.run(sink, step, progress)?,
         }
         drop(pyramid);
@@ -128,12 +128,23 @@ impl LevelSource for FilteredLevels<'_> {
 struct FittedSink<'a> {
     fitted: &'a Fitted,
     sink: &'a dyn PlaneSink,
+    /// Channels of the filter's levels.
+    channels: usize,
 }
 
 impl PlaneSink for FittedSink<'_> {
     fn plane(&self, plane: Plane) -> Result<()> {
-        self.fitted.replace(plane.level, plane.x, plane.channel, plane.values);
-        self.sink.plane(plane)
+        let Plane { level, x, channel, .. } = plane;
+        let (nodes, first) = (plane.values.len(), self.channels);
+        self.fitted.replace(level, x, channel, plane.values);
+        self.sink.plane(plane)?;
+        // No filter makes directional brightness: it comes after the density of its plane.
+        let directional = self.fitted.directional(level).filter(|_| channel == 0);
+        for (number, values) in directional.unwrap_or_default().iter().enumerate() {
+            let values = &mut values[x * nodes..][..nodes].to_vec();
+            self.sink.plane(Plane { level, x, channel: first + number, values })?;
+        }
+        Ok(())
     }
 
     fn slab(&self, level: usize, planes: std::ops::Range<usize>) -> Result<()> {

@@ -1,8 +1,10 @@
 //! Tables of blocks and metadata, as they follow from options and visible nodes.
 
 use super::BakeOptions;
+use super::fit::Fitted;
 use crate::base::error::Result;
-use crate::codec::quantize::planned_encoding;
+
+use crate::codec::quantize::{ValueRange, encoding_over, planned_encoding};
 use crate::levels::Visible;
 use crate::model::baked::{
     ColorLayout, ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
@@ -21,6 +23,18 @@ pub fn tables(visible: &Visible, edge: usize) -> Result<Vec<Table>> {
     visible.levels.iter().map(|level| table(&level.retained)).collect()
 }
 
+/// Gives the coarser levels encodings of the directional brightness that was fitted.
+pub fn add_directional(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitted) {
+    let activation = metadata.activation;
+    for (number, level) in metadata.levels.iter_mut().enumerate() {
+        level.directional = fitted.directional(number).map(|channels| {
+            let mut range = ValueRange::new(Decode::Directional, &activation);
+            channels.iter().for_each(|values| range.take(values));
+            encoding_over(options.bits, Decode::Directional, &activation, &range)
+        });
+    }
+}
+
 /// The metadata of a bake, with the encodings that `options.bits` gives.
 pub fn metadata(
     field: &RadianceField,
@@ -31,8 +45,10 @@ pub fn metadata(
     let scene = &field.scene;
     let features = field.color_channels() - 3;
     let layout = match field.harmonics() {
-        Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree },
-        None => ColorLayout { features, degree: 0 },
+        Some(harmonics) => {
+            ColorLayout { features: 0, degree: harmonics.degree, directional: false }
+        }
+        None => ColorLayout { features, degree: 0, directional: false },
     };
     let filter = &*options.filter;
     let planned = |decode| planned_encoding(options.bits, decode, &scene.activation);
@@ -53,6 +69,7 @@ pub fn metadata(
         diffuse: Some(color.clone()),
         features: (layout.features > 0).then(|| color.clone()),
         bands: bands.clone(),
+        directional: None,
     };
     Metadata {
         bounds: scene.bounds,

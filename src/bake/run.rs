@@ -21,7 +21,7 @@ use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
 use crate::levels::Visible;
 use crate::model::baked::Metadata;
-use crate::model::field::{NonfiniteCount, RadianceField};
+use crate::model::field::{ColorDomain, NonfiniteCount, RadianceField};
 use crate::view::render::TrainedLevels;
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
@@ -61,6 +61,7 @@ pub fn bake(
     let mut metadata = plan::metadata(field, options, &visible, &tables);
     if let Some(fitted) = &fitted {
         metadata.level_of_detail = fitted.level_of_detail;
+        plan::add_directional(&mut metadata, options, fitted);
     }
     let source = FilteredLevels {
         planes: &planes,
@@ -209,6 +210,7 @@ fn fit_levels(
         filter: &*options.filter,
         count,
         level_of_detail: options.level_of_detail(),
+        directional: field.color_domain == ColorDomain::Logit && field.harmonics().is_none(),
     };
     let fit_options = FitOptions {
         steps: options.fit_steps,

@@ -4,6 +4,7 @@
 pub mod activate;
 pub mod baked;
 pub mod camera;
+pub mod directional;
 pub mod field;
 pub mod grid;
 pub mod harmonics;

@@ -8,8 +8,9 @@ use super::options::FitOptions;
 use super::target::Targets;
 use crate::base::progress::Progress;
 use crate::model::baked::LevelOfDetail;
+use crate::model::directional::DIRECTIONAL;
 use crate::model::grid::NodeMask;
-use crate::view::render::View;
+use crate::view::render::{View, brightness};
 use crate::view::sample::Dense;
 
 /// The course of one level's fit.
@@ -31,8 +32,10 @@ pub struct FittedLevel {
 /// Fitted levels.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// From level 1 on, `[channel][node]`, density first.
+    /// From level 1 on, `[channel][node]`, density first, directional brightness last if it is
+    /// there.
     values: Vec<Vec<Vec<f32>>>,
+    has_directional: bool,
     /// The rule under which the levels look best.
     pub level_of_detail: LevelOfDetail,
     /// The fit of each level, from level 1 on.
@@ -44,7 +47,13 @@ pub struct Fitted {
 impl Fitted {
     /// Without levels.
     pub(super) fn none(level_of_detail: LevelOfDetail) -> Self {
-        Self { values: Vec::new(), level_of_detail, levels: Vec::new(), cut_short: false }
+        Self {
+            values: Vec::new(),
+            has_directional: false,
+            level_of_detail,
+            levels: Vec::new(),
+            cut_short: false,
+        }
     }
 
     /// The coarser levels of `field` as they are.
@@ -55,8 +64,24 @@ impl Fitted {
         levels: Vec<FittedLevel>,
         cut_short: bool,
     ) -> Self {
-        let values = (1..=levels.len()).map(|level| channels(view, field, level)).collect();
-        Self { values, level_of_detail, levels, cut_short }
+        // A fit that is not kept leaves it as it was.
+        let brightens = |level: &FittedLevel| {
+            let (_, color) = field.values(level.level);
+            view.directional && color.iter().any(|color| brightness(color) != [0.0; DIRECTIONAL])
+        };
+        let has_directional = levels.iter().any(brightens);
+        let lanes: Vec<usize> = match has_directional {
+            true => (0..3 + view.features).chain(C - DIRECTIONAL..C).collect(),
+            false => (0..3 + view.features).collect(),
+        };
+        let values = (1..=levels.len()).map(|level| channels(field, level, &lanes)).collect();
+        Self { values, has_directional, level_of_detail, levels, cut_short }
+    }
+
+    /// The channels of directional brightness of `level`; none where it has no such values.
+    pub fn directional(&self, level: usize) -> Option<&[Vec<f32>]> {
+        let channels = self.values.get(level.checked_sub(1)?)?;
+        self.has_directional.then(|| &channels[channels.len() - DIRECTIONAL..])
     }
 
     /// Puts fitted values in the place of plane `x` of a channel of `level`.
@@ -83,9 +108,9 @@ pub fn psnr(mean_square: f64) -> f64 {
     -10.0 * libm::log10(mean_square.max(1e-12))
 }
 
-/// A level's values by channel, density first.
-fn channels<const C: usize>(view: &View, field: &Dense<C>, level: usize) -> Vec<Vec<f32>> {
+/// A level's values by channel: density, and those lanes of colour.
+fn channels<const C: usize>(field: &Dense<C>, level: usize, lanes: &[usize]) -> Vec<Vec<f32>> {
     let (density, color) = field.values(level);
-    let lane = |lane: usize| color.iter().map(|color| color[lane]).collect();
-    [density.to_vec()].into_iter().chain((0..3 + view.features).map(lane)).collect()
+    let lane = |&lane: &usize| color.iter().map(|color| color[lane]).collect();
+    [density.to_vec()].into_iter().chain(lanes.iter().map(lane)).collect()
 }

@@ -11,6 +11,7 @@ use crate::base::progress::Silent;
 use crate::levels::sizes::level_sizes;
 use crate::levels::{Filter, SharedFilter};
 use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
 use crate::model::grid::{NodeMask, Nodes};
 use crate::view::render::{Renderer, TrainedLevels, View, with_lanes};
@@ -49,7 +50,9 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let line = filter.rule(FootprintNeighbour::SameDistance);
         let bends = Bends::new(&[[0.0, 0.2], [1.0, 0.3]]).expect("a rule");
         let level_of_detail = LevelOfDetail { factor: 0.6, bias: 0.4, bends, ..line };
-        let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };
+        let directional = !is_linear;
+        let levels =
+            TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail, directional };
         let limits = Limits::default();
         let rendered = Renderer::trained(&field(is_linear), Some(levels), &limits);
         let rendered = rendered.expect("a field");
@@ -68,6 +71,12 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     };
     let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
     let finest = Finest::taken_from(&mut field);
+    for level in (1..LEVELS).filter(|_| view.directional) {
+        for (node, color) in field.values_mut(level).1.iter_mut().enumerate() {
+            let brightness = color.iter_mut().skip(C - DIRECTIONAL).enumerate();
+            brightness.for_each(|(i, value)| *value = libm::sinf((5 * node + i) as f32 * 0.21));
+        }
+    }
     let numbers: Vec<&[u32]> = adams.iter().map(Adam::numbers).collect();
     let counts: Vec<usize> = adams.iter().map(Adam::nodes).collect();
     let of_scale = |scale: usize| (0..RAYS).map(move |number| (scale, number));
@@ -87,14 +96,15 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     };
     for level in 1..LEVELS {
         let (sums, count) = (&gradient.levels[level - 1], counts[level - 1]);
-        // Density, then the three colours.
-        for group in 0..4 {
+        let directional = if view.directional { C - DIRECTIONAL..C } else { C..C };
+        let lanes = (0..3).chain(directional).map(Some);
+        for group in [None].into_iter().chain(lanes) {
             let by = |node: usize| match group {
-                0 => f64::from(sums[node].density),
-                lane => f64::from(sums[node].color[lane - 1]),
+                None => f64::from(sums[node].density),
+                Some(lane) => f64::from(sums[node].color[lane]),
             };
             let largest = (0..count).map(|node| by(node).abs()).fold(0.0, f64::max);
-            assert!(largest > 0.01, "level {level}, group {group}: {largest}");
+            assert!(largest > 0.01, "level {level}, lane {group:?}: {largest}");
             for node in (0..count).step_by(count / LOOKED_AT) {
                 let mut moved = |to: f32| {
                     let before = *value(&mut field, level, group, node);
@@ -105,22 +115,23 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
                 };
                 let slope = (moved(STEP) - moved(-STEP)) / f64::from(2.0 * STEP);
                 let off = (slope - by(node)).abs();
-                let place = format!("level {level}, group {group}, node {node}");
+                let place = format!("level {level}, lane {group:?}, node {node}");
                 assert!(off < TOLERANCE * largest, "{place}: {} for {slope}", by(node));
             }
         }
     }
 }
 
+/// A node's value in a lane of colour, or its density.
 fn value<const C: usize>(
     field: &mut Dense<C>,
     level: usize,
-    group: usize,
+    lane: Option<usize>,
     node: usize,
 ) -> &mut f32 {
     let (density, color) = field.values_mut(level);
-    match group {
-        0 => &mut density[node],
-        lane => &mut color[node][lane - 1],
+    match lane {
+        None => &mut density[node],
+        Some(lane) => &mut color[node][lane],
     }
 }

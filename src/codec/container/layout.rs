@@ -17,8 +17,10 @@ pub const INHERITED_BLOCKS: u64 = 1;
 pub const LINEAR_VALUES: u64 = 2;
 /// Required feature: the rule of the level of detail bends. Since 1.2.
 pub const BENT_RULE: u64 = 4;
+/// Required feature: coarser levels have directional brightness. Since 1.2.
+pub const DIRECTIONAL: u64 = 8;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE;
+pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.
@@ -44,7 +46,7 @@ pub const PROVENANCE: ChunkKind = *b"prov";
 pub const TABLE: ChunkKind = *b"TABL";
 /// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
 pub const ATLASES: [ChunkKind; GROUPS] =
-    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC"];
+    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC", *b"DIRB"];
 
 /// The header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

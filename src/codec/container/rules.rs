@@ -1,8 +1,8 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, BENT_RULE, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header,
-    INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry, HEADER_BYTES,
+    Header, INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -28,7 +28,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
-        let expected = "bit 0 (inherited blocks), bit 1 (linear values) or none";
+        let expected = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional brightness)";
         let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
@@ -113,7 +113,12 @@ pub fn required_features(metadata: &Metadata) -> u64 {
         || metadata.march.voxel.is_some()
         || metadata.view.as_ref().and_then(ViewMetadata::harmonics).is_some();
     let bends = !metadata.level_of_detail.bends.is_empty();
-    let bits = [(inherits, INHERITED_BLOCKS), (linear, LINEAR_VALUES), (bends, BENT_RULE)];
+    let bits = [
+        (inherits, INHERITED_BLOCKS),
+        (linear, LINEAR_VALUES),
+        (bends, BENT_RULE),
+        (metadata.has_directional(), DIRECTIONAL),
+    ];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
 
@@ -300,6 +305,14 @@ fn level(
     let found = format!("{} encodings", level.bands.len());
     let expected = "one for each band of harmonics";
     rules.require(level.bands.len() == layout.degree, &key("bands"), found, expected)?;
+    // What a block inherits comes from the next coarser level.
+    let coarser_too = coarser.is_none_or(|coarser| coarser.directional.is_some());
+    rules.require(
+        level.directional.is_none() || coarser_too,
+        &key("directional"),
+        "an encoding",
+        "none where the next coarser level has none",
+    )?;
     let linear = metadata.color_domain() == ColorDomain::Linear;
     for group in Group::ALL {
         let Some(encoding) = level.encoding(group) else { continue };
@@ -335,6 +348,11 @@ fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> b
             decode == Decode::Linear
         }
         (Group::Diffuse | Group::Features, _, _) => decode == Decode::Logit,
+        // Added to logits of a level.
+        (Group::Directional, None, Blend::AfterActivation) if !linear => {
+            decode == Decode::Directional
+        }
+        (Group::Directional, _, _) => false,
     }
 }
 

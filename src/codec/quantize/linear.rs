@@ -1,5 +1,5 @@
-//! Encodings whose codes follow from the values: linear colours, coefficients of harmonics, and
-//! densities that are no logits. Their values know no bounds, so codes are laid over their range.
+//! Encodings whose codes follow from the values: linear colours, coefficients of harmonics,
+//! directional brightness, and densities that are no logits. Their values know no bounds, so codes are laid over their range.
 //!
 //! Codes of colours are equally far apart, and 0 is one of them: a code's move shows as much
 //! anywhere. Coefficients of all harmonics get the same step, since each function has the same mean
@@ -23,6 +23,8 @@ const DENSITY_STEP: f64 = 0.3 * OPACITY_ERROR;
 const COLOR_STEP: f64 = 0.0082;
 /// Step of a coefficient at 8 bits: nine of them move a colour by 0.003 (root mean square).
 const COEFFICIENT_STEP: f64 = 0.012;
+/// Step of directional brightness at 8 bits, in logits.
+const DIRECTIONAL_STEP: f64 = 0.0625;
 
 /// The encoding of so many bits for the values in `span`, where [`is_laid_over_values`].
 pub fn encoding_over(
@@ -44,6 +46,7 @@ pub fn encoding_over(
         None => {
             let step = match decode {
                 Decode::Coefficient(_) => COEFFICIENT_STEP * decode.activated(1.0, activation),
+                Decode::Directional => DIRECTIONAL_STEP * decode.activated(1.0, activation),
                 _ => COLOR_STEP,
             };
             equal_steps(step * 127.0 / half, count, decode, activation, span)
@@ -148,12 +151,13 @@ mod tests {
 
     const RELU: Activation = Activation::relu(0.02);
 
-    const LINEAR: [Decode; 6] = [
+    const LINEAR: [Decode; 7] = [
         Decode::Linear,
         Decode::Coefficient(0),
         Decode::Coefficient(1),
         Decode::Coefficient(2),
         Decode::Coefficient(3),
+        Decode::Directional,
         Decode::Density(DensityDomain::Raw),
     ];
 

@@ -37,7 +37,7 @@ pub fn encoding_within(
     activation: &Activation,
     span: &ValueRange,
 ) -> Encoding {
-    if matches!(decode, Decode::Linear | Decode::Coefficient(_)) {
+    if decode.density().is_none() && decode != Decode::Logit {
         return linear::colors_within(max_error, decode, activation, span);
     }
     let search = Search::new(max_error, decode, activation, span);

@@ -54,11 +54,19 @@ pub enum Decode {
     Linear,
     /// A coefficient of this band of harmonics, 0 to 3.
     Coefficient(u8),
+    /// Directional brightness: a part of a vector whose dot product with the unit direction of a
+    /// ray is added to all three logits of diffuse colour.
+    Directional,
 }
+
+/// The largest move of a colour by a move of all three parts of directional brightness by 1: the
+/// dot product with a unit vector moves by at most `sqrt(3)`, and the sigmoid's slope is at most
+/// 1/4.
+const DIRECTIONAL_GAIN: f64 = 0.433_012_701_892_219_3;
 
 impl Decode {
     /// Every meaning.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Density(DensityDomain::Raw),
         Self::Density(DensityDomain::SqrtOpticalDepth),
         Self::Density(DensityDomain::Opacity),
@@ -68,17 +76,19 @@ impl Decode {
         Self::Coefficient(1),
         Self::Coefficient(2),
         Self::Coefficient(3),
+        Self::Directional,
     ];
 
     /// Opacity over one interval, or colour from 0 to 1. Of coefficients, the largest colour that a
-    /// band of such coefficients adds in any direction. Errors are stated in these. It never falls
-    /// where values rise.
+    /// band of such coefficients adds in any direction; of directional brightness, the largest that
+    /// three such values add. Errors are stated in these. It never falls where values rise.
     pub fn activated(self, value: f64, activation: &Activation) -> f64 {
         match self {
             Self::Density(domain) => domain.opacity(value, activation),
             Self::Logit => activate::sigmoid(value),
             Self::Linear => value,
             Self::Coefficient(band) => value * BAND_GAIN[usize::from(band.min(3))],
+            Self::Directional => value * DIRECTIONAL_GAIN,
         }
     }
 
@@ -86,7 +96,7 @@ impl Decode {
     pub const fn density(self) -> Option<DensityDomain> {
         match self {
             Self::Density(domain) => Some(domain),
-            Self::Logit | Self::Linear | Self::Coefficient(_) => None,
+            Self::Logit | Self::Linear | Self::Coefficient(_) | Self::Directional => None,
         }
     }
 }
@@ -108,6 +118,7 @@ enum Name {
     Band2,
     #[serde(rename = "band_3")]
     Band3,
+    Directional,
 }
 
 impl From<Name> for Decode {
@@ -122,6 +133,7 @@ impl From<Name> for Decode {
             Name::Band1 => Self::Coefficient(1),
             Name::Band2 => Self::Coefficient(2),
             Name::Band3 => Self::Coefficient(3),
+            Name::Directional => Self::Directional,
         }
     }
 }
@@ -138,6 +150,7 @@ impl From<Decode> for Name {
             Decode::Coefficient(1) => Self::Band1,
             Decode::Coefficient(2) => Self::Band2,
             Decode::Coefficient(_) => Self::Band3,
+            Decode::Directional => Self::Directional,
         }
     }
 }

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::Decode;
 
 /// Number of groups.
-pub const GROUPS: usize = 6;
+pub const GROUPS: usize = 7;
 
 /// Values that share an encoding and a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +31,8 @@ pub enum Group {
     Features,
     /// Coefficients of one band of harmonics, 1 to 3.
     Band(usize),
+    /// Directional brightness of coarser levels: three channels.
+    Directional,
 }
 
 /// The parts of a node's colour.
@@ -40,6 +42,8 @@ pub struct ColorLayout {
     pub features: usize,
     /// The highest band of harmonics; 0 without them.
     pub degree: usize,
+    /// True if a level has directional brightness.
+    pub directional: bool,
 }
 
 impl ColorLayout {
@@ -51,12 +55,25 @@ impl ColorLayout {
 
 impl Group {
     /// Every group, in the order of a level's chunks.
-    pub const ALL: [Self; GROUPS] =
-        [Self::Density, Self::Diffuse, Self::Features, Self::Band(1), Self::Band(2), Self::Band(3)];
+    pub const ALL: [Self; GROUPS] = [
+        Self::Density,
+        Self::Diffuse,
+        Self::Features,
+        Self::Band(1),
+        Self::Band(2),
+        Self::Band(3),
+        Self::Directional,
+    ];
 
     /// The groups of colour.
-    pub const COLORS: [Self; GROUPS - 1] =
-        [Self::Diffuse, Self::Features, Self::Band(1), Self::Band(2), Self::Band(3)];
+    pub const COLORS: [Self; GROUPS - 1] = [
+        Self::Diffuse,
+        Self::Features,
+        Self::Band(1),
+        Self::Band(2),
+        Self::Band(3),
+        Self::Directional,
+    ];
 
     /// Its name in metadata and in unpacked files.
     pub const fn name(self) -> &'static str {
@@ -67,6 +84,7 @@ impl Group {
             Self::Band(1) => "band_1",
             Self::Band(2) => "band_2",
             Self::Band(_) => "band_3",
+            Self::Directional => "directional",
         }
     }
 
@@ -77,7 +95,8 @@ impl Group {
             Self::Diffuse => 3,
             Self::Features => layout.features,
             Self::Band(band) if band <= layout.degree => 3 * (2 * band + 1),
-            Self::Band(_) => 0,
+            Self::Directional if layout.directional => 3,
+            Self::Band(_) | Self::Directional => 0,
         }
     }
 
@@ -88,6 +107,7 @@ impl Group {
             Self::Diffuse => 1,
             Self::Features => 2,
             Self::Band(band) => 2 + band,
+            Self::Directional => GROUPS - 1,
         }
     }
 }

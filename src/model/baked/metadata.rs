@@ -80,10 +80,16 @@ impl Metadata {
 
     /// The parts of a node's colour.
     pub fn layout(&self) -> ColorLayout {
+        let directional = self.has_directional();
         match self.view.as_ref().and_then(ViewMetadata::harmonics) {
-            Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree },
-            None => ColorLayout { features: self.features, degree: 0 },
+            Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree, directional },
+            None => ColorLayout { features: self.features, degree: 0, directional },
         }
+    }
+
+    /// True if a level has directional brightness.
+    pub fn has_directional(&self) -> bool {
+        self.levels.iter().any(|level| level.directional.is_some())
     }
 }
 
@@ -113,6 +119,9 @@ pub struct LevelMetadata {
     /// Coefficients of harmonics, band 1 first; left out where there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<Encoding>,
+    /// Directional brightness, [`Decode::Directional`]; left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub directional: Option<Encoding>,
 }
 
 fn is_none(count: &usize) -> bool {
@@ -146,7 +155,9 @@ impl LevelMetadata {
             (Group::Features, self.features.as_mut()),
         ];
         let groups = groups.into_iter().filter_map(|(group, encoding)| Some((group, encoding?)));
-        groups.chain(bands.map(|(i, encoding)| (Group::Band(i + 1), encoding)))
+        let directional = self.directional.as_mut().map(|encoding| (Group::Directional, encoding));
+        let bands = bands.map(|(i, encoding)| (Group::Band(i + 1), encoding));
+        groups.chain(bands).chain(directional)
     }
 
     /// The encoding of a group, to be changed.
@@ -156,6 +167,7 @@ impl LevelMetadata {
             Group::Diffuse => self.diffuse.as_mut(),
             Group::Features => self.features.as_mut(),
             Group::Band(band) => self.bands.get_mut(band - 1),
+            Group::Directional => self.directional.as_mut(),
         }
     }
 
@@ -166,6 +178,7 @@ impl LevelMetadata {
             Group::Diffuse => self.diffuse.as_ref(),
             Group::Features => self.features.as_ref(),
             Group::Band(band) => self.bands.get(band - 1),
+            Group::Directional => self.directional.as_ref(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::view::View;
 use crate::model::activate::lanes;
+use crate::model::directional::{DIRECTIONAL, added_logit};
 use crate::model::field::ColorDomain;
 use crate::model::harmonics::{Basis, Evaluation, Harmonics, basis};
 use crate::model::view_dependence::ViewDependence;
@@ -11,6 +12,9 @@ use crate::model::view_dependence::ViewDependence;
 pub enum ColorRule<'a> {
     /// Values are logits.
     Logit,
+    /// Values are logits. The last lanes hold directional brightness, which this unit direction
+    /// turns into an addend of the first three. The last lanes of the result are 0.
+    Directional([f32; DIRECTIONAL]),
     /// Values are colours.
     Linear,
     /// Values are coefficients of harmonics. Of the result only three lanes are not 0.
@@ -23,6 +27,9 @@ impl<'a> ColorRule<'a> {
         match (&view.view_dependence, view.color_domain) {
             (Some(ViewDependence::Harmonics(rules)), _) => Self::Harmonics(rules, basis(direction)),
             (_, ColorDomain::Linear) => Self::Linear,
+            (_, ColorDomain::Logit) if view.directional => {
+                Self::Directional(direction.map(|part| part as f32))
+            }
             (_, ColorDomain::Logit) => Self::Logit,
         }
     }
@@ -32,6 +39,12 @@ impl<'a> ColorRule<'a> {
     pub fn activate<const C: usize>(&self, color: &mut [f32; C]) {
         match self {
             Self::Logit => color.iter_mut().for_each(|value| *value = lanes::sigmoid(*value)),
+            Self::Directional(direction) => {
+                let added = added_logit(*direction, brightness(color));
+                color.iter_mut().take(3).for_each(|value| *value += added);
+                color.iter_mut().for_each(|value| *value = lanes::sigmoid(*value));
+                color.iter_mut().skip(C - DIRECTIONAL).for_each(|value| *value = 0.0);
+            }
             Self::Linear => {}
             Self::Harmonics(rules, basis) => {
                 let sums = rules.sample(basis, color);
@@ -64,9 +77,14 @@ impl<'a> ColorRule<'a> {
     #[inline(always)]
     pub fn by_values<const C: usize>(&self, activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
         match self {
-            Self::Logit => std::array::from_fn(|lane| {
-                by_color[lane] * activated[lane] * (1.0 - activated[lane])
-            }),
+            Self::Logit => by_logits(activated, by_color),
+            Self::Directional(direction) => {
+                let mut by_values = by_logits(activated, by_color);
+                let by_added = by_values[0] + by_values[1] + by_values[2];
+                let last = by_values.iter_mut().skip(C - DIRECTIONAL);
+                last.zip(direction).for_each(|(by, part)| *by = by_added * part);
+                by_values
+            }
             Self::Linear => *by_color,
             Self::Harmonics(rules, basis) => {
                 let by_sum: [f32; 3] = [0, 1, 2].map(|channel| match rules.evaluation {
@@ -82,4 +100,16 @@ impl<'a> ColorRule<'a> {
             }
         }
     }
+}
+
+/// The derivative by logits, where that by their `activated` values is `by_color`.
+#[inline(always)]
+fn by_logits<const C: usize>(activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
+    std::array::from_fn(|lane| by_color[lane] * activated[lane] * (1.0 - activated[lane]))
+}
+
+/// Directional brightness, in the last lanes.
+#[inline(always)]
+pub fn brightness<const C: usize>(values: &[f32; C]) -> [f32; DIRECTIONAL] {
+    std::array::from_fn(|part| values[C - DIRECTIONAL + part])
 }

@@ -21,7 +21,7 @@ mod sample;
 mod shade;
 mod view;
 
-pub use color_rule::ColorRule;
+pub use color_rule::{ColorRule, brightness};
 pub use coverage::{CameraCoverage, camera_coverage};
 pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
 pub use path::Path;

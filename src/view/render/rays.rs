@@ -60,12 +60,17 @@ impl Renderer {
                 let color = |&direction| rules.color(&basis(direction), &sample.coefficients);
                 return Ok(directions.iter().map(color).collect());
             }
-            None => return Ok(vec![sample.color; directions.len()]),
+            None => {
+                let color = |&direction| sample.diffuse_from(direction);
+                return Ok(directions.iter().map(color).collect());
+            }
         };
-        let values = [&sample.color[..], &sample.features].concat();
-        let added = directions.iter().map(|&direction| network.colors(&[direction], &[&values])[0]);
-        let sum = |added: [f32; 3]| [0, 1, 2].map(|channel| sample.color[channel] + added[channel]);
-        Ok(added.map(sum).collect())
+        let color = |&direction| {
+            let values = sample.values_from(direction);
+            let added = network.colors(&[direction], &[&values])[0];
+            [0, 1, 2].map(|channel| values[channel] + added[channel])
+        };
+        Ok(directions.iter().map(color).collect())
     }
 }
 

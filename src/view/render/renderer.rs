@@ -7,6 +7,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::{Container, check_metadata};
 use crate::input::Source;
 use crate::model::baked::BakedField;
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
 use crate::model::grid::Bounds;
 use crate::model::trained_model::TrainedModel;
@@ -33,6 +34,7 @@ pub(crate) enum Content {
 pub(crate) enum Lanes {
     Four(Stored<4>),
     Eight(Stored<8>),
+    Twelve(Stored<12>),
     Sixteen(Stored<16>),
     ThirtyTwo(Stored<32>),
     SixtyFour(Stored<64>),
@@ -44,6 +46,7 @@ macro_rules! with_lanes {
         match $lanes {
             $crate::view::render::Lanes::Four($stored) => $result,
             $crate::view::render::Lanes::Eight($stored) => $result,
+            $crate::view::render::Lanes::Twelve($stored) => $result,
             $crate::view::render::Lanes::Sixteen($stored) => $result,
             $crate::view::render::Lanes::ThirtyTwo($stored) => $result,
             $crate::view::render::Lanes::SixtyFour($stored) => $result,
@@ -69,7 +72,8 @@ macro_rules! in_lanes {
         match $channels {
             0..=4 => Ok(Lanes::Four($values)),
             5..=8 => Ok(Lanes::Eight($values)),
-            9..=16 => Ok(Lanes::Sixteen($values)),
+            9..=12 => Ok(Lanes::Twelve($values)),
+            13..=16 => Ok(Lanes::Sixteen($values)),
             17..=32 => Ok(Lanes::ThirtyTwo($values)),
             33..=64 => Ok(Lanes::SixtyFour($values)),
             channels => {
@@ -93,8 +97,9 @@ impl Renderer {
         field.check()?;
         let view = View::of_trained(field, levels);
         let filter = levels.map(|levels| (levels.filter, levels.count));
+        let channels = field.color_channels() + if view.directional { DIRECTIONAL } else { 0 };
         let values: Result<Lanes> =
-            in_lanes!(field.color_channels(), Stored::Dense(Dense::new(field, filter, limits)?));
+            in_lanes!(channels, Stored::Dense(Dense::new(field, filter, limits)?));
         Ok(Self { view, content: Content::Values(values?) })
     }
 
@@ -130,8 +135,9 @@ impl Renderer {
     pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
         check_metadata(&field.metadata, limits, &Place::File)?;
         field.check()?;
+        let channels = field.metadata.layout().channels();
         let values: Result<Lanes> =
-            in_lanes!(3 + field.metadata.features, Stored::Sparse(Sparse::new(field, limits)?));
+            in_lanes!(channels, Stored::Sparse(Sparse::new(field, limits)?));
         Ok(Self { view: View::of_baked(field), content: Content::Values(values?) })
     }
 

@@ -1,10 +1,12 @@
 //! A field's values at points of the world.
 
+use super::color_rule::brightness;
 use super::packet::optical_depth;
 use super::renderer::{Content, Renderer, with_values};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
+use crate::model::directional::{DIRECTIONAL, color_from};
 use crate::model::field::ColorDomain;
 use crate::model::harmonics::{BAND_0, Basis, FUNCTIONS, Harmonics, basis};
 use crate::model::trained_model::TrainedModel;
@@ -32,9 +34,24 @@ pub struct Sample {
     pub color: [f32; 3],
     /// Specular features, 0 to 1, as the view network takes them; empty without one.
     pub features: Vec<f32>,
+    /// Directional brightness: its dot product with a unit direction is added to the logits of
+    /// `color`. Zero where the level has none.
+    pub directional: [f32; 3],
     /// All coefficients of harmonics, function by function, each red, green and blue; empty without
     /// them.
     pub coefficients: Vec<f32>,
+}
+
+impl Sample {
+    /// The diffuse colour along a unit `direction`.
+    pub(super) fn diffuse_from(&self, direction: [f64; 3]) -> [f32; 3] {
+        color_from(self.color, self.directional, direction)
+    }
+
+    /// Diffuse colour along a unit `direction`, and features, as the view network takes them.
+    pub(super) fn values_from(&self, direction: [f64; 3]) -> Vec<f32> {
+        [&self.diffuse_from(direction)[..], &self.features].concat()
+    }
 }
 
 impl Renderer {
@@ -154,23 +171,28 @@ impl Renderer {
         }
         let sample = self.sample_at(share, level);
         match &self.view().view_dependence {
-            None => return sample.color,
+            None if sample.directional == [0.0; DIRECTIONAL] => return sample.color,
+            None => {
+                for (i, weight) in seen() {
+                    add(weight, sample.diffuse_from(directions.vectors[i]));
+                }
+            }
             Some(ViewDependence::Harmonics(rules)) => {
                 for (i, weight) in seen() {
                     add(weight, rules.color(&directions.bases[i], &sample.coefficients));
                 }
             }
             Some(ViewDependence::Network(network)) => {
-                let values = [&sample.color[..], &sample.features].concat();
                 for seen in seen().chunks(RAYS) {
                     let vectors: Vec<[f64; 3]> =
                         seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
-                    let added = network.colors(&vectors, &vec![&values[..]; vectors.len()]);
-                    for (&(_, weight), added) in seen.iter().zip(added) {
-                        add(
-                            weight,
-                            [0, 1, 2].map(|channel| sample.color[channel] + added[channel]),
-                        );
+                    let values: Vec<Vec<f32>> =
+                        vectors.iter().map(|&v| sample.values_from(v)).collect();
+                    let values: Vec<&[f32]> = values.iter().map(|values| &values[..]).collect();
+                    let added = network.colors(&vectors, &values);
+                    for ((&(_, weight), added), vector) in seen.iter().zip(added).zip(vectors) {
+                        let diffuse = sample.diffuse_from(vector);
+                        add(weight, [0, 1, 2].map(|channel| diffuse[channel] + added[channel]));
                     }
                 }
             }
@@ -239,6 +261,7 @@ fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample
         density,
         color: seen.first().copied().unwrap_or_default(),
         features: Vec::new(),
+        directional: [0.0; DIRECTIONAL],
         coefficients: Vec::new(),
     }
 }
@@ -285,6 +308,7 @@ fn sample<const C: usize>(
     let channels = 3 + view.features;
     let harmonics = view.view_dependence.as_ref().and_then(ViewDependence::harmonics);
     let coefficients = harmonics.map_or_else(Vec::new, |_| values[..channels].to_vec());
+    let directional = if view.directional { brightness(&values) } else { [0.0; DIRECTIONAL] };
     match (harmonics, view.color_domain) {
         (Some(rules), _) => {
             let band_0 = Harmonics { degree: 0, ..*rules };
@@ -301,6 +325,7 @@ fn sample<const C: usize>(
         density: depth / interval_world,
         color: [values[0], values[1], values[2]],
         features: features.to_vec(),
+        directional,
         coefficients,
     }
 }

@@ -35,6 +35,8 @@ pub struct View {
     pub view_dependence: Option<ViewDependence>,
     /// Meaning of colours between nodes.
     pub color_domain: ColorDomain,
+    /// True if levels have directional brightness, in the last lanes of their values.
+    pub directional: bool,
     /// The space in which samples count.
     pub free_space: Option<FreeSpace>,
     /// Specular features.
@@ -50,6 +52,8 @@ pub struct TrainedLevels<'a> {
     pub count: usize,
     /// The rule for the level that a sample reads.
     pub level_of_detail: LevelOfDetail,
+    /// True if there is room for directional brightness, which is 0 as it comes from a filter.
+    pub directional: bool,
 }
 
 impl<'a> TrainedLevels<'a> {
@@ -61,7 +65,7 @@ impl<'a> TrainedLevels<'a> {
             Blend::AfterActivation => FootprintNeighbour::SameDistance,
         };
         let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(neighbour));
-        Self { filter, count, level_of_detail }
+        Self { filter, count, level_of_detail, directional: false }
     }
 }
 
@@ -82,6 +86,7 @@ impl View {
             finest: 0,
             view_dependence: field.view.clone(),
             color_domain: field.color_domain,
+            directional: levels.is_some_and(|levels| levels.directional),
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),
         }
@@ -103,6 +108,7 @@ impl View {
             finest: field.finest,
             view_dependence: metadata.view_dependence(field.view_mlp.as_ref()),
             color_domain: metadata.color_domain(),
+            directional: metadata.has_directional(),
             free_space: field.free_space.clone(),
             features: metadata.features,
         }

@@ -15,6 +15,7 @@ use crate::codec::quantize::decode_codes;
 use crate::model::baked::{
     BakedField, BakedLevel, ColorLayout, DensityDomain, Group, LevelMetadata, Metadata,
 };
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::Activation;
 use crate::model::grid::Nodes;
 
@@ -148,14 +149,13 @@ impl<const C: usize> Level<C> {
         let empty = |group: Group| metadata.encoding(group).map_or(0.0, |encoding| encoding.empty);
         let empty_density = interpolated_density(activation, domain, empty(Group::Density));
         let mut empty_color = [0.0; C];
-        let mut rest = &mut empty_color[..];
         for group in Group::COLORS {
-            let (own, others) = rest.split_at_mut(group.channels(layout));
-            own.fill(empty(group));
-            rest = others;
+            let first = first_lane(group, layout, C);
+            empty_color[first..first + group.channels(layout)].fill(empty(group));
         }
         let frame_count = table.frames();
         let has_density = metadata.density.is_some();
+        let has = |group: Group| metadata.encoding(group).is_some();
         let mut density = vec![0.0; if has_density { frame_count * nodes } else { 0 }];
         let mut color = vec![[0.0; C]; frame_count * nodes];
         let mut densities = density.chunks_exact_mut(nodes);
@@ -168,16 +168,14 @@ impl<const C: usize> Level<C> {
                 let stored = density.iter_mut();
                 stored.for_each(|raw| *raw = interpolated_density(activation, domain, *raw));
             }
-            let mut lane = 0;
-            for group in Group::COLORS {
-                let channels = group.channels(layout);
+            for group in Group::COLORS.into_iter().filter(|&group| has(group)) {
+                let (channels, first) = (group.channels(layout), first_lane(group, layout, C));
                 for channel in 0..channels {
                     let from = (channel, channels);
                     apron_frame(level, metadata, group, from, places[i], &mut scratch);
                     for (node, &value) in color.iter_mut().zip(&scratch) {
-                        node[lane] = value;
+                        node[first + channel] = value;
                     }
-                    lane += 1;
                 }
             }
             Ok(())
@@ -229,6 +227,18 @@ impl<const C: usize> Level<C> {
             }
         }
         Some(cells)
+    }
+}
+
+/// The lane of a group's first channel: groups follow each other, but for directional brightness,
+/// which has the last lanes.
+fn first_lane(group: Group, layout: ColorLayout, lanes: usize) -> usize {
+    match group {
+        Group::Directional => lanes - DIRECTIONAL,
+        _ => {
+            let before = Group::COLORS.into_iter().take_while(|&before| before != group);
+            before.map(|before| before.channels(layout)).sum()
+        }
     }
 }
 
