@@ -40,6 +40,8 @@ fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
         Decode::Logit => plain::sigmoid(value),
         Decode::Linear => value,
         Decode::Coefficient(band) => value * BAND_GAIN[usize::from(band)],
+        // Three parts of a dot product with a unit vector, times the sigmoid's slope.
+        Decode::Directional => value * 3f64.sqrt() / 4.0,
     }
 }
 

@@ -13,7 +13,8 @@ use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
 use mipvog_bake::unstable::model::baked::{
-    BakedField, Bends, Blend, FootprintNeighbour, LevelOfDetail,
+    BakedField, Bends, Blend, Codes, Decode, Encoding, FootprintNeighbour, Group, LevelOfDetail,
+    NumberType,
 };
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{
@@ -310,14 +311,43 @@ fn random_bake(random: &mut Random, field: &RadianceField) -> BakedField {
     container.read().expect("decodes")
 }
 
+/// Gives the levels from a random one on directional brightness, where that may be.
+fn brighten(random: &mut Random, baked: &mut BakedField) {
+    let metadata = &mut baked.metadata;
+    if metadata.blend != Blend::AfterActivation || metadata.color_domain() != ColorDomain::Logit {
+        return;
+    }
+    let finest = random.below(3);
+    for (level, own) in metadata.levels.iter_mut().zip(&mut baked.levels).skip(finest) {
+        let empty = [0.0, random.between(-3.0, 3.0)][random.below(2)];
+        level.directional = Some(Encoding {
+            number: NumberType::U8,
+            bits: 8,
+            center: 0.0,
+            step: 0.03,
+            curve: 0.0,
+            empty,
+            empty_code: false,
+            decode: Decode::Directional,
+            max_error: 0.01,
+        });
+        let count = own.table.frames() * 3 * level.grid().block_nodes();
+        let codes = (0..count).map(|_| random.below(256) as u8).collect();
+        own.atlases[Group::Directional.index()] = Some(Codes::U8(codes));
+    }
+}
+
 #[test]
 fn baked_scenes_look_as_their_twins() {
+    let mut brightened = 0;
     for seed in 0..150 {
         let mut random = Random::new(1000 + seed);
         let field = random_scene(&mut random);
         let mut baked = random_bake(&mut random, &field);
         baked.metadata.level_of_detail = random_rule(&mut random);
+        brighten(&mut random, &mut baked);
         let fast = Renderer::baked(&baked, &Limits::default()).expect("a field");
+        brightened += usize::from(fast.view().directional);
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
@@ -326,6 +356,7 @@ fn baked_scenes_look_as_their_twins() {
             assert_same(&fast, &plain, &camera, fixed, BOUND, &case);
         }
     }
+    assert!(brightened > 15, "{brightened} scenes with directional brightness");
 }
 
 /// The format lets any level but the finest go without density, and emptiness have any colour; our

@@ -21,6 +21,7 @@ use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
 use crate::levels::Visible;
 use crate::model::baked::Metadata;
+use crate::model::directional::{DIRECTIONAL, MOST_CHANNELS};
 use crate::model::field::{ColorDomain, NonfiniteCount, RadianceField};
 use crate::view::render::TrainedLevels;
 
@@ -206,11 +207,13 @@ fn fit_levels(
     visible: &Visible,
     progress: &dyn Progress,
 ) -> Result<Fitted> {
+    let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
+    let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
     let levels = TrainedLevels {
         filter: &*options.filter,
         count,
         level_of_detail: options.level_of_detail(),
-        directional: field.color_domain == ColorDomain::Logit && field.harmonics().is_none(),
+        directional: has_room && is_logit,
     };
     let fit_options = FitOptions {
         steps: options.fit_steps,

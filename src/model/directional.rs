@@ -14,6 +14,9 @@ use crate::model::activate::lanes;
 
 /// Values of a node.
 pub const DIRECTIONAL: usize = 3;
+/// Colour channels and features of a node that has directional brightness, its own values among
+/// them, at most.
+pub const MOST_CHANNELS: usize = 64;
 
 /// The logit that `brightness` adds along a unit `direction`.
 #[inline(always)]

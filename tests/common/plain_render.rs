@@ -314,13 +314,14 @@ impl PlainField {
     /// Activated colours and features, seen along a unit direction.
     fn color(&self, lambda: f64, position: [f64; 3], unit: [f64; 3]) -> Vec<f64> {
         let channels = 3 + self.view.features;
+        let stored = channels + if self.view.directional { 3 } else { 0 };
         let values = |level: usize| -> Vec<f64> {
             let level = &self.levels[level];
             let value = |channel: usize| {
                 let empty = level.pruned.as_ref().map(|pruned| pruned.color[channel]);
                 level.value(&level.color[channel], empty, position)
             };
-            (0..channels).map(value).collect()
+            (0..stored).map(value).collect()
         };
         let mixed = |value: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
             (0..channels).map(|channel| blended(lambda, |level| value(level)[channel])).collect()
@@ -350,7 +351,12 @@ impl PlainField {
                 [(0..3).map(color).collect(), rest].concat()
             }
             (_, ColorDomain::Linear) => values,
-            (_, ColorDomain::Logit) => values.into_iter().map(sigmoid).collect(),
+            (_, ColorDomain::Logit) => {
+                let (own, brightness) = values.split_at(3 + self.view.features);
+                let added: f64 = unit.iter().zip(brightness).map(|(along, b)| along * b).sum();
+                let logit = |(channel, value)| if channel < 3 { value + added } else { value };
+                own.iter().copied().enumerate().map(logit).map(sigmoid).collect()
+            }
         }
     }
 }

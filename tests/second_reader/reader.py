@@ -110,6 +110,7 @@ LEVEL = {
     "diffuse": encoding("logit", "linear", "band_0"),
     "features": maybe(encoding("logit")),
     "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
+    "directional": encoding("directional"),
 }
 
 
@@ -120,8 +121,8 @@ def present(form, value, optional):
 
 
 def level_form(value):
-    """The form of a level: it counts filled blocks, and has bands, only where there are some."""
-    return present(LEVEL, value, ("blocks_filled", "bands"))
+    """The form of a level: it counts filled blocks, and has bands or directional brightness, only where there are some."""
+    return present(LEVEL, value, ("blocks_filled", "bands", "directional"))
 
 
 ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
@@ -206,11 +207,13 @@ def metadata(data):
         features = 0 if harmonics_of(meta) else meta["features"]
         need((level["features"] is None) == (features == 0), "encodings of features disagree with `features`")
         decodes(meta, level)
+        need("directional" not in level or brightens(meta), "directional brightness that cannot be added")
         need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
     for level, coarser in zip(levels, levels[1:] + [None]):
         filled = level.get("blocks_filled", 0)
         need(filled <= level["blocks_stored"], "more blocks are filled than are stored")
-        colours = [of[key] for of in (level, coarser) if of for key in ("diffuse", "features") if of[key]]
+        need("directional" not in level or not coarser or "directional" in coarser, "the next coarser level has no directional brightness")
+        colours = [of[key] for of in (level, coarser) if of for key in ("diffuse", "features", "directional") if of.get(key)]
         colours += [band for of in (level, coarser) if of for band in of.get("bands", [])]
         integers = all(colour["number"] in ("u8", "u16") for colour in colours)
         need(not filled or (coarser and integers), "blocks are filled that cannot be")
@@ -247,6 +250,12 @@ def decodes(meta, level):
     need(level["diffuse"]["decode"] == wanted, f"diffuse colour decodes as {level['diffuse']['decode']}")
 
 
+def brightens(meta):
+    """Whether levels may have directional brightness: it is added to logits of each level."""
+    fits = meta["blend"] == "after_activation" and meta["features"] <= 58
+    return fits and all(level["diffuse"]["decode"] == "logit" for level in meta["levels"])
+
+
 def is_linear(meta):
     """Bit 1 of the required features."""
     linear = any(level["diffuse"]["decode"] == "linear" for level in meta["levels"])
@@ -268,7 +277,7 @@ def directory(data):
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
     need(major == 1, f"major version {major}")
-    need(required in range(8), f"unknown required features {required:#x}")
+    need(required in range(16), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -293,7 +302,7 @@ def directory(data):
     return chunks, required
 
 
-KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC")
+KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB")
 
 
 def atlases_of(meta, level):
@@ -302,6 +311,7 @@ def atlases_of(meta, level):
     found.append(("FEAT", "features", level["features"], meta["features"]))
     for number, (kind, band) in enumerate(zip(("BNDA", "BNDB", "BNDC"), level.get("bands", [])), 1):
         found.append((kind, f"band {number}", band, 3 * (2 * number + 1)))
+    found.append(("DIRB", "directional", level.get("directional"), 3))
     return [atlas for atlas in found if atlas[2] is not None]
 
 
@@ -310,7 +320,9 @@ def arrange(chunks, required):
     need(chunks and chunks[0][0] == "META", "the first chunk is not META")
     meta = metadata(chunks[0][2])
     filled = any("blocks_filled" in level for level in meta["levels"])
-    need(required == filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]), "the required features disagree with the metadata")
+    directional = any("directional" in level for level in meta["levels"])
+    asked = filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]) + 8 * directional
+    need(required == asked, "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]

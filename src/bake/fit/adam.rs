@@ -3,8 +3,10 @@
 use super::gradient::{Gradient, NOT_FITTED, Sums};
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
+use crate::view::render::View;
 use crate::view::sample::Dense;
 
 /// Step length at the start of the square root of optical depth.
@@ -12,6 +14,9 @@ const DENSITY_RATE: f32 = 0.014;
 /// Step lengths at the start of logits, and of linear colours and coefficients. A step of a logit
 /// moves a colour by at most as much as one of a linear colour.
 const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
+/// Step length of directional brightness, as a share of that of logits: longer ones follow the
+/// noise of the few directions that a step has.
+const DIRECTIONAL_SHARE: f32 = 0.5;
 /// The part of the step lengths that is left at the end.
 const LAST_RATE: f32 = 0.1;
 /// Decay of the running means of gradients and of their squares.
@@ -48,8 +53,8 @@ pub struct Adam<const C: usize> {
     level: usize,
     numbers: Vec<u32>,
     moments: Vec<Moments<C>>,
-    /// Step length of colours at the start.
-    color_rate: f32,
+    /// Step lengths of colours at the start.
+    color_rates: [f32; C],
     /// Mean squares of the first derivatives, by density and by colour.
     squares: Option<[f32; 2]>,
     lacks: Lacks,
@@ -57,13 +62,13 @@ pub struct Adam<const C: usize> {
 
 impl<const C: usize> Adam<C> {
     /// For the `retained` nodes of a level.
-    pub fn new(
-        field: &mut Dense<C>,
-        level: usize,
-        retained: &NodeMask,
-        colors: ColorDomain,
-    ) -> Self {
-        let color_rate = COLOR_RATES[usize::from(colors == ColorDomain::Linear)];
+    pub fn new(field: &mut Dense<C>, level: usize, retained: &NodeMask, view: &View) -> Self {
+        let color_rate = COLOR_RATES[usize::from(view.color_domain == ColorDomain::Linear)];
+        let mut color_rates = [color_rate; C];
+        if view.directional {
+            let last = color_rates.iter_mut().skip(C - DIRECTIONAL);
+            last.for_each(|rate| *rate *= DIRECTIONAL_SHARE);
+        }
         let [nx, ny, nz] = retained.nodes().0;
         let (density, _) = field.values_mut(level);
         let mut numbers = vec![NOT_FITTED; nx * ny * nz];
@@ -77,7 +82,7 @@ impl<const C: usize> Adam<C> {
                 density[node] = 0.0;
             }
         }
-        Self { level, numbers, moments, color_rate, squares: None, lacks: vec![[0.0; 2]] }
+        Self { level, numbers, moments, color_rates, squares: None, lacks: vec![[0.0; 2]] }
     }
 
     /// Nodes that are fitted.
@@ -116,12 +121,13 @@ impl<const C: usize> Adam<C> {
     ) -> Result<()> {
         // Falls evenly to its last value.
         let fade = 1.0 + (LAST_RATE - 1.0) * progress;
-        let [density_rate, color_rate] = [DENSITY_RATE, self.color_rate].map(|rate| rate * fade);
+        let density_rate = DENSITY_RATE * fade;
+        let color_rates = self.color_rates.map(|rate| rate * fade);
         let nodes = self.moments.len();
         let parts: Vec<_> = gradients.iter().map(|gradient| &gradient.levels[index][..]).collect();
         let squares = *self.squares.get_or_insert_with(|| mean_squares(&parts, nodes));
         let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);
-        let rates = [[density_rate, least[0]], [color_rate, least[1]]];
+        let rates = (density_rate, &color_rates);
         let steps = self.lacks.len() as f32;
         self.lacks.push(DECAYS.map(|decay| 1.0 - libm::powf(decay, steps)));
         let lacks = &self.lacks;
@@ -133,7 +139,7 @@ impl<const C: usize> Adam<C> {
                 let Sums { density, color } = total(sums, i);
                 // A node that no ray met stays.
                 let met = density != 0.0 || color.iter().any(|&by| by != 0.0);
-                met.then(|| moments.advance(density, &color, rates, lacks))
+                met.then(|| moments.advance(density, &color, rates, least, lacks))
             };
             let first = *first;
             let numbered = chunk.iter_mut().enumerate().map(|(i, moments)| (first + i, moments));
@@ -186,7 +192,8 @@ impl<const C: usize> Moments<C> {
         &mut self,
         density: f32,
         color: &[f32; C],
-        [density_rate, color_rate]: [[f32; 2]; 2],
+        (density_rate, color_rates): (f32, &[f32; C]),
+        least: [f32; 2],
         lacks: &Lacks,
     ) -> (f32, [f32; C]) {
         self.steps += 1;
@@ -198,8 +205,8 @@ impl<const C: usize> Moments<C> {
         };
         let mut by_color = [0.0; C];
         for (lane, moments) in self.color.iter_mut().enumerate() {
-            by_color[lane] = step(moments, color[lane], color_rate);
+            by_color[lane] = step(moments, color[lane], [color_rates[lane], least[1]]);
         }
-        (step(&mut self.density, density, density_rate), by_color)
+        (step(&mut self.density, density, [density_rate, least[0]]), by_color)
     }
 }

@@ -67,7 +67,7 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     let Stored::Dense(mut field) = stored else { panic!("a trained field is dense") };
     let sizes = level_sizes(Nodes(NODES), LEVELS);
     let adam = |(level, &nodes): (usize, &Nodes)| {
-        Adam::new(&mut field, level, &NodeMask::full(nodes), view.color_domain)
+        Adam::new(&mut field, level, &NodeMask::full(nodes), view)
     };
     let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
     let finest = Finest::taken_from(&mut field);

@@ -65,9 +65,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// From the filter's levels in `field`.
     pub fn new(context: &'a FitContext<'a>, view: View, mut field: Dense<C>) -> Self {
         let retained = context.retained.iter().enumerate().skip(1);
-        let colors = view.color_domain;
         let adams: Vec<_> =
-            retained.map(|(level, nodes)| Adam::new(&mut field, level, nodes, colors)).collect();
+            retained.map(|(level, nodes)| Adam::new(&mut field, level, nodes, &view)).collect();
         let curve = Curve::above(context.start, adams.len());
         let finest = Finest::taken_from(&mut field);
         Self { context, view, field, finest, curve, adams }

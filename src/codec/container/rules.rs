@@ -12,6 +12,7 @@ use crate::model::baked::{
     Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
     ViewMetadata,
 };
+use crate::model::directional::{DIRECTIONAL as DIRECTIONAL_VALUES, MOST_CHANNELS};
 use crate::model::field::{Activation, ColorDomain, DensityFunction};
 use crate::model::grid::Nodes;
 
@@ -307,11 +308,12 @@ fn level(
     rules.require(level.bands.len() == layout.degree, &key("bands"), found, expected)?;
     // What a block inherits comes from the next coarser level.
     let coarser_too = coarser.is_none_or(|coarser| coarser.directional.is_some());
+    let fits = metadata.features + 3 + DIRECTIONAL_VALUES <= MOST_CHANNELS;
     rules.require(
-        level.directional.is_none() || coarser_too,
+        level.directional.is_none() || (coarser_too && fits),
         &key("directional"),
         "an encoding",
-        "none where the next coarser level has none",
+        "none where the next coarser level has none, or beside more than 58 features",
     )?;
     let linear = metadata.color_domain() == ColorDomain::Linear;
     for group in Group::ALL {
