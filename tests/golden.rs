@@ -3,7 +3,7 @@
 mod common;
 
 use common::harmonic_field::{harmonic_field, rules};
-use common::{assert_golden, baked_bytes, fixture, grid_values, trained};
+use common::{assert_golden, baked_bytes, fixture, grid_values, open_bytes, trained};
 use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::model::field::{DensityFunction, RadianceField};
@@ -36,6 +36,13 @@ fn containers_keep_their_bytes() {
     options.fill_error = Some(0.2);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
+    // With a rule that bends, directional brightness, and blocks that inherit both.
+    options.filter = Filter::Fit.into();
+    (options.fit_steps, options.max_error) = (6, None);
+    let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
+    let container = open_bytes(&bytes).expect("valid");
+    assert_eq!(container.header().features, 1 + 4 + 8);
+    assert_golden(&fixture("baked/tiny.fit.filled.mipvog"), &bytes);
 }
 
 #[test]

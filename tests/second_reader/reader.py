@@ -110,7 +110,7 @@ LEVEL = {
     "diffuse": encoding("logit", "linear", "band_0"),
     "features": maybe(encoding("logit")),
     "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
-    "directional": encoding("directional"),
+    "directional": encoding("directional_logit"),
 }
 
 

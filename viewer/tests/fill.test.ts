@@ -14,9 +14,9 @@ import { prepareLanes } from "../src/format/codings/lanes.js";
 import { prepareInflate } from "../src/format/zstd.js";
 import { program, ROOT, temporaryFolder } from "./support.js";
 
-const NAMES = ["tiny.rate.filled", "tiny.rate", "tiny.12bit", "tiny.rate.f16", "dvgo.f16", "dvgo.f32", "harmonics", "harmonics.filled", "harmonics.f16", "linear"];
+const NAMES = ["tiny.rate.filled", "tiny.fit.filled", "tiny.rate", "tiny.12bit", "tiny.rate.f16", "dvgo.f16", "dvgo.f32", "harmonics", "harmonics.filled", "harmonics.f16", "linear"];
 /** Names of the program's arrays. */
-const ARRAYS: Record<string, string> = { DENS: "density", DIFF: "diffuse", FEAT: "features", BNDA: "features", BNDB: "features", BNDC: "features" };
+const ARRAYS: Record<string, string> = { DENS: "density", DIFF: "diffuse", FEAT: "features", BNDA: "features", BNDB: "features", BNDC: "features", DIRB: "directional" };
 /** Channels of harmonics before a band. */
 const BEFORE: Record<string, number> = { BNDB: 9, BNDC: 24 };
 

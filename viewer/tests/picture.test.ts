@@ -59,7 +59,7 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   await page.close();
 });
 
-const CONTAINERS = ["tiny.rate", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear", "plenoxels_anisotropic"];
+const CONTAINERS = ["tiny.rate", "tiny.fit.filled", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear", "plenoxels_anisotropic"];
 
 /** A baked fixture, or what a bake makes of the model of this name. */
 function containerOf(name: string): string {

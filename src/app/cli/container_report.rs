@@ -130,10 +130,15 @@ fn origin_text(provenance: &Value) -> Option<String> {
     Some(origin)
 }
 
-/// A table of levels.
+/// A table of levels, with a column for each group that a level has.
 pub(super) fn levels_text(levels: &[LevelReport]) -> String {
+    let stored = |group: &Group| {
+        let mut all = levels.iter().flat_map(|level| &level.groups);
+        all.any(|stored| stored.group == group.name())
+    };
+    let groups: Vec<Group> = Group::ALL.into_iter().filter(stored).collect();
     let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix");
-    for group in Group::ALL {
+    for group in &groups {
         write!(text, "   {:14}", group.name()).ok();
     }
     text = text.trim_end().to_owned() + "\n";
@@ -149,7 +154,7 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
             readable(level.stored_bytes),
             level.prefix_bytes.map_or_else(|| "-".to_owned(), readable),
         );
-        for group in Group::ALL {
+        for group in &groups {
             let stored = level.groups.iter().find(|stored| stored.group == group.name());
             write!(row, "   {:14}", stored.map_or_else(|| "-".to_owned(), depth)).ok();
         }

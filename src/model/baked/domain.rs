@@ -118,7 +118,7 @@ enum Name {
     Band2,
     #[serde(rename = "band_3")]
     Band3,
-    Directional,
+    DirectionalLogit,
 }
 
 impl From<Name> for Decode {
@@ -133,7 +133,7 @@ impl From<Name> for Decode {
             Name::Band1 => Self::Coefficient(1),
             Name::Band2 => Self::Coefficient(2),
             Name::Band3 => Self::Coefficient(3),
-            Name::Directional => Self::Directional,
+            Name::DirectionalLogit => Self::Directional,
         }
     }
 }
@@ -150,7 +150,7 @@ impl From<Decode> for Name {
             Decode::Coefficient(1) => Self::Band1,
             Decode::Coefficient(2) => Self::Band2,
             Decode::Coefficient(_) => Self::Band3,
-            Decode::Directional => Self::Directional,
+            Decode::Directional => Self::DirectionalLogit,
         }
     }
 }

@@ -5,7 +5,7 @@ import { FieldError, REMEDY } from "../errors.js";
 export type Triple = [number, number, number];
 
 /** What values mean. */
-const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "raw_density", "sqrt_optical_depth", "opacity"] as const;
+const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "directional_logit", "raw_density", "sqrt_optical_depth", "opacity"] as const;
 
 /** How the values of one group of one level are stored. */
 export interface Encoding {
@@ -31,6 +31,8 @@ export interface LevelMetadata {
   features: Encoding | null;
   /** Coefficients of bands 1 to 3 of harmonics; left out where there are none. */
   bands?: Encoding[];
+  /** Directional brightness: three values; left out where there is none. */
+  directional?: Encoding;
 }
 
 /** The shape of the network. */
@@ -201,6 +203,7 @@ const METADATA = record({
       diffuse: encoding,
       features: nullable(encoding),
       bands: optional(list(1, 3, encoding)),
+      directional: optional(encoding),
     }),
   ),
 });
@@ -227,11 +230,34 @@ export function networkInputs(metadata: Metadata): number {
 
 /** The groups of a level's colours, in the order of their channels. */
 export function colorGroups(metadata: Metadata, level: number): { kind: string; encoding: Encoding; channels: number; key: string }[] {
-  const { diffuse, features, bands } = metadata.levels[level];
+  const { diffuse, features, bands, directional } = metadata.levels[level];
   const groups = [{ kind: "DIFF", encoding: diffuse, channels: 3, key: "diffuse" }];
   if (features) groups.push({ kind: "FEAT", encoding: features, channels: metadata.features, key: "features" });
   bands?.forEach((encoding, i) => groups.push({ kind: ["BNDA", "BNDB", "BNDC"][i], encoding, channels: 3 * (2 * i + 3), key: `bands[${i}]` }));
+  if (directional) groups.push({ kind: "DIRB", encoding: directional, channels: DIRECTIONAL, key: "directional" });
   return groups;
+}
+
+/** Values of a node's directional brightness. */
+const DIRECTIONAL = 3;
+/** Colour channels and features of a node, its directional brightness among them, at most. */
+const MOST_CHANNELS = 64;
+
+/** The finest level with directional brightness; null where there is none. */
+export function finestDirectional({ levels }: Metadata): number | null {
+  const level = levels.findIndex(({ directional }) => directional);
+  return level < 0 ? null : level;
+}
+
+/** Channels of colour and features that every level has. */
+export function ownChannels(metadata: Metadata): number {
+  return 3 + metadata.features;
+}
+
+/** Quadruples of channels that the device holds for a node: directional brightness follows the others. */
+export function channelQuads(metadata: Metadata): number {
+  const directional = finestDirectional(metadata) === null ? 0 : DIRECTIONAL;
+  return Math.ceil((ownChannels(metadata) + directional) / 4);
 }
 
 /** Whether values are of version 1.2: linear colours, coefficients, or densities that are no logits. */
@@ -285,9 +311,16 @@ function checkAgreement(metadata: Metadata): void {
     if ((level.bands?.length ?? 0) !== (harmonics?.degree ?? 0)) fail(`${key}.bands`, "one for each band of harmonics");
     const densities = metadata.blend === "after_activation" ? ["raw_density", "sqrt_optical_depth", "opacity"] : ["raw_density"];
     if (level.density) checkEncoding(level.density, `${key}.density`, densities);
+    const coarser = levels[i + 1];
+    if (level.directional && coarser && !coarser.directional) fail(`${key}.directional`, "left out where the next coarser level has none");
+    if (level.directional && (metadata.blend !== "after_activation" || ownChannels(metadata) + DIRECTIONAL > MOST_CHANNELS)) {
+      fail(`${key}.directional`, "left out but for levels that are blended after activation, with 58 features at most");
+    }
     const plain = !metadata.view && levels[0].diffuse.decode === "linear" ? "linear" : "logit";
     for (const { encoding, key: group, kind } of colorGroups(metadata, i)) {
-      const decode = harmonics ? `band_${["DIFF", "BNDA", "BNDB", "BNDC"].indexOf(kind)}` : plain;
+      // Added to logits alone.
+      const added = !harmonics && plain === "logit" ? "directional_logit" : "none";
+      const decode = kind === "DIRB" ? added : harmonics ? `band_${["DIFF", "BNDA", "BNDB", "BNDC"].indexOf(kind)}` : plain;
       checkEncoding(encoding, `${key}.${group}`, [decode]);
     }
   });

@@ -8,7 +8,7 @@
  */
 
 import { FieldError, REMEDY } from "../errors.js";
-import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
+import { blockCounts, channelQuads, type Metadata, type Triple } from "../format/metadata.js";
 
 /** What the device can hold. */
 export interface DeviceLimits {
@@ -42,7 +42,7 @@ const MOST_SLOTS = 1024;
 /** Lays out as many levels as fit, coarsest first, down to level `available`. */
 export function plan(metadata: Metadata, device: DeviceLimits, available: number): Plan {
   const { levels } = metadata;
-  const quads = Math.ceil((3 + metadata.features) / 4);
+  const quads = channelQuads(metadata);
   const slot = Math.max(...levels.map((level) => level.block_size)) + 1;
   const texelBytes = (device.floatLinear ? 4 : 2) + 8 * quads;
   const firstSlot = new Array<number>(levels.length).fill(0);

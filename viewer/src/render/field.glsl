@@ -17,10 +17,11 @@ uniform sampler2D u_weights;
 uniform int u_slot;
 uniform int u_slotsDeep;
 // Of each level: nodes along the axes and of a block's edge; where its table starts along the field's x, whether it has
-// density, and how that is decoded; what density, diffuse colour and features are where nothing is stored.
+// density, and how that is decoded; what density, diffuse colour, features and directional brightness are where nothing is
+// stored.
 uniform ivec4 u_nodes[LEVELS];
 uniform ivec3 u_levels[LEVELS];
-uniform vec3 u_empty[LEVELS];
+uniform vec4 u_empty[LEVELS];
 // The finest level that is there; the level to show, or less than 0 for the rule's.
 uniform int u_finest;
 uniform float u_fixedLevel;
@@ -139,10 +140,17 @@ void colorAt(int level, bool stored, vec3 texel, out vec4 color[QUADS]) {
   if (!stored) {
     for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(u_empty[level].z);
     color[0].xyz = vec3(u_empty[level].y);
+#ifdef FINEST_DIRECTIONAL
+    for (int at = CHANNELS; at < CHANNELS + 3; at++) color[at / 4][at % 4] = u_empty[level].w;
+#endif
     return;
   }
   vec3 size = vec3(textureSize(u_color, 0));
   for (int quad = 0; quad < QUADS; quad++) {
+#ifdef FINEST_DIRECTIONAL
+    color[quad] = vec4(0.0);
+    if (quad >= OWN_QUADS && level < FINEST_DIRECTIONAL) continue;
+#endif
     fetches++;
     // Quadruples of all slots lie one behind the other.
     vec3 place = texel + vec3(0.0, 0.0, float(quad * u_slotsDeep * u_slot));

@@ -97,6 +97,11 @@ vec3 limited(vec3 color) {
 }
 #endif
 
+#ifdef FINEST_DIRECTIONAL
+// The ray's unit direction in the world.
+vec3 along;
+#endif
+
 void activate(inout vec4 color[QUADS]) {
 #if defined(FUNCTIONS)
   vec3 sum = vec3(OFFSET);
@@ -111,6 +116,11 @@ void activate(inout vec4 color[QUADS]) {
 #endif
   color[0] = vec4(sum, 0.0);
 #elif !defined(LINEAR)
+#ifdef FINEST_DIRECTIONAL
+  float added = 0.0;
+  for (int axis = 0; axis < 3; axis++) added += along[axis] * color[(CHANNELS + axis) / 4][(CHANNELS + axis) % 4];
+  color[0].xyz += added;
+#endif
   for (int quad = 0; quad < QUADS; quad++) color[quad] = 1.0 / (1.0 + exp(-color[quad]));
 #endif
 }
@@ -156,6 +166,9 @@ void main() {
     last = min(last, max(a, b));
   }
 
+#ifdef FINEST_DIRECTIONAL
+  along = normalize(u_toView * camera);
+#endif
 #ifdef FUNCTIONS
   findHarmonics(normalize(u_toView * camera));
 #endif

@@ -1,7 +1,7 @@
 /** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
 
 import type { Layer } from "../format/network.js";
-import { type Encoding, harmonicsOf, type Metadata } from "../format/metadata.js";
+import { type Encoding, finestDirectional, harmonicsOf, type Metadata, ownChannels } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
@@ -56,11 +56,12 @@ function glslFloat(value: number): string {
 /** What a field fixes at compile time. */
 function defines(metadata: Metadata, quads: number, network: Layer[]): Record<string, string | number> {
   const harmonics = harmonicsOf(metadata);
+  const directional = finestDirectional(metadata);
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
     QUADS: quads,
-    CHANNELS: 3 + metadata.features,
+    CHANNELS: ownChannels(metadata),
     STATISTICS: OUTPUT.statistics,
     DISTANCE: OUTPUT.distance,
     TINTS: `vec3[${TINTS.length}](${TINTS.map((tint) => `vec3(${tint.map(glslFloat)})`)})`,
@@ -76,6 +77,7 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
     ...set("NETWORK", network.length > 0),
     ...set("RELU", metadata.activation.function === "relu"),
     ...set("LINEAR", metadata.levels[0].diffuse.decode === "linear"),
+    ...(directional !== null && { FINEST_DIRECTIONAL: directional, OWN_QUADS: Math.ceil(ownChannels(metadata) / 4) }),
     ...(harmonics && {
       FUNCTIONS: (harmonics.degree + 1) ** 2,
       OFFSET: glslFloat(harmonics.offset),

@@ -59,9 +59,9 @@ export function fieldUniforms({ metadata, plan, mask }: Opened): Uniforms {
     u_slotsDeep: plan.slots[2],
     u_nodes: levels.flatMap((level) => [...level.dimensions, level.block_size]),
     u_levels: levels.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density")]),
-    u_empty: levels.flatMap(({ density, diffuse, features, bands }) => {
+    u_empty: levels.flatMap(({ density, diffuse, features, bands, directional }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
-      return [of, empty(diffuse), empty(features ?? bands?.[0] ?? null)];
+      return [of, empty(diffuse), empty(features ?? bands?.[0] ?? null), empty(directional ?? null)];
     }),
     u_activation: [activation.shift, activation.interval],
     u_thresholds: [march.alpha_threshold, march.color_threshold],

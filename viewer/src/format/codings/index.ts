@@ -16,4 +16,5 @@ export const CODINGS: Readonly<Record<string, Coding>> = {
   BNDA: decodeRuns,
   BNDB: decodeRuns,
   BNDC: decodeRuns,
+  DIRB: decodeRuns,
 };
