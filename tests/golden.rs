@@ -38,7 +38,7 @@ fn containers_keep_their_bytes() {
     assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
     // With a rule that bends, directional brightness, and blocks that inherit both.
     options.filter = Filter::Fit.into();
-    (options.fit_steps, options.max_error) = (6, None);
+    (options.fit_steps, options.max_error) = (12, None);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
     assert_eq!(container.header().features, 1 + 4 + 8);

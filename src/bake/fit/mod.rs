@@ -7,13 +7,15 @@
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box. The mean of a
 //!    window of pixels is a pixel of a smaller picture.
 //! 2. [`shown`] spreads the rays of a step evenly over what pictures show.
-//! 3. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
+//! 3. Levels get directional brightness ([`crate::model::directional`]), which is 0 at first, where
+//!    colours are logits.
+//! 4. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
 //!    differentiates their colour by the values of all levels: through the view network,
 //!    compositing, blending of levels, activation and interpolation.
-//! 4. [`adam`] takes steps.
-//! 5. [`curve`] is the rule that says which level a sample reads. Its knots move to where the levels
+//! 5. [`adam`] takes steps.
+//! 6. [`curve`] is the rule that says which level a sample reads. Its knots move to where the levels
 //!    look best.
-//! 6. [`joint_fit`] takes steps with rays of all scales, and moves the curve in between. It measures
+//! 7. [`joint_fit`] takes steps with rays of all scales, and moves the curve in between. It measures
 //!    rays of pictures that no step uses, keeps the best state and ends when the fit has stalled. A
 //!    fit that is worse than the filter's levels at any scale loses a level, or all.
 //!

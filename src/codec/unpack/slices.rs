@@ -100,11 +100,14 @@ fn slice(
             channels.extend(plane(Group::Diffuse, channel).map(|plane| (name.to_owned(), plane)));
         }
         let layout = metadata.layout();
-        let features = Group::COLORS.into_iter().filter(|&group| group != Group::Diffuse);
-        let features =
-            features.flat_map(|group| (0..group.channels(layout)).map(move |at| (group, at)));
-        for (number, (group, channel)) in features.enumerate() {
-            let name = format!("feature{number}");
+        let others = Group::COLORS.into_iter().filter(|&group| group != Group::Diffuse);
+        let others =
+            others.flat_map(|group| (0..group.channels(layout)).map(move |at| (group, at)));
+        for (number, (group, channel)) in others.enumerate() {
+            let name = match group {
+                Group::Directional => format!("directional{channel}"),
+                _ => format!("feature{number}"),
+            };
             channels.extend(plane(group, channel).map(|plane| (name, plane)));
         }
         return Ok(vec![picture::exr(nz, ny, channels, Samples::Single)?]);
