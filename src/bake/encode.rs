@@ -11,7 +11,7 @@ use super::run_store::RunStore;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
-use crate::codec::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, Moved};
+use crate::codec::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, GroupCodes, Moved};
 use crate::model::baked::{ColorLayout, Encoding, GROUPS, Group, Table};
 use crate::model::field::Activation;
 use crate::model::grid::NodeMask;
@@ -24,7 +24,7 @@ pub(super) const PENDING_BYTES: usize = 4 << 20;
 pub struct EncodeOptions<'a> {
     /// The level that errors name.
     pub level: usize,
-    /// The parts of a node's colour.
+    /// The parts of a node's values beside density.
     pub layout: ColorLayout,
     /// Raw density to opacity: don't-care nodes stay below the threshold of visibility.
     pub activation: Activation,
@@ -141,7 +141,7 @@ impl<'a> LevelEncoder<'a> {
                 runs: Vec::new(),
             });
             channel_groups.extend(std::iter::repeat_n(group, channels));
-            bounds.push((encoding, channels, bound));
+            bounds.push(GroupCodes { encoding, channels, bound, everywhere: is_everywhere(group) });
         }
         let codes = CodePlanes::new(retained, options.activation, bounds);
         let planes = LevelPlanes { codes, groups: channel_groups, level: options.level };
@@ -172,7 +172,7 @@ impl<'a> LevelEncoder<'a> {
             let counted = source.retained_nodes(grid.edge);
             let inherits = self.table.is_inherited(places[i]);
             // Colours of inherited blocks follow from the next coarser level.
-            let stored = |group: &&GroupEncoder| !inherits || group.group == Group::Density;
+            let stored = |group: &&GroupEncoder| !inherits || !group.group.is_color();
             let frame = |group: &GroupEncoder| {
                 let group = Some(group).filter(stored);
                 group.map(|group| group.frame(source, counted.clone(), importance))
@@ -256,6 +256,12 @@ impl Importance<'_> {
     }
 }
 
+/// True for a group whose values count at all nodes: anisotropy would make a node visible that is
+/// not retained.
+fn is_everywhere(group: Group) -> bool {
+    group == Group::Anisotropy
+}
+
 impl GroupEncoder {
     /// A block's codes, all channels; the nodes `retained` count.
     fn frame(
@@ -264,7 +270,11 @@ impl GroupEncoder {
         retained: Arc<[bool]>,
         importance: Option<Importance>,
     ) -> (Frame, f64) {
-        let coarser = importance.filter(|_| self.group != Group::Density);
+        let retained = match is_everywhere(self.group) {
+            true => vec![true; retained.len()].into(),
+            false => retained,
+        };
+        let coarser = importance.filter(|_| self.group.is_color());
         let block = coarser.map(|all| all.block(source, self.encoder.shape().edge));
         let coarsening = coarser
             .zip(block.as_deref())

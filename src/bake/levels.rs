@@ -138,9 +138,10 @@ impl PlaneSink for FittedSink<'_> {
         let (nodes, first) = (plane.values.len(), self.channels);
         self.fitted.replace(level, x, channel, plane.values);
         self.sink.plane(plane)?;
-        // No filter makes directional brightness: it comes after the density of its plane.
-        let directional = self.fitted.directional(level).filter(|_| channel == 0);
-        for (number, values) in directional.unwrap_or_default().iter().enumerate() {
+        // No filter makes the rest: it comes after the density of its plane.
+        let others = [self.fitted.directional(level), self.fitted.anisotropy(level)];
+        let others = others.into_iter().filter(|_| channel == 0).flatten().flatten();
+        for (number, values) in others.enumerate() {
             let values = &mut values[x * nodes..][..nodes].to_vec();
             self.sink.plane(Plane { level, x, channel: first + number, values })?;
         }

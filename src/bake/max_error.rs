@@ -14,9 +14,10 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
 /// One for each group: of opacity over one interval for density, of activated values (0 to 1) for
 /// diffuse colours and for features, of the colour that a band adds for harmonics, and that
-/// directional brightness adds. The error of features is that of band 1, that of diffuse colours
-/// that of directional brightness. As text one number, three with colons between, or four or five, the
-/// last of which are those of bands 2 and 3; they are else that of band 1.
+/// directional brightness adds, of the opacity that anisotropy adds. The error of features is that
+/// of band 1, that of diffuse colours that of directional brightness, that of density that of
+/// anisotropy. As text one number, three with colons between, or four or five, the last of which are
+/// those of bands 2 and 3; they are else that of band 1.
 ///
 /// ```
 /// use mipvog_bake::MaxErrors;
@@ -34,7 +35,11 @@ pub struct MaxErrors {
 impl MaxErrors {
     /// Of density's opacity, diffuse colours and features.
     pub const fn new(density: f32, diffuse: f32, features: f32) -> Self {
-        Self { by_group: [density, diffuse, features, features, features, features, diffuse] }
+        Self {
+            by_group: [
+                density, diffuse, features, features, features, features, diffuse, density,
+            ],
+        }
     }
 
     /// With other errors for bands 2 and 3 of harmonics.
@@ -72,7 +77,7 @@ impl MaxErrors {
         match self.common() {
             Some(error) => shown(error),
             None => {
-                let [density, diffuse, features, _, second, third, _] = self.by_group;
+                let [density, diffuse, features, _, second, third, ..] = self.by_group;
                 let numbers = [density, diffuse, features, second, third];
                 let count = if third != second {
                     5

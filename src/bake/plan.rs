@@ -3,11 +3,10 @@
 use super::BakeOptions;
 use super::fit::Fitted;
 use crate::base::error::Result;
-
 use crate::codec::quantize::{ValueRange, encoding_over, planned_encoding};
 use crate::levels::Visible;
 use crate::model::baked::{
-    ColorLayout, ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
+    ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
     ViewMetadata,
 };
 use crate::model::field::{ColorDomain, RadianceField};
@@ -23,15 +22,20 @@ pub fn tables(visible: &Visible, edge: usize) -> Result<Vec<Table>> {
     visible.levels.iter().map(|level| table(&level.retained)).collect()
 }
 
-/// Gives the coarser levels encodings of the directional brightness that was fitted.
-pub fn add_directional(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitted) {
+/// Gives the coarser levels encodings of the directional brightness and the anisotropy that were
+/// fitted.
+pub fn add_fitted(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitted) {
     let activation = metadata.activation;
+    let encoding = |decode: Decode, channels: &[Vec<f32>]| {
+        let mut range = ValueRange::new(decode, &activation);
+        channels.iter().for_each(|values| range.take(values));
+        encoding_over(options.bits, decode, &activation, &range)
+    };
     for (number, level) in metadata.levels.iter_mut().enumerate() {
-        level.directional = fitted.directional(number).map(|channels| {
-            let mut range = ValueRange::new(Decode::Directional, &activation);
-            channels.iter().for_each(|values| range.take(values));
-            encoding_over(options.bits, Decode::Directional, &activation, &range)
-        });
+        let directional = fitted.directional(number);
+        level.directional = directional.map(|values| encoding(Decode::Directional, values));
+        let anisotropy = fitted.anisotropy(number);
+        level.anisotropy = anisotropy.map(|values| encoding(Decode::Anisotropy, values));
     }
 }
 
@@ -44,11 +48,9 @@ pub fn metadata(
 ) -> Metadata {
     let scene = &field.scene;
     let features = field.color_channels() - 3;
-    let layout = match field.harmonics() {
-        Some(harmonics) => {
-            ColorLayout { features: 0, degree: harmonics.degree, directional: false }
-        }
-        None => ColorLayout { features, degree: 0, directional: false },
+    let [own_features, degree] = match field.harmonics() {
+        Some(harmonics) => [0, harmonics.degree],
+        None => [features, 0],
     };
     let filter = &*options.filter;
     let planned = |decode| planned_encoding(options.bits, decode, &scene.activation);
@@ -58,7 +60,7 @@ pub fn metadata(
         (ColorDomain::Linear, None) => Decode::Linear,
         (ColorDomain::Logit, None) => Decode::Logit,
     });
-    let bands = (1..=layout.degree).map(|band| planned(Decode::Coefficient(band as u8)));
+    let bands = (1..=degree).map(|band| planned(Decode::Coefficient(band as u8)));
     let bands: Vec<Encoding> = bands.collect();
     let level = |(number, table): (usize, &Table)| LevelMetadata {
         dimensions: table.grid().nodes.0,
@@ -67,9 +69,10 @@ pub fn metadata(
         blocks_filled: 0,
         density: (number == 0 || filter.has_density()).then(|| density(number)),
         diffuse: Some(color.clone()),
-        features: (layout.features > 0).then(|| color.clone()),
+        features: (own_features > 0).then(|| color.clone()),
         bands: bands.clone(),
         directional: None,
+        anisotropy: None,
     };
     Metadata {
         bounds: scene.bounds,

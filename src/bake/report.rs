@@ -207,10 +207,12 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             Some(GroupReport { group: group.name(), bits: Some(bits), max_error })
         };
         let colors = Group::COLORS.into_iter().filter_map(|group| level.encoding(group));
-        let color: usize = Group::COLORS.into_iter().map(values).sum();
-        let colored = level.blocks_stored - level.blocks_filled;
-        let density = values(Group::Density);
-        let values_per_node = level.blocks_stored * density + colored * color;
+        let opacities = [level.density.as_ref(), level.anisotropy.as_ref()];
+        let blocks = |group: Group| {
+            level.blocks_stored - if group.is_color() { level.blocks_filled } else { 0 }
+        };
+        let values_per_node: usize =
+            Group::ALL.into_iter().map(|group| blocks(group) * values(group)).sum();
         LevelReport {
             level: number,
             dimensions: level.dimensions,
@@ -221,7 +223,11 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
             raw_bytes: (grid.total() + grid.block_nodes() * values_per_node) as u64,
             stored_bytes: own.clone().map(|entry| entry.length).sum(),
             prefix_bytes: own.map(|entry| entry.prefix).max(),
-            max_opacity_error: level.density.as_ref().map(|encoding| encoding.max_error),
+            max_opacity_error: opacities
+                .into_iter()
+                .flatten()
+                .map(|encoding| encoding.max_error)
+                .reduce(|density, anisotropy| density + anisotropy),
             max_color_error: colors.map(|encoding| encoding.max_error).reduce(f32::max),
             groups: Group::ALL.into_iter().filter_map(group).collect(),
         }

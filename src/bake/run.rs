@@ -62,7 +62,7 @@ pub fn bake(
     let mut metadata = plan::metadata(field, options, &visible, &tables);
     if let Some(fitted) = &fitted {
         metadata.level_of_detail = fitted.level_of_detail;
-        plan::add_directional(&mut metadata, options, fitted);
+        plan::add_fitted(&mut metadata, options, fitted);
     }
     let source = FilteredLevels {
         planes: &planes,

@@ -2,6 +2,7 @@
 //! [`baked::BakedField`].
 
 pub mod activate;
+pub mod anisotropy;
 pub mod baked;
 pub mod camera;
 pub mod directional;

@@ -16,7 +16,7 @@ use crate::base::error::{Error, Result};
 use crate::codec::container::OtherChunk;
 use crate::codec::quantize::{Bits, density_encoding};
 use crate::codec::unpack::Unpacked;
-use crate::model::baked::{DensityDomain, Encoding, Metadata, NumberType, StepRule};
+use crate::model::baked::{DensityDomain, Encoding, LevelMetadata, Metadata, NumberType, StepRule};
 use crate::model::field::Activation;
 
 /// Axes may differ by this much in how far they shrink. More would show: one bias serves all.
@@ -103,15 +103,19 @@ pub fn drop_from_metadata(metadata: &mut Metadata, count: usize) -> Result<Vec<f
     }
     metadata.levels.drain(..count);
     let activation = metadata.activation;
-    let scales =
-        metadata.levels.iter_mut().zip(domains).map(|(level, domain)| match &mut level.density {
-            Some(density) if grows => over_longer_interval(density, domain, times, &activation),
-            _ => 1.0,
-        });
-    Ok(scales.collect())
+    let scale = |(level, domain): (&mut LevelMetadata, DensityDomain)| {
+        let mut scale = 1.0;
+        let own = [level.density.as_mut(), level.anisotropy.as_mut()];
+        for own in own.into_iter().flatten().filter(|_| grows) {
+            // The same for both.
+            scale = over_longer_interval(own, domain, times, &activation);
+        }
+        scale
+    };
+    Ok(metadata.levels.iter_mut().zip(domains).map(scale).collect())
 }
 
-/// Makes an encoding one over an interval that is `times` as long, and returns the scale of values.
+/// Makes an encoding of density or its anisotropy one over an interval that is `times` as long, and returns the scale of values.
 /// With `T` the transmittance over an interval, `T^times` moves by at most `times` as much as `T`.
 fn over_longer_interval(
     density: &mut Encoding,

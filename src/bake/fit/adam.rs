@@ -1,8 +1,9 @@
 //! Steps of the optimizer (Adam, Kingma and Ba 2015), on the visible nodes of one level.
 
-use super::gradient::{Gradient, NOT_FITTED, Sums};
+use super::gradient::{Gradient, NOT_FITTED, NodeValues};
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::directional::DIRECTIONAL;
 use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
@@ -17,6 +18,8 @@ const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
 /// Step length of directional brightness, as a share of that of logits: longer ones follow the
 /// noise of the few directions that a step has.
 const DIRECTIONAL_SHARE: f32 = 0.5;
+/// Step length of anisotropy, as a share of that of density.
+const ANISOTROPY_SHARE: f32 = 0.5;
 /// The part of the step lengths that is left at the end.
 const LAST_RATE: f32 = 0.1;
 /// Decay of the running means of gradients and of their squares.
@@ -26,7 +29,7 @@ const DECAYS: [f32; 2] = [0.9, 0.98];
 const LEAST_SHARE: f32 = 0.3;
 /// Density that empty nodes start with: where it is 0, so is its derivative.
 const SEED_DENSITY: f32 = 0.003;
-/// Largest square root of optical depth: codes end there.
+/// Largest square root of optical depth, and largest anisotropy: codes end there.
 const MAX_DENSITY: f32 = 3.9;
 /// Nodes that are updated together.
 const CHUNK: usize = 4096;
@@ -36,6 +39,7 @@ const CHUNK: usize = 4096;
 struct Moments<const C: usize> {
     node: usize,
     density: [f32; 2],
+    anisotropy: [[f32; 2]; ANISOTROPY],
     color: [[f32; 2]; C],
     /// Steps in which the node got a derivative.
     steps: u32,
@@ -44,8 +48,8 @@ struct Moments<const C: usize> {
 /// What the running means of nodes lack after so many steps, from none on, because they began at 0.
 type Lacks = Vec<[f32; 2]>;
 
-/// The values of a level's fitted nodes: density and colours.
-pub type State<const C: usize> = Vec<(f32, [f32; C])>;
+/// The values of a level's fitted nodes.
+pub type State<const C: usize> = Vec<NodeValues<C>>;
 
 /// The optimizer's state.
 #[derive(Debug)]
@@ -77,7 +81,13 @@ impl<const C: usize> Adam<C> {
             if retained.contains([node / nz / ny, node / nz % ny, node % nz]) {
                 *number = moments.len() as u32;
                 density[node] = density[node].max(SEED_DENSITY);
-                moments.push(Moments { node, density: [0.0; 2], color: [[0.0; 2]; C], steps: 0 });
+                moments.push(Moments {
+                    node,
+                    density: [0.0; 2],
+                    anisotropy: [[0.0; 2]; ANISOTROPY],
+                    color: [[0.0; 2]; C],
+                    steps: 0,
+                });
             } else {
                 density[node] = 0.0;
             }
@@ -98,15 +108,25 @@ impl<const C: usize> Adam<C> {
     /// The values of the fitted nodes.
     pub fn state(&self, field: &Dense<C>) -> State<C> {
         let (density, color) = field.values(self.level);
-        self.moments.iter().map(|moments| (density[moments.node], color[moments.node])).collect()
+        let anisotropy = field.anisotropy(self.level);
+        let values = |moments: &Moments<C>| NodeValues {
+            density: density[moments.node],
+            anisotropy: anisotropy[moments.node],
+            color: color[moments.node],
+        };
+        self.moments.iter().map(values).collect()
     }
 
     /// Gives the fitted nodes a state back.
     pub fn restore(&self, field: &mut Dense<C>, state: &State<C>) {
         let (density, color) = field.values_mut(self.level);
-        for (moments, &(best_density, best_color)) in self.moments.iter().zip(state) {
-            density[moments.node] = best_density;
-            color[moments.node] = best_color;
+        for (moments, values) in self.moments.iter().zip(state) {
+            density[moments.node] = values.density;
+            color[moments.node] = values.color;
+        }
+        let anisotropy = field.anisotropy_mut(self.level);
+        for (moments, values) in self.moments.iter().zip(state) {
+            anisotropy[moments.node] = values.anisotropy;
         }
     }
 
@@ -136,24 +156,32 @@ impl<const C: usize> Adam<C> {
         let sums = &parts;
         let updates = parallel::map_mut(&mut work, |_, (first, chunk)| {
             let update = |(i, moments): (usize, &mut Moments<C>)| {
-                let Sums { density, color } = total(sums, i);
+                let by = total(sums, i);
                 // A node that no ray met stays.
-                let met = density != 0.0 || color.iter().any(|&by| by != 0.0);
-                met.then(|| moments.advance(density, &color, rates, least, lacks))
+                let met = by.density != 0.0 || by.color.iter().any(|&by| by != 0.0);
+                met.then(|| moments.advance(&by, rates, least, lacks))
             };
             let first = *first;
             let numbered = chunk.iter_mut().enumerate().map(|(i, moments)| (first + i, moments));
             Ok(numbered.map(update).collect::<Vec<_>>())
         })?;
+        let updates = updates.iter().flatten();
+        let updates = self.moments.iter().zip(updates).filter_map(|(moments, update)| {
+            update.as_ref().map(|update| (moments.node, update))
+        });
         let (density, color) = field.values_mut(self.level);
-        for (moments, update) in self.moments.iter().zip(updates.into_iter().flatten()) {
-            let Some((by_density, by_color)) = update else { continue };
-            let at = moments.node;
-            density[at] = (density[at] - by_density).clamp(0.0, MAX_DENSITY);
-            color[at].iter_mut().zip(by_color).for_each(|(raw, by)| *raw -= by);
+        for (at, by) in updates.clone() {
+            density[at] = (density[at] - by.density).clamp(0.0, MAX_DENSITY);
+            color[at].iter_mut().zip(by.color).for_each(|(raw, by)| *raw -= by);
+        }
+        let anisotropy = field.anisotropy_mut(self.level);
+        for (at, by) in updates {
+            for (value, by) in anisotropy[at].iter_mut().zip(by.anisotropy) {
+                *value = (*value - by).clamp(-MAX_DENSITY, MAX_DENSITY);
+            }
         }
         parallel::map_mut(gradients, |_, gradient| {
-            gradient.levels[index].fill(Sums::ZERO);
+            gradient.levels[index].fill(NodeValues::ZERO);
             Ok(())
         })?;
         Ok(())
@@ -161,25 +189,26 @@ impl<const C: usize> Adam<C> {
 }
 
 /// The sum of all parts' derivatives by a node's values.
-fn total<const C: usize>(parts: &[&[Sums<C>]], node: usize) -> Sums<C> {
-    let mut total = Sums::ZERO;
+fn total<const C: usize>(parts: &[&[NodeValues<C>]], node: usize) -> NodeValues<C> {
+    let mut total = NodeValues::ZERO;
     for part in parts {
-        let Sums { density, color } = part[node];
+        let NodeValues { density, anisotropy, color } = part[node];
         total.density += density;
+        total.anisotropy.iter_mut().zip(anisotropy).for_each(|(sum, part)| *sum += part);
         total.color.iter_mut().zip(color).for_each(|(sum, part)| *sum += part);
     }
     total
 }
 
 /// Mean squares of derivatives that are not zero, by density and by colour.
-fn mean_squares<const C: usize>(gradients: &[&[Sums<C>]], nodes: usize) -> [f32; 2] {
+fn mean_squares<const C: usize>(gradients: &[&[NodeValues<C>]], nodes: usize) -> [f32; 2] {
     let (mut sums, mut counts) = ([0.0f64; 2], [0.0f64; 2]);
     let mut add = |kind: usize, derivative: f32| {
         sums[kind] += f64::from(derivative).powi(2);
         counts[kind] += f64::from(u8::from(derivative != 0.0));
     };
     for node in 0..nodes {
-        let Sums { density, color } = total(gradients, node);
+        let NodeValues { density, color, .. } = total(gradients, node);
         add(0, density);
         color.into_iter().for_each(|color| add(1, color));
     }
@@ -190,12 +219,11 @@ impl<const C: usize> Moments<C> {
     /// Takes in a derivative, and returns the step.
     fn advance(
         &mut self,
-        density: f32,
-        color: &[f32; C],
+        by: &NodeValues<C>,
         (density_rate, color_rates): (f32, &[f32; C]),
         least: [f32; 2],
         lacks: &Lacks,
-    ) -> (f32, [f32; C]) {
+    ) -> NodeValues<C> {
         self.steps += 1;
         let [first, second] = lacks[self.steps as usize];
         let step = |[mean, square]: &mut [f32; 2], derivative: f32, [rate, least]: [f32; 2]| {
@@ -203,10 +231,15 @@ impl<const C: usize> Moments<C> {
             *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);
             rate * (*mean / first) / ((*square / second).sqrt() + least)
         };
-        let mut by_color = [0.0; C];
+        let mut steps = NodeValues::ZERO;
         for (lane, moments) in self.color.iter_mut().enumerate() {
-            by_color[lane] = step(moments, color[lane], [color_rates[lane], least[1]]);
+            steps.color[lane] = step(moments, by.color[lane], [color_rates[lane], least[1]]);
         }
-        (step(&mut self.density, density, [density_rate, least[0]]), by_color)
+        let rate = ANISOTROPY_SHARE * density_rate;
+        for (lane, moments) in self.anisotropy.iter_mut().enumerate() {
+            steps.anisotropy[lane] = step(moments, by.anisotropy[lane], [rate, least[0]]);
+        }
+        steps.density = step(&mut self.density, by.density, [density_rate, least[0]]);
+        steps
     }
 }

@@ -8,6 +8,7 @@ use super::options::FitOptions;
 use super::target::Targets;
 use crate::base::progress::Progress;
 use crate::model::baked::LevelOfDetail;
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::directional::DIRECTIONAL;
 use crate::model::grid::NodeMask;
 use crate::view::render::{View, brightness};
@@ -36,6 +37,8 @@ pub struct Fitted {
     /// there.
     values: Vec<Vec<Vec<f32>>>,
     has_directional: bool,
+    /// From level 1 on, `[channel][node]`; none where no level has any.
+    anisotropy: Vec<Vec<Vec<f32>>>,
     /// The rule under which the levels look best.
     pub level_of_detail: LevelOfDetail,
     /// The fit of each level, from level 1 on.
@@ -50,6 +53,7 @@ impl Fitted {
         Self {
             values: Vec::new(),
             has_directional: false,
+            anisotropy: Vec::new(),
             level_of_detail,
             levels: Vec::new(),
             cut_short: false,
@@ -75,13 +79,30 @@ impl Fitted {
             false => (0..3 + view.features).collect(),
         };
         let values = (1..=levels.len()).map(|level| channels(field, level, &lanes)).collect();
-        Self { values, has_directional, level_of_detail, levels, cut_short }
+        let anisotropy = |level: usize| {
+            let nodes = field.anisotropy(level);
+            let channel = |channel: usize| nodes.iter().map(|node| node[channel]).collect();
+            (0..ANISOTROPY).map(channel).collect()
+        };
+        let shapes = |level: &FittedLevel| {
+            field.anisotropy(level.level).iter().any(|node| *node != [0.0; ANISOTROPY])
+        };
+        let anisotropy = match levels.iter().any(shapes) {
+            true => (1..=levels.len()).map(anisotropy).collect(),
+            false => Vec::new(),
+        };
+        Self { values, has_directional, anisotropy, level_of_detail, levels, cut_short }
     }
 
     /// The channels of directional brightness of `level`; none where it has no such values.
     pub fn directional(&self, level: usize) -> Option<&[Vec<f32>]> {
         let channels = self.values.get(level.checked_sub(1)?)?;
         self.has_directional.then(|| &channels[channels.len() - DIRECTIONAL..])
+    }
+
+    /// The channels of anisotropy of `level`; none where it has no such values.
+    pub fn anisotropy(&self, level: usize) -> Option<&[Vec<f32>]> {
+        self.anisotropy.get(level.checked_sub(1)?).map(Vec::as_slice)
     }
 
     /// Puts fitted values in the place of plane `x` of a channel of `level`.

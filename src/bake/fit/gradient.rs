@@ -8,42 +8,48 @@
 //! dL/dc_i = w_i dL/dA
 //! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
+//!
+//! With anisotropy a density is `max(0, v + sum over m of a_m Y_m)`, so where it is not 0 the
+//! derivative by `a_m` is `Y_m` times that by `v`.
 
 use multiversion::multiversion;
 
 use super::target::Windows;
 use super::trace::{Part, Rays, Sampled, Samples, Traced};
+use crate::model::anisotropy::ANISOTROPY;
 use crate::view::render::ColorRule;
 
 /// Marks nodes that are not fitted.
 pub const NOT_FITTED: u32 = u32::MAX;
 
-/// Sums of derivatives by one node's values.
+/// A node's stored values, or sums of derivatives by them.
 #[derive(Debug, Clone, Copy)]
-pub struct Sums<const C: usize> {
-    /// By the stored density.
+pub struct NodeValues<const C: usize> {
+    /// Density.
     pub density: f32,
-    /// By the stored colours.
+    /// Anisotropy of density.
+    pub anisotropy: [f32; ANISOTROPY],
+    /// Colours.
     pub color: [f32; C],
 }
 
-impl<const C: usize> Sums<C> {
-    /// Of no rays.
-    pub const ZERO: Self = Self { density: 0.0, color: [0.0; C] };
+impl<const C: usize> NodeValues<C> {
+    /// All zero.
+    pub const ZERO: Self = Self { density: 0.0, anisotropy: [0.0; ANISOTROPY], color: [0.0; C] };
 }
 
 /// Sums of derivatives.
 #[derive(Debug)]
 pub struct Gradient<const C: usize> {
     /// From level 1 on, by fitted node.
-    pub levels: Vec<Vec<Sums<C>>>,
+    pub levels: Vec<Vec<NodeValues<C>>>,
     samples: Samples<C>,
 }
 
 impl<const C: usize> Gradient<C> {
     /// Zeros for this many nodes of each level.
     pub fn new(nodes: &[usize]) -> Self {
-        let levels = nodes.iter().map(|&nodes| vec![Sums::ZERO; nodes]).collect();
+        let levels = nodes.iter().map(|&nodes| vec![NodeValues::ZERO; nodes]).collect();
         Self { levels, samples: Samples::default() }
     }
 }
@@ -55,7 +61,7 @@ fn spread<const C: usize>(
     traced: &Traced<C>,
     worth: f32,
     samples: &Samples<C>,
-    levels: &mut [Vec<Sums<C>>],
+    levels: &mut [Vec<NodeValues<C>>],
 ) {
     rays.spread(traced, worth, samples, levels);
 }
@@ -83,7 +89,7 @@ impl<const C: usize> Rays<'_, C> {
         traced: &Traced<C>,
         worth: f32,
         samples: &Samples<C>,
-        levels: &mut [Vec<Sums<C>>],
+        levels: &mut [Vec<NodeValues<C>>],
     ) {
         let mut by_color = traced.by_color;
         by_color.iter_mut().for_each(|by| *by *= worth);
@@ -100,7 +106,7 @@ impl<const C: usize> Rays<'_, C> {
                 }
                 let color = colors.map(|colors| &colors.parts[slot]);
                 let by_raw = by_raw(&traced.rule, sample, part, color, &by_color);
-                self.add(part, by_depth, &by_raw, &mut levels[part.level - 1]);
+                self.add(part, by_depth, &by_raw, &traced.along, &mut levels[part.level - 1]);
             }
             behind += sample.weight * worth;
         }
@@ -121,9 +127,17 @@ impl<const C: usize> Rays<'_, C> {
 
     /// Adds a sample's part to the derivatives of the level's nodes around it.
     #[inline(always)]
-    fn add(&self, part: &Part, by_depth: f32, by_raw: &[f32; C], sums: &mut [Sums<C>]) {
+    fn add(
+        &self,
+        part: &Part,
+        by_depth: f32,
+        by_raw: &[f32; C],
+        along: &[f32; ANISOTROPY],
+        sums: &mut [NodeValues<C>],
+    ) {
         // depth = density^2
         let by_density = by_depth * part.share * 2.0 * part.density;
+        let by_anisotropy = along.map(|along| by_density * along);
         for (node, weight) in self.field.corners(part.level, &part.cell) {
             let number = self.numbers[part.level - 1][node];
             if number == NOT_FITTED {
@@ -131,6 +145,9 @@ impl<const C: usize> Rays<'_, C> {
             }
             let sums = &mut sums[number as usize];
             sums.density += weight * by_density;
+            for (sum, by) in sums.anisotropy.iter_mut().zip(by_anisotropy) {
+                *sum += weight * by;
+            }
             for (sum, by_raw) in sums.color.iter_mut().zip(by_raw) {
                 *sum += weight * by_raw;
             }

@@ -7,8 +7,8 @@
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box. The mean of a
 //!    window of pixels is a pixel of a smaller picture.
 //! 2. [`shown`] spreads the rays of a step evenly over what pictures show.
-//! 3. Levels get directional brightness ([`crate::model::directional`]), which is 0 at first, where
-//!    colours are logits.
+//! 3. Levels get anisotropy ([`crate::model::anisotropy`]), and where colours are logits directional
+//!    brightness ([`crate::model::directional`]). Both are 0 at first.
 //! 4. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
 //!    differentiates their colour by the values of all levels: through the view network,
 //!    compositing, blending of levels, activation and interpolation.

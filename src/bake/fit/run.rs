@@ -40,13 +40,20 @@ pub fn fit(
     let start = levels.level_of_detail;
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };
     let (view, values) = rendered.into_parts()?;
-    with_lanes!(values, stored => context.fit(view, stored))
+    with_lanes!(values, stored => context.fit(view, stored, limits))
 }
 
 impl FitContext<'_> {
-    fn fit<const C: usize>(&self, view: View, stored: Stored<C>) -> Result<Fitted> {
+    fn fit<const C: usize>(
+        &self,
+        mut view: View,
+        stored: Stored<C>,
+        limits: &Limits,
+    ) -> Result<Fitted> {
         match stored {
-            Stored::Dense(field) if self.retained.len() > 1 && self.targets.scales > 0 => {
+            Stored::Dense(mut field) if self.retained.len() > 1 && self.targets.scales > 0 => {
+                field.add_anisotropy(limits)?;
+                view.anisotropic = true;
                 JointFit::new(self, view, field).run()
             }
             // Trained fields are dense.

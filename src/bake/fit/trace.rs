@@ -8,6 +8,7 @@ use multiversion::multiversion;
 use super::finest::Finest;
 use super::target::{Target, Targets};
 use crate::model::activate::lanes;
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::camera::Ray;
 use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::model::view_dependence::ViewDependence;
@@ -43,7 +44,7 @@ pub struct Part {
     /// Its share of the sample; 0 where the sample does not read the level.
     pub share: f32,
     pub cell: Cell,
-    /// Interpolated density.
+    /// Interpolated density in the direction of the ray.
     pub density: f32,
 }
 
@@ -90,6 +91,8 @@ pub struct Traced<'a, const C: usize> {
     pub square: f32,
     /// How values became colours.
     pub rule: ColorRule<'a>,
+    /// Values of the functions of anisotropy.
+    pub along: [f32; ANISOTROPY],
 }
 
 /// Samples that wait to be read together.
@@ -148,7 +151,8 @@ impl<'a, const C: usize> Rays<'a, C> {
         let left = sums.left;
         rule.finish(&mut sums.color);
         let network = &mut samples.network;
-        let mut traced = self.by_accumulated(rule, unit, (&sums.color, left), *color, network);
+        let along = route.path.along;
+        let mut traced = self.by_accumulated((rule, along), unit, (&sums.color, left), *color, network);
         rule.by_sums(&sums.color, &mut traced.by_color);
         Some(traced)
     }
@@ -170,7 +174,7 @@ impl<'a, const C: usize> Rays<'a, C> {
             let level = lambda as usize;
             let blend = lambda - level as f32;
             let parts =
-                [self.part(level, 1.0 - blend, position), self.part(level + 1, blend, position)];
+                [(level, 1.0 - blend), (level + 1, blend)].map(|of| self.part(of, position, path));
             let intervals = packet.intervals[i];
             samples.list.push(Sampled { parts, intervals, weight: 0.0, left: 0.0, colors: None });
         }
@@ -208,12 +212,12 @@ impl<'a, const C: usize> Rays<'a, C> {
 
     /// A sample's part of a level.
     #[inline(always)]
-    fn part(&self, level: usize, share: f32, position: [f64; 3]) -> Part {
+    fn part(&self, (level, share): (usize, f32), position: [f64; 3], path: &Path) -> Part {
         if share == 0.0 {
             return Part::default();
         }
         let cell = self.field.locate(level, position).unwrap_or_default();
-        Part { level, share, cell, density: self.field.density(level, &cell) }
+        Part { level, share, cell, density: self.field.density(level, &cell, &path.along) }
     }
 
     /// The colours of a sample.
@@ -280,7 +284,7 @@ impl<'a, const C: usize> Rays<'a, C> {
     /// Derivatives of half the squared error of the ray's colour.
     fn by_accumulated(
         &self,
-        rule: ColorRule<'a>,
+        (rule, along): (ColorRule<'a>, [f32; ANISOTROPY]),
         unit: [f64; 3],
         (accumulated, left): (&[f32; C], f32),
         target: [f32; 3],
@@ -305,7 +309,7 @@ impl<'a, const C: usize> Rays<'a, C> {
         }
         let by_left = (0..3).map(|c| errors[c] * background[c]).sum();
         let square = errors.iter().map(|error| error * error).sum();
-        Traced { by_color, by_left, left, square, rule }
+        Traced { by_color, by_left, left, square, rule, along }
     }
 }
 

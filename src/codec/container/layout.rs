@@ -19,8 +19,11 @@ pub const LINEAR_VALUES: u64 = 2;
 pub const BENT_RULE: u64 = 4;
 /// Required feature: coarser levels have directional brightness. Since 1.2.
 pub const DIRECTIONAL: u64 = 8;
+/// Required feature: coarser levels have anisotropy. Since 1.2.
+pub const ANISOTROPY: u64 = 16;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL;
+pub const KNOWN_FEATURES: u64 =
+    INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL | ANISOTROPY;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.
@@ -46,7 +49,7 @@ pub const PROVENANCE: ChunkKind = *b"prov";
 pub const TABLE: ChunkKind = *b"TABL";
 /// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
 pub const ATLASES: [ChunkKind; GROUPS] =
-    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC", *b"DIRB"];
+    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC", *b"DIRB", *b"ANIS"];
 
 /// The header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

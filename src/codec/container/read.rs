@@ -178,7 +178,7 @@ impl Container {
         let mut whole = true;
         for ((group, kind), atlas) in Group::ALL.into_iter().zip(ATLASES).zip(&mut atlases) {
             if level.encoding(group).is_some() {
-                let inherited = if group == Group::Density { 0 } else { table.inherited() };
+                let inherited = if group.is_color() { table.inherited() } else { 0 };
                 let frames = table.frames() - inherited;
                 *atlas = self.atlas(number, group, kind, frames, budget, report)?;
                 if let Some(stored) = atlas.take_if(|_| inherited > 0) {

@@ -1,7 +1,7 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry, HEADER_BYTES,
+    ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry, HEADER_BYTES,
     Header, INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
@@ -29,7 +29,8 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
-        let expected = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional brightness)";
+        let expected = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional \
+                        brightness), 4 (anisotropy)";
         let error = Error::unsupported(Place::Offset(16), found, expected);
         report(Finding { code: Code::Feature, error })?;
     }
@@ -119,6 +120,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
         (linear, LINEAR_VALUES),
         (bends, BENT_RULE),
         (metadata.has_directional(), DIRECTIONAL),
+        (metadata.has_anisotropy(), ANISOTROPY),
     ];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
@@ -315,6 +317,13 @@ fn level(
         "an encoding",
         "none where the next coarser level has none, or beside more than 58 features",
     )?;
+    let is_root = level.density_domain() == DensityDomain::SqrtOpticalDepth;
+    rules.require(
+        level.anisotropy.is_none() || is_root,
+        &key("anisotropy"),
+        "an encoding",
+        "none but where densities decode as sqrt_optical_depth",
+    )?;
     let linear = metadata.color_domain() == ColorDomain::Linear;
     for group in Group::ALL {
         let Some(encoding) = level.encoding(group) else { continue };
@@ -355,6 +364,7 @@ fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> b
             decode == Decode::Directional
         }
         (Group::Directional, _, _) => false,
+        (Group::Anisotropy, ..) => decode == Decode::Anisotropy,
     }
 }
 

@@ -1,5 +1,6 @@
 //! Encodings whose codes follow from the values: linear colours, coefficients of harmonics,
-//! directional brightness, and densities that are no logits. Their values know no bounds, so codes are laid over their range.
+//! directional brightness, anisotropy, and densities that are no logits. Their values know no
+//! bounds, so codes are laid over their range.
 //!
 //! Codes of colours are equally far apart, and 0 is one of them: a code's move shows as much
 //! anywhere. Coefficients of all harmonics get the same step, since each function has the same mean
@@ -25,6 +26,8 @@ const COLOR_STEP: f64 = 0.0082;
 const COEFFICIENT_STEP: f64 = 0.012;
 /// Step of directional brightness at 8 bits, in logits.
 const DIRECTIONAL_STEP: f64 = 0.0625;
+/// Step of anisotropy at 8 bits, in square roots of optical depth.
+const ANISOTROPY_STEP: f64 = 0.03125;
 
 /// The encoding of so many bits for the values in `span`, where [`is_laid_over_values`].
 pub fn encoding_over(
@@ -47,6 +50,7 @@ pub fn encoding_over(
             let step = match decode {
                 Decode::Coefficient(_) => COEFFICIENT_STEP * decode.activated(1.0, activation),
                 Decode::Directional => DIRECTIONAL_STEP * decode.activated(1.0, activation),
+                Decode::Anisotropy => ANISOTROPY_STEP * decode.activated(1.0, activation),
                 _ => COLOR_STEP,
             };
             equal_steps(step * 127.0 / half, count, decode, activation, span)
@@ -151,13 +155,14 @@ mod tests {
 
     const RELU: Activation = Activation::relu(0.02);
 
-    const LINEAR: [Decode; 7] = [
+    const LINEAR: [Decode; 8] = [
         Decode::Linear,
         Decode::Coefficient(0),
         Decode::Coefficient(1),
         Decode::Coefficient(2),
         Decode::Coefficient(3),
         Decode::Directional,
+        Decode::Anisotropy,
         Decode::Density(DensityDomain::Raw),
     ];
 

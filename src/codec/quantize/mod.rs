@@ -38,7 +38,7 @@ pub use code_word::Code;
 pub use frame::{Frame, FrameShape, RunBytes};
 pub use inherited_colors::InheritedColors;
 pub use linear::{encoding_over, planned_encoding};
-pub use planes::{CodePlanes, CodeSlab, Moved};
+pub use planes::{CodePlanes, CodeSlab, GroupCodes, Moved};
 pub use range::{Bits, color_encoding, density_encoding, is_laid_over_values};
 pub use run::{run_bytes, run_codes};
 pub use search::encoding_within;

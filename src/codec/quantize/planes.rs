@@ -31,8 +31,21 @@ struct Channel {
     /// The same for all channels of a group.
     quantizer: Arc<Quantizer>,
     bound: Option<f32>,
+    everywhere: bool,
     /// Planes to be used again.
     spare: Mutex<Vec<Codes>>,
+}
+
+/// A group's part of the planes.
+#[derive(Debug, Clone, Copy)]
+pub struct GroupCodes<'a> {
+    pub encoding: &'a Encoding,
+    /// Channels of a node.
+    pub channels: usize,
+    /// The most that a colour or opacity may move, where there is a bound.
+    pub bound: Option<f32>,
+    /// True if all nodes are quantized, retained or not.
+    pub everywhere: bool,
 }
 
 /// A value that its code moves too far.
@@ -60,19 +73,18 @@ impl CodeSlab {
 }
 
 impl<'a> CodePlanes<'a> {
-    /// For the `retained` nodes of a level. Each group has an encoding, so many channels, and maybe
-    /// a bound on the move of colours and opacities.
+    /// For the `retained` nodes of a level and its groups.
     pub fn new<'e>(
         retained: &'a NodeMask,
         activation: Activation,
-        groups: impl IntoIterator<Item = (&'e Encoding, usize, Option<f32>)>,
+        groups: impl IntoIterator<Item = GroupCodes<'e>>,
     ) -> Self {
         let mut channels = Vec::new();
-        for (encoding, count, bound) in groups {
+        for GroupCodes { encoding, channels: count, bound, everywhere } in groups {
             let quantizer = Arc::new(Quantizer::new(encoding.clone()));
             let channel = || {
                 let quantizer = Arc::clone(&quantizer);
-                Channel { quantizer, bound, spare: Mutex::default() }
+                Channel { quantizer, bound, everywhere, spare: Mutex::default() }
             };
             channels.extend(std::iter::repeat_with(channel).take(count));
         }
@@ -84,11 +96,14 @@ impl<'a> CodePlanes<'a> {
     /// Quantizes the retained nodes of a plane. Returns the first that is moved by more than its
     /// group's bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
-        let Channel { quantizer, bound, spare } = &self.channels[channel];
+        let Channel { quantizer, bound, everywhere, spare } = &self.channels[channel];
         let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let number = quantizer.encoding().number;
         let mut codes = used.unwrap_or_else(|| Codes::zeroed(number, values.len()));
-        with_codes!(&mut codes, codes => self.quantize(x, quantizer, values, codes));
+        match everywhere {
+            true => with_codes!(&mut codes, codes => quantizer.encode(values, codes)),
+            false => with_codes!(&mut codes, codes => self.quantize(x, quantizer, values, codes)),
+        }
         let moved = bound.and_then(|bound| self.moved(x, quantizer, values, &codes, bound));
         *self.planes[x][channel].lock().unwrap_or_else(PoisonError::into_inner) = codes;
         moved

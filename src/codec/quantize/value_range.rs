@@ -25,7 +25,12 @@ impl ValueRange {
             _ if is_laid_over_values(decode, activation) => f32::NEG_INFINITY,
             _ => Domain::of(decode, activation).empty,
         };
-        Self { low: f32::INFINITY, high: f32::NEG_INFINITY, empty }
+        let [low, high] = match decode {
+            // Nodes that are not retained have none.
+            Decode::Anisotropy => [0.0; 2],
+            _ => [f32::INFINITY, f32::NEG_INFINITY],
+        };
+        Self { low, high, empty }
     }
 
     /// Takes values. Zeros of both signs are the same: of equal ones the first stays.

@@ -46,9 +46,9 @@ pub struct UnpackedLevel {
     pub table: Table,
     /// The values, before `density_scale` and `emptied`.
     pub values: LevelValues,
-    /// Densities are multiplied by this.
+    /// Densities and their anisotropy are multiplied by this.
     pub density_scale: f32,
-    /// Nodes whose density reads as the level's empty value.
+    /// Nodes whose density and anisotropy read as the level's empty values.
     pub emptied: Option<NodeMask>,
 }
 
@@ -149,7 +149,7 @@ impl UnpackedLevel {
     }
 
     /// Reads one x plane, `ny * nz` values, of one channel of a group that the level has. `empty`
-    /// is the value of emptied densities.
+    /// is the value of emptied nodes.
     ///
     /// # Errors
     ///
@@ -173,7 +173,7 @@ impl UnpackedLevel {
                 fill_plane(&codes.0, &codes.1, group, channel, x, out);
             }
         }
-        if group != Group::Density {
+        if group.is_color() {
             return Ok(());
         }
         if self.density_scale != 1.0 {

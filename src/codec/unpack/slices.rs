@@ -100,12 +100,14 @@ fn slice(
             channels.extend(plane(Group::Diffuse, channel).map(|plane| (name.to_owned(), plane)));
         }
         let layout = metadata.layout();
-        let others = Group::COLORS.into_iter().filter(|&group| group != Group::Diffuse);
+        let others = Group::ALL.into_iter();
+        let others =
+            others.filter(|&group| group != Group::Density && group != Group::Diffuse);
         let others =
             others.flat_map(|group| (0..group.channels(layout)).map(move |at| (group, at)));
         for (number, (group, channel)) in others.enumerate() {
             let name = match group {
-                Group::Directional => format!("directional{channel}"),
+                Group::Directional | Group::Anisotropy => format!("{}{channel}", group.name()),
                 _ => format!("feature{number}"),
             };
             channels.extend(plane(group, channel).map(|plane| (name, plane)));

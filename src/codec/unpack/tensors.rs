@@ -5,6 +5,7 @@
 //! | `level{k}.density` | `[Nx,Ny,Nz]` f32 | stored density, node-centred, C order |
 //! | `level{k}.diffuse`, `level{k}.features` | `[C,Nx,Ny,Nz]` f32 | stored colour |
 //! | `level{k}.directional` | `[3,Nx,Ny,Nz]` f32 | stored directional brightness |
+//! | `level{k}.anisotropy` | `[5,Nx,Ny,Nz]` f32 | stored anisotropy |
 //! | `level{k}.occupied` | `[Bx,By,Bz]` u8 | 0 empty, 1 stored, 2 inherited |
 //! | `mlp.{i}.weight`, `mlp.{i}.bias` | `[out,in]`, `[out]` f32 | the view network |
 //! | `free_space.inside` or `free_space.values` | mask nodes, u8 or f32 | the free-space mask |
@@ -191,7 +192,9 @@ fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Resu
     for group in Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some()) {
         let shape = match group {
             Group::Density => vec![nx, ny, nz],
-            Group::Diffuse | Group::Directional => vec![3, nx, ny, nz],
+            Group::Diffuse | Group::Directional | Group::Anisotropy => {
+                vec![group.channels(metadata.layout()), nx, ny, nz]
+            }
             // All bands follow each other in one tensor.
             Group::Features | Group::Band(1) => vec![metadata.features, nx, ny, nz],
             Group::Band(_) => continue,

@@ -57,16 +57,22 @@ pub enum Decode {
     /// Directional brightness: a part of a vector whose dot product with the unit direction of a
     /// ray is added to all three logits of diffuse colour.
     Directional,
+    /// Anisotropy: a coefficient of a function of band 2, whose sum in the direction of a ray is
+    /// added to the square root of optical depth.
+    Anisotropy,
 }
 
 /// The largest move of a colour by a move of all three parts of directional brightness by 1: the
 /// dot product with a unit vector moves by at most `sqrt(3)`, and the sigmoid's slope is at most
 /// 1/4.
 const DIRECTIONAL_GAIN: f64 = 0.433_012_701_892_219_3;
+/// The largest move of opacity by a move of all five values of anisotropy by 1: the sum moves by at
+/// most `sqrt(5) * sqrt(5 / (4 pi))`, and the slope of `1 - exp(-u^2)` is at most `sqrt(2 / e)`.
+const ANISOTROPY_GAIN: f64 = 1.209_867_5;
 
 impl Decode {
     /// Every meaning.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Density(DensityDomain::Raw),
         Self::Density(DensityDomain::SqrtOpticalDepth),
         Self::Density(DensityDomain::Opacity),
@@ -77,11 +83,12 @@ impl Decode {
         Self::Coefficient(2),
         Self::Coefficient(3),
         Self::Directional,
+        Self::Anisotropy,
     ];
 
     /// Opacity over one interval, or colour from 0 to 1. Of coefficients, the largest colour that a
     /// band of such coefficients adds in any direction; of directional brightness, the largest that
-    /// three such values add. Errors are stated in these. It never falls where values rise.
+    /// three such values add; of anisotropy, the largest opacity that five such values add. Errors are stated in these. It never falls where values rise.
     pub fn activated(self, value: f64, activation: &Activation) -> f64 {
         match self {
             Self::Density(domain) => domain.opacity(value, activation),
@@ -89,14 +96,19 @@ impl Decode {
             Self::Linear => value,
             Self::Coefficient(band) => value * BAND_GAIN[usize::from(band.min(3))],
             Self::Directional => value * DIRECTIONAL_GAIN,
+            Self::Anisotropy => value * ANISOTROPY_GAIN,
         }
     }
 
-    /// The domain of density; none for colour.
+    /// The domain of density; none for all else.
     pub const fn density(self) -> Option<DensityDomain> {
         match self {
             Self::Density(domain) => Some(domain),
-            Self::Logit | Self::Linear | Self::Coefficient(_) | Self::Directional => None,
+            Self::Logit
+            | Self::Linear
+            | Self::Coefficient(_)
+            | Self::Directional
+            | Self::Anisotropy => None,
         }
     }
 }
@@ -119,6 +131,7 @@ enum Name {
     #[serde(rename = "band_3")]
     Band3,
     DirectionalLogit,
+    Anisotropy,
 }
 
 impl From<Name> for Decode {
@@ -134,6 +147,7 @@ impl From<Name> for Decode {
             Name::Band2 => Self::Coefficient(2),
             Name::Band3 => Self::Coefficient(3),
             Name::DirectionalLogit => Self::Directional,
+            Name::Anisotropy => Self::Anisotropy,
         }
     }
 }
@@ -151,6 +165,7 @@ impl From<Decode> for Name {
             Decode::Coefficient(2) => Self::Band2,
             Decode::Coefficient(_) => Self::Band3,
             Decode::Directional => Self::DirectionalLogit,
+            Decode::Anisotropy => Self::Anisotropy,
         }
     }
 }

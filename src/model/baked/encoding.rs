@@ -16,9 +16,11 @@ use std::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 
 use super::Decode;
+use crate::model::anisotropy::ANISOTROPY;
+use crate::model::directional::DIRECTIONAL;
 
 /// Number of groups.
-pub const GROUPS: usize = 7;
+pub const GROUPS: usize = 8;
 
 /// Values that share an encoding and a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,9 +35,11 @@ pub enum Group {
     Band(usize),
     /// Directional brightness of coarser levels: three channels.
     Directional,
+    /// Anisotropy of coarser levels' density: five channels.
+    Anisotropy,
 }
 
-/// The parts of a node's colour.
+/// The parts of a node's values beside density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ColorLayout {
     /// Specular features; 0 beside harmonics.
@@ -44,11 +48,13 @@ pub struct ColorLayout {
     pub degree: usize,
     /// True if a level has directional brightness.
     pub directional: bool,
+    /// True if a level has anisotropy, which is no colour, but follows it.
+    pub anisotropy: bool,
 }
 
 impl ColorLayout {
     /// All colour channels of a node.
-    pub fn channels(self) -> usize {
+    pub fn color_channels(self) -> usize {
         Group::COLORS.into_iter().map(|group| group.channels(self)).sum()
     }
 }
@@ -63,10 +69,11 @@ impl Group {
         Self::Band(2),
         Self::Band(3),
         Self::Directional,
+        Self::Anisotropy,
     ];
 
-    /// The groups of colour.
-    pub const COLORS: [Self; GROUPS - 1] = [
+    /// The groups of colour, of which blocks can inherit.
+    pub const COLORS: [Self; GROUPS - 2] = [
         Self::Diffuse,
         Self::Features,
         Self::Band(1),
@@ -85,6 +92,7 @@ impl Group {
             Self::Band(2) => "band_2",
             Self::Band(_) => "band_3",
             Self::Directional => "directional",
+            Self::Anisotropy => "anisotropy",
         }
     }
 
@@ -95,8 +103,9 @@ impl Group {
             Self::Diffuse => 3,
             Self::Features => layout.features,
             Self::Band(band) if band <= layout.degree => 3 * (2 * band + 1),
-            Self::Directional if layout.directional => 3,
-            Self::Band(_) | Self::Directional => 0,
+            Self::Directional if layout.directional => DIRECTIONAL,
+            Self::Anisotropy if layout.anisotropy => ANISOTROPY,
+            Self::Band(_) | Self::Directional | Self::Anisotropy => 0,
         }
     }
 
@@ -107,8 +116,14 @@ impl Group {
             Self::Diffuse => 1,
             Self::Features => 2,
             Self::Band(band) => 2 + band,
-            Self::Directional => GROUPS - 1,
+            Self::Directional => GROUPS - 2,
+            Self::Anisotropy => GROUPS - 1,
         }
+    }
+
+    /// True for one of [`Self::COLORS`]: else the values say where matter is.
+    pub const fn is_color(self) -> bool {
+        !matches!(self, Self::Density | Self::Anisotropy)
     }
 }
 

@@ -78,18 +78,25 @@ impl Metadata {
         }
     }
 
-    /// The parts of a node's colour.
+    /// The parts of a node's values beside density.
     pub fn layout(&self) -> ColorLayout {
-        let directional = self.has_directional();
-        match self.view.as_ref().and_then(ViewMetadata::harmonics) {
-            Some(harmonics) => ColorLayout { features: 0, degree: harmonics.degree, directional },
-            None => ColorLayout { features: self.features, degree: 0, directional },
+        let harmonics = self.view.as_ref().and_then(ViewMetadata::harmonics);
+        ColorLayout {
+            features: if harmonics.is_some() { 0 } else { self.features },
+            degree: harmonics.map_or(0, |harmonics| harmonics.degree),
+            directional: self.has_directional(),
+            anisotropy: self.has_anisotropy(),
         }
     }
 
     /// True if a level has directional brightness.
     pub fn has_directional(&self) -> bool {
         self.levels.iter().any(|level| level.directional.is_some())
+    }
+
+    /// True if a level has anisotropy.
+    pub fn has_anisotropy(&self) -> bool {
+        self.levels.iter().any(|level| level.anisotropy.is_some())
     }
 }
 
@@ -122,6 +129,9 @@ pub struct LevelMetadata {
     /// Directional brightness, [`Decode::Directional`]; left out where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directional: Option<Encoding>,
+    /// Anisotropy of density, [`Decode::Anisotropy`]; left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anisotropy: Option<Encoding>,
 }
 
 fn is_none(count: &usize) -> bool {
@@ -156,8 +166,9 @@ impl LevelMetadata {
         ];
         let groups = groups.into_iter().filter_map(|(group, encoding)| Some((group, encoding?)));
         let directional = self.directional.as_mut().map(|encoding| (Group::Directional, encoding));
+        let anisotropy = self.anisotropy.as_mut().map(|encoding| (Group::Anisotropy, encoding));
         let bands = bands.map(|(i, encoding)| (Group::Band(i + 1), encoding));
-        groups.chain(bands).chain(directional)
+        groups.chain(bands).chain(directional).chain(anisotropy)
     }
 
     /// The encoding of a group, to be changed.
@@ -168,6 +179,7 @@ impl LevelMetadata {
             Group::Features => self.features.as_mut(),
             Group::Band(band) => self.bands.get_mut(band - 1),
             Group::Directional => self.directional.as_mut(),
+            Group::Anisotropy => self.anisotropy.as_mut(),
         }
     }
 
@@ -179,6 +191,7 @@ impl LevelMetadata {
             Group::Features => self.features.as_ref(),
             Group::Band(band) => self.bands.get(band - 1),
             Group::Directional => self.directional.as_ref(),
+            Group::Anisotropy => self.anisotropy.as_ref(),
         }
     }
 }

@@ -208,9 +208,9 @@ fn follow<const C: usize>(
         route.walk(view, field.skip(), EVERY_SAMPLE, |k, _, intervals| {
             let position = route.path.position(k);
             let Some(cell) = field.locate(0, position) else { return true };
-            let depth_of_interval =
-                optical_depth(field.density(0, &cell), field.density_domain(0), view);
-            let optical = depth_of_interval * intervals;
+            let density =
+                field.density(0, &cell, &route.path.along);
+            let optical = optical_depth(density, field.density_domain(0), view) * intervals;
             let opacity = lanes::opacity(optical);
             if opacity > view.march.alpha_threshold {
                 let weight = opacity * lanes::exp(-depth as f32);

@@ -177,14 +177,14 @@ impl Packet {
             };
             located.cells[i] = [fine, coarse];
             let low_cell = if own == level { fine } else { field.locate(own, position) };
-            let low = low_cell.map(|cell| field.density(own, &cell));
+            let low = low_cell.map(|cell| field.density(own, &cell, &path.along));
             let blends = self.blend[i] > 0.0 && next != own;
             let high_cell = match blends {
                 true if next == level + 1 => coarse,
                 true => field.locate(next, position),
                 false => None,
             };
-            let high = high_cell.map(|cell| field.density(next, &cell));
+            let high = high_cell.map(|cell| field.density(next, &cell, &path.along));
             if low.is_none() && high.is_none() {
                 continue;
             }

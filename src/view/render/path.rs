@@ -1,6 +1,7 @@
 //! The samples of a ray.
 
 use super::view::View;
+use crate::model::anisotropy::{ANISOTROPY, functions};
 use crate::model::baked::FootprintNeighbour;
 use crate::model::camera::Ray;
 
@@ -27,6 +28,8 @@ pub struct Path {
     length: f64,
     /// Intervals in a step.
     intervals: f32,
+    /// Values of the functions of anisotropy in the ray's direction; zeros where no level has any.
+    pub along: [f32; ANISOTROPY],
 }
 
 impl Path {
@@ -51,16 +54,14 @@ impl Path {
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b));
         }
-        (first <= last).then_some(Self {
-            start,
-            step,
-            first,
-            last,
-            entry,
-            t_step,
-            length,
-            intervals,
-        })
+        if first > last {
+            return None;
+        }
+        let along = match view.anisotropic {
+            true => functions((ray.direction / length).to_array()),
+            false => [0.0; ANISOTROPY],
+        };
+        Some(Self { start, step, first, last, entry, t_step, length, intervals, along })
     }
 
     /// Sample `k`.

@@ -135,7 +135,7 @@ impl Renderer {
     pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
         check_metadata(&field.metadata, limits, &Place::File)?;
         field.check()?;
-        let channels = field.metadata.layout().channels();
+        let channels = field.metadata.layout().color_channels();
         let values: Result<Lanes> =
             in_lanes!(channels, Stored::Sparse(Sparse::new(field, limits)?));
         Ok(Self { view: View::of_baked(field), content: Content::Values(values?) })

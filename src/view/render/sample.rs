@@ -6,6 +6,7 @@ use super::renderer::{Content, Renderer, with_values};
 use super::view::View;
 use crate::base::error::{Error, Result};
 use crate::model::activate::lanes;
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::directional::{DIRECTIONAL, color_from};
 use crate::model::field::ColorDomain;
 use crate::model::harmonics::{BAND_0, Basis, FUNCTIONS, Harmonics, basis};
@@ -289,7 +290,7 @@ fn depth<const C: usize>(
     // A level without density has level 0's.
     let owner = if values.density_level(level) { level } else { 0 };
     values.locate(owner, share).map_or(0.0, |cell| {
-        let density = values.density(owner, &cell);
+        let density = values.density(owner, &cell, &[0.0; ANISOTROPY]);
         optical_depth(density, values.density_domain(owner), view)
     })
 }

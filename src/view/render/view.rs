@@ -37,6 +37,8 @@ pub struct View {
     pub color_domain: ColorDomain,
     /// True if levels have directional brightness, in the last lanes of their values.
     pub directional: bool,
+    /// True if levels have anisotropy.
+    pub anisotropic: bool,
     /// The space in which samples count.
     pub free_space: Option<FreeSpace>,
     /// Specular features.
@@ -87,6 +89,7 @@ impl View {
             view_dependence: field.view.clone(),
             color_domain: field.color_domain,
             directional: levels.is_some_and(|levels| levels.directional),
+            anisotropic: false,
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),
         }
@@ -109,6 +112,7 @@ impl View {
             view_dependence: metadata.view_dependence(field.view_mlp.as_ref()),
             color_domain: metadata.color_domain(),
             directional: metadata.has_directional(),
+            anisotropic: metadata.has_anisotropy(),
             free_space: field.free_space.clone(),
             features: metadata.features,
         }

@@ -13,6 +13,7 @@ use crate::levels::sizes::level_sizes;
 use crate::levels::{
     Content, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify, visible,
 };
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::DensityDomain;
 use crate::model::field::{Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
@@ -54,7 +55,8 @@ impl<const C: usize> Dense<C> {
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
             let domain = filter.map_or(DensityDomain::Raw, |filter| filter.density_domain(level));
-            values.push(Values { density, domain, color: vec![[0.0; C]; count], strides });
+            let (color, anisotropy) = (vec![[0.0; C]; count], Vec::new());
+            values.push(Values { density, domain, anisotropy, color, strides });
         }
         fill(field, filter, &nodes, &mut values)?;
         let activation = &field.scene.activation;
@@ -94,6 +96,31 @@ impl<const C: usize> Dense<C> {
         (density.as_deref_mut().unwrap_or_default(), color)
     }
 
+    /// Anisotropy of a level's nodes; empty where it has none.
+    pub fn anisotropy(&self, level: usize) -> &[[f32; ANISOTROPY]] {
+        &self.values[level].anisotropy
+    }
+
+    /// The same, to be changed.
+    pub fn anisotropy_mut(&mut self, level: usize) -> &mut [[f32; ANISOTROPY]] {
+        &mut self.values[level].anisotropy
+    }
+
+    /// Gives coarser levels anisotropy, which is 0 at first.
+    ///
+    /// # Errors
+    ///
+    /// More memory than `limits` allow.
+    pub fn add_anisotropy(&mut self, limits: &Limits) -> Result<()> {
+        let mut budget = Budget::new(limits);
+        for (nodes, values) in self.nodes.iter().zip(&mut self.values).skip(1) {
+            let bytes = (nodes.count() * ANISOTROPY * 4) as u64;
+            budget.spend(bytes, "bytes of anisotropy", &Place::File)?;
+            values.anisotropy = vec![[0.0; ANISOTROPY]; nodes.count()];
+        }
+        Ok(())
+    }
+
     /// Takes a level's colours, which it has none of afterwards.
     pub fn take_colors(&mut self, level: usize) -> Vec<[f32; C]> {
         std::mem::take(&mut self.values[level].color)
@@ -130,8 +157,8 @@ impl<const C: usize> Sample<C> for Dense<C> {
     }
 
     #[inline(always)]
-    fn density(&self, level: usize, cell: &Cell) -> f32 {
-        self.values[level].density(cell)
+    fn density(&self, level: usize, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32 {
+        self.values[level].density(cell, along)
     }
 
     #[inline(always)]

@@ -2,6 +2,7 @@
 
 use super::level::Cell;
 use super::skip::SkipGrid;
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::DensityDomain;
 
 /// A field between its nodes.
@@ -12,8 +13,9 @@ pub trait Sample<const C: usize>: Sync {
     /// The cell of a position, `0..=1` along each axis of the box; none where nothing is stored.
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell>;
 
-    /// Interpolated density of a located cell of a level that has density.
-    fn density(&self, level: usize, cell: &Cell) -> f32;
+    /// Interpolated density of a located cell of a level that has density, in a direction in which
+    /// the functions of anisotropy have the values `along`; with zeros, the mean of all directions.
+    fn density(&self, level: usize, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32;
 
     /// Interpolated raw colour and features of a located cell.
     fn color(&self, level: usize, cell: &Cell) -> [f32; C];

@@ -1,5 +1,6 @@
 //! One level's arrays and trilinear interpolation in them.
 
+use crate::model::anisotropy::{ANISOTROPY, added_density};
 use crate::model::baked::DensityDomain;
 use crate::model::field::{Activation, ActivationOrder};
 
@@ -19,6 +20,8 @@ pub struct Values<const C: usize> {
     pub density: Option<Vec<f32>>,
     /// Meaning of densities.
     pub domain: DensityDomain,
+    /// Anisotropy of densities; empty where the level has none.
+    pub anisotropy: Vec<[f32; ANISOTROPY]>,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],
 }
@@ -38,9 +41,21 @@ impl<const C: usize> Values<C> {
         [node, node + y, node + x, node + x + y]
     }
 
-    /// Interpolated density, of a level that has it.
+    /// Interpolated density in a direction in which the functions of anisotropy have the values
+    /// `along`, of a level that has density.
     #[inline(always)]
-    pub fn density(&self, cell: &Cell) -> f32 {
+    pub fn density(&self, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32 {
+        let density = self.mean_density(cell);
+        if self.anisotropy.is_empty() {
+            return density;
+        }
+        let anisotropy = self.interpolated(&self.anisotropy, cell);
+        (density + added_density(&anisotropy, along)).max(0.0)
+    }
+
+    /// Interpolated density without anisotropy.
+    #[inline(always)]
+    fn mean_density(&self, cell: &Cell) -> f32 {
         let density = self.density.as_deref().unwrap_or_default();
         let [fx, fy, fz] = cell.fraction;
         let mut along_z = [0.0; 4];
@@ -56,13 +71,18 @@ impl<const C: usize> Values<C> {
     /// Interpolated colour.
     #[inline(always)]
     pub fn color(&self, cell: &Cell) -> [f32; C] {
+        self.interpolated(&self.color, cell)
+    }
+
+    #[inline(always)]
+    fn interpolated<const N: usize>(&self, values: &[[f32; N]], cell: &Cell) -> [f32; N] {
         let [fx, fy, fz] = cell.fraction;
         let weights = [(1.0 - fx) * (1.0 - fy), (1.0 - fx) * fy, fx * (1.0 - fy), fx * fy];
-        let mut sum = [0.0; C];
+        let mut sum = [0.0; N];
         for (node, weight) in self.corners(cell.node).into_iter().zip(weights) {
-            let pair = &self.color[node..node + 2];
+            let pair = &values[node..node + 2];
             let (near, far) = (weight * (1.0 - fz), weight * fz);
-            for lane in 0..C {
+            for lane in 0..N {
                 sum[lane] += near * pair[0][lane] + far * pair[1][lane];
             }
         }

@@ -12,6 +12,7 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::parallel;
 use crate::codec::quantize::decode_codes;
+use crate::model::anisotropy::{ANISOTROPY, most_added};
 use crate::model::baked::{
     BakedField, BakedLevel, ColorLayout, DensityDomain, Group, LevelMetadata, Metadata,
 };
@@ -49,8 +50,8 @@ impl<const C: usize> Sparse<C> {
     pub fn new(field: &BakedField, limits: &Limits) -> Result<Self> {
         let Metadata { activation, bounds, .. } = &field.metadata;
         let layout = field.metadata.layout();
-        if layout.channels() > C {
-            let found = format!("{} colour channels", layout.channels());
+        if layout.color_channels() > C {
+            let found = format!("{} colour channels", layout.color_channels());
             return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
         }
         let mut budget = Budget::new(limits);
@@ -95,8 +96,8 @@ impl<const C: usize> Sample<C> for Sparse<C> {
     }
 
     #[inline(always)]
-    fn density(&self, level: usize, cell: &Cell) -> f32 {
-        self.levels[level].values.density(cell)
+    fn density(&self, level: usize, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32 {
+        self.levels[level].values.density(cell, along)
     }
 
     #[inline(always)]
@@ -137,7 +138,10 @@ impl<const C: usize> Level<C> {
         let side = grid.edge + 1;
         let nodes = side.pow(3);
         let table = &level.table;
-        let values = table.frames() as u64 * nodes as u64 * (C + 1) as u64;
+        let has = |group: Group| metadata.encoding(group).is_some();
+        let anisotropic = has(Group::Anisotropy);
+        let lanes = C + 1 + if anisotropic { ANISOTROPY } else { 0 };
+        let values = table.frames() as u64 * nodes as u64 * lanes as u64;
         budget.spend(4 * values, "bytes of decoded frames", &Place::File)?;
         let mut frames = vec![NO_FRAME; grid.total()];
         let places: Vec<[usize; 3]> = table.stored().collect();
@@ -155,18 +159,28 @@ impl<const C: usize> Level<C> {
         }
         let frame_count = table.frames();
         let has_density = metadata.density.is_some();
-        let has = |group: Group| metadata.encoding(group).is_some();
-        let mut density = vec![0.0; if has_density { frame_count * nodes } else { 0 }];
+        let count = |has: bool| if has { frame_count * nodes } else { 0 };
+        let mut density = vec![0.0; count(has_density)];
+        let mut anisotropy = vec![[0.0; ANISOTROPY]; count(anisotropic)];
         let mut color = vec![[0.0; C]; frame_count * nodes];
         let mut densities = density.chunks_exact_mut(nodes);
-        let mut frames_of: Vec<_> =
-            color.chunks_exact_mut(nodes).map(|color| (densities.next(), color)).collect();
-        parallel::map_mut(&mut frames_of, |i, (density, color)| {
+        let mut anisotropies = anisotropy.chunks_exact_mut(nodes);
+        let own = |color| (densities.next(), anisotropies.next(), color);
+        let mut frames_of: Vec<_> = color.chunks_exact_mut(nodes).map(own).collect();
+        parallel::map_mut(&mut frames_of, |i, (density, anisotropy, color)| {
             let mut scratch = vec![0.0; nodes];
             if let Some(density) = density {
                 apron_frame(level, metadata, Group::Density, (0, 1), places[i], density);
                 let stored = density.iter_mut();
                 stored.for_each(|raw| *raw = interpolated_density(activation, domain, *raw));
+            }
+            if let Some(anisotropy) = anisotropy {
+                for channel in 0..ANISOTROPY {
+                    let from = (channel, ANISOTROPY);
+                    apron_frame(level, metadata, Group::Anisotropy, from, places[i], &mut scratch);
+                    let nodes = anisotropy.iter_mut().zip(&scratch);
+                    nodes.for_each(|(node, &value)| node[channel] = value);
+                }
             }
             for group in Group::COLORS.into_iter().filter(|&group| has(group)) {
                 let (channels, first) = (group.channels(layout), first_lane(group, layout, C));
@@ -181,7 +195,8 @@ impl<const C: usize> Level<C> {
             Ok(())
         })?;
         let density = has_density.then_some(density);
-        let values = Values { density, domain, color, strides: [side * side, side] };
+        let strides = [side * side, side];
+        let values = Values { density, domain, anisotropy, color, strides };
         let strides = [[by * bz, side * side], [bz, side], [1, 1]];
         let parts = [0, 1, 2].map(|axis| {
             let part = |node: usize| {
@@ -213,7 +228,9 @@ impl<const C: usize> Level<C> {
         let grid = metadata.grid();
         let mut cells = OccupiedMacroCells::new(grid.nodes, finest, self.values.domain, activation);
         let [plane, row] = self.values.strides;
+        let mut anisotropy = self.values.anisotropy.chunks_exact(self.frame_nodes);
         for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {
+            let own = anisotropy.next().unwrap_or_default();
             let first = place.map(|block| block * grid.edge);
             let end = [0, 1, 2].map(|axis| (first[axis] + grid.edge).min(grid.nodes.0[axis] - 1));
             if (0..3).any(|axis| first[axis] == end[axis]) {
@@ -221,6 +238,7 @@ impl<const C: usize> Level<C> {
                 continue;
             }
             for (i, &value) in frame.iter().enumerate() {
+                let value = value + own.get(i).map_or(0.0, most_added);
                 let inside = [i / plane, i % plane / row, i % row];
                 let at = [0, 1, 2].map(|axis| first[axis] + inside[axis]);
                 cells.mark(at, value, [first, end]);
