@@ -49,14 +49,14 @@ fn the_fitted_rule_bends_and_says_so() {
     let field = trained("lego64/fine_last.tar");
     let bytes = baked_bytes(&field, &options(Filter::Fit, 40)).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
-    assert_eq!((container.header().version, container.header().features), ([1, 2], 4 + 8));
+    assert_eq!((container.header().version, container.header().features), ([1, 2], 4 + 8 + 16));
     let rule = container.metadata().level_of_detail;
     assert!(!rule.bends.is_empty() && rule.is_valid(), "{rule:?}");
     // Footprints are half as many voxels where voxels are twice as long.
     let fewer = Changes { without_finest: 1, ..Changes::default() };
     let fewer = changed(&container, &fewer).expect("represented");
     let after = fewer.metadata().level_of_detail;
-    assert_eq!(fewer.header().features, 4 + 8);
+    assert_eq!(fewer.header().features, 4 + 8 + 16);
     for size in [-1.0f32, 0.3, 1.0, 2.2, 3.7, 5.0] {
         let [old, new] = [rule.level(size), after.level(size - 1.0)];
         assert!((old - 1.0 - new).abs() < 1e-5, "{size}: {old}, {new}");
@@ -68,7 +68,7 @@ fn the_fitted_rule_bends_and_says_so() {
     let mipmap = Changes { lod_rule: Some(LevelRule::Mipmap), ..Changes::default() };
     let mipmap = changed(&container, &mipmap).expect("represented");
     assert!(mipmap.metadata().level_of_detail.bends.is_empty());
-    assert_eq!((mipmap.header().version, mipmap.header().features), ([1, 2], 8));
+    assert_eq!((mipmap.header().version, mipmap.header().features), ([1, 2], 8 + 16));
 }
 
 #[test]

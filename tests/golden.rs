@@ -36,12 +36,12 @@ fn containers_keep_their_bytes() {
     options.fill_error = Some(0.2);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
-    // With a rule that bends, directional brightness, and blocks that inherit both.
+    // With a rule that bends, directional brightness, which blocks inherit, and anisotropy.
     options.filter = Filter::Fit.into();
     (options.fit_steps, options.max_error) = (12, None);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
-    assert_eq!(container.header().features, 1 + 4 + 8);
+    assert_eq!(container.header().features, 1 + 4 + 8 + 16);
     assert_golden(&fixture("baked/tiny.fit.filled.mipvog"), &bytes);
 }
 

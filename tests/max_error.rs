@@ -42,6 +42,12 @@ fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
         Decode::Coefficient(band) => value * BAND_GAIN[usize::from(band)],
         // Three parts of a dot product with a unit vector, times the sigmoid's slope.
         Decode::Directional => value * 3f64.sqrt() / 4.0,
+        // Five coefficients of functions with a sum of squares of 5 / (4 pi), times the steepest
+        // slope of opacity over the square root of optical depth.
+        Decode::Anisotropy => {
+            let norm = (5.0 / (4.0 * std::f64::consts::PI)).sqrt();
+            value * 5f64.sqrt() * norm * (2.0 / std::f64::consts::E).sqrt()
+        }
     }
 }
 

@@ -13,8 +13,8 @@ use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
 use mipvog_bake::unstable::model::baked::{
-    BakedField, Bends, Blend, Codes, Decode, Encoding, FootprintNeighbour, Group, LevelOfDetail,
-    NumberType,
+    BakedField, Bends, Blend, Codes, Decode, DensityDomain, Encoding, FootprintNeighbour, Group,
+    LevelOfDetail, NumberType,
 };
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::{
@@ -320,34 +320,55 @@ fn brighten(random: &mut Random, baked: &mut BakedField) {
     let finest = random.below(3);
     for (level, own) in metadata.levels.iter_mut().zip(&mut baked.levels).skip(finest) {
         let empty = [0.0, random.between(-3.0, 3.0)][random.below(2)];
-        level.directional = Some(Encoding {
-            number: NumberType::U8,
-            bits: 8,
-            center: 0.0,
-            step: 0.03,
-            curve: 0.0,
-            empty,
-            empty_code: false,
-            decode: Decode::Directional,
-            max_error: 0.01,
-        });
+        level.directional = Some(steps_of(0.03, Decode::Directional, empty));
         let count = own.table.frames() * 3 * level.grid().block_nodes();
-        let codes = (0..count).map(|_| random.below(256) as u8).collect();
-        own.atlases[Group::Directional.index()] = Some(Codes::U8(codes));
+        own.atlases[Group::Directional.index()] = Some(random_codes(random, count));
     }
+}
+
+/// Gives some of the levels that store roots of optical depth anisotropy.
+fn shape(random: &mut Random, baked: &mut BakedField) {
+    for (level, own) in baked.metadata.levels.iter_mut().zip(&mut baked.levels) {
+        if level.density_domain() != DensityDomain::SqrtOpticalDepth || random.below(4) == 0 {
+            continue;
+        }
+        level.anisotropy = Some(steps_of(0.01, Decode::Anisotropy, 0.0));
+        let count = own.table.frames() * 5 * level.grid().block_nodes();
+        own.atlases[Group::Anisotropy.index()] = Some(random_codes(random, count));
+    }
+}
+
+fn steps_of(step: f32, decode: Decode, empty: f32) -> Encoding {
+    Encoding {
+        number: NumberType::U8,
+        bits: 8,
+        center: 0.0,
+        step,
+        curve: 0.0,
+        empty,
+        empty_code: false,
+        decode,
+        max_error: 0.01,
+    }
+}
+
+fn random_codes(random: &mut Random, count: usize) -> Codes {
+    Codes::U8((0..count).map(|_| random.below(256) as u8).collect())
 }
 
 #[test]
 fn baked_scenes_look_as_their_twins() {
-    let mut brightened = 0;
+    let (mut brightened, mut shaped) = (0, 0);
     for seed in 0..150 {
         let mut random = Random::new(1000 + seed);
         let field = random_scene(&mut random);
         let mut baked = random_bake(&mut random, &field);
         baked.metadata.level_of_detail = random_rule(&mut random);
         brighten(&mut random, &mut baked);
+        shape(&mut random, &mut baked);
         let fast = Renderer::baked(&baked, &Limits::default()).expect("a field");
         brightened += usize::from(fast.view().directional);
+        shaped += usize::from(fast.view().anisotropic);
         let plain = PlainField::new(fast.view(), baked_levels(&baked));
         for camera in cameras(&mut random, &field.scene.bounds) {
             let case = format!("seed {seed}");
@@ -357,6 +378,7 @@ fn baked_scenes_look_as_their_twins() {
         }
     }
     assert!(brightened > 15, "{brightened} scenes with directional brightness");
+    assert!(shaped > 15, "{shaped} scenes with anisotropy");
 }
 
 /// The format lets any level but the finest go without density, and emptiness have any colour; our

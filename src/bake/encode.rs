@@ -11,7 +11,9 @@ use super::run_store::RunStore;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
-use crate::codec::quantize::{BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, GroupCodes, Moved};
+use crate::codec::quantize::{
+    BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, GroupCodes, Moved,
+};
 use crate::model::baked::{ColorLayout, Encoding, GROUPS, Group, Table};
 use crate::model::field::Activation;
 use crate::model::grid::NodeMask;
@@ -271,7 +273,7 @@ impl GroupEncoder {
         importance: Option<Importance>,
     ) -> (Frame, f64) {
         let retained = match is_everywhere(self.group) {
-            true => vec![true; retained.len()].into(),
+            true => source.own_nodes(self.encoder.shape().edge),
             false => retained,
         };
         let coarser = importance.filter(|_| self.group.is_color());

@@ -36,9 +36,7 @@ impl MaxErrors {
     /// Of density's opacity, diffuse colours and features.
     pub const fn new(density: f32, diffuse: f32, features: f32) -> Self {
         Self {
-            by_group: [
-                density, diffuse, features, features, features, features, diffuse, density,
-            ],
+            by_group: [density, diffuse, features, features, features, features, diffuse, density],
         }
     }
 

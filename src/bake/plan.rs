@@ -6,8 +6,7 @@ use crate::base::error::Result;
 use crate::codec::quantize::{ValueRange, encoding_over, planned_encoding};
 use crate::levels::Visible;
 use crate::model::baked::{
-    ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
-    ViewMetadata,
+    ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
 use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask};

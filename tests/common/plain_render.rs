@@ -21,6 +21,8 @@ pub struct PlainLevel {
     pub density: Option<Vec<f64>>,
     /// Meaning of densities.
     pub domain: DensityDomain,
+    /// Anisotropy of densities, a list for each channel; empty without.
+    pub anisotropy: Vec<Vec<f64>>,
     /// Raw colour and features, a list for each channel.
     pub color: Vec<Vec<f64>>,
     /// The blocks that are not stored; none if all are.
@@ -131,7 +133,7 @@ impl PlainField {
             if self.view.free_space.as_ref().is_some_and(|mask| !self.keeps(mask, ray.at(t))) {
                 continue;
             }
-            let Some(depth) = self.optical_depth(lambda, position) else { continue };
+            let Some(depth) = self.optical_depth(lambda, position, unit) else { continue };
             let alpha = -(-depth * intervals).exp_m1();
             let threshold = f64::from(march.alpha_threshold);
             if is_close(alpha, threshold) {
@@ -172,13 +174,14 @@ impl PlainField {
     /// Positions and weights of level 0's samples on the ray through a point of a picture.
     pub fn weights(&self, camera: &Camera, point: [f64; 2]) -> Vec<([f64; 3], f64)> {
         let ray = self.ray(camera, point);
+        let unit = ray.direction.map(|along| along / ray.length());
         let diagonal = length(self.view.nodes.0.map(|size| (size + 1) as f64));
         let max_samples = (diagonal / f64::from(self.view.march.stepsize)).floor() as usize;
         let (mut left, mut weights) = (1.0, Vec::new());
         for k in 0..=max_samples {
             let at = ray.at(ray.entry + k as f64 * ray.step);
             let Some(position) = self.in_box(at) else { continue };
-            let depth = self.optical_depth(0.0, position).unwrap_or(0.0);
+            let depth = self.optical_depth(0.0, position, unit).unwrap_or(0.0);
             let alpha = -(-depth * ray.intervals).exp_m1();
             if alpha > f64::from(self.view.march.alpha_threshold) {
                 weights.push((position, alpha * left));
@@ -278,7 +281,9 @@ impl PlainField {
     }
 
     /// Optical depth of a sample over one interval; none where all that it reads is empty.
-    fn optical_depth(&self, lambda: f64, position: [f64; 3]) -> Option<f64> {
+    fn optical_depth(&self, lambda: f64, position: [f64; 3], unit: [f64; 3]) -> Option<f64> {
+        // The functions of band 2.
+        let along = &basis_f64(unit)[4..9];
         let owner = |level: usize| match self.levels[level].density {
             Some(_) => level,
             None => 0,
@@ -288,7 +293,15 @@ impl PlainField {
             let level = &self.levels[owner(level)];
             anything |= level.is_stored(position);
             let density = level.density.as_deref().expect("level 0 has density");
-            level.value(density, level.pruned.as_ref().map(|pruned| pruned.density), position)
+            let mean =
+                level.value(density, level.pruned.as_ref().map(|pruned| pruned.density), position);
+            if level.anisotropy.is_empty() {
+                return mean;
+            }
+            let empty = level.pruned.as_ref().map(|_| 0.0);
+            let of = |channel: &Vec<f64>| level.value(channel, empty, position);
+            let added = level.anisotropy.iter().map(of).zip(along).map(|(a, y)| a * y);
+            (mean + added.sum::<f64>()).max(0.0)
         };
         let decode = |level: usize, value: f64| self.decoded(self.levels[level].domain, value);
         let depth = match self.view.blend {

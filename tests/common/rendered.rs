@@ -34,6 +34,7 @@ pub fn trained_levels(
         nodes,
         density: Some(density.clone()),
         domain: DensityDomain::Raw,
+        anisotropy: Vec::new(),
         color: color.clone(),
         pruned: None,
     };
@@ -68,7 +69,8 @@ pub fn trained_levels(
         }
         nodes = halved(nodes);
         let density = filter.has_density().then(|| density.clone());
-        all.push(PlainLevel { nodes, density, domain: kind, color: color.clone(), pruned: None });
+        let (color, anisotropy) = (color.clone(), Vec::new());
+        all.push(PlainLevel { nodes, density, domain: kind, anisotropy, color, pruned: None });
     }
     all
 }
@@ -112,6 +114,10 @@ pub fn baked_levels(field: &BakedField) -> Vec<PlainLevel> {
             nodes,
             density: level_metadata.density.is_some().then(|| channels(Group::Density).remove(0)),
             domain: level_metadata.density_domain(),
+            anisotropy: match &level_metadata.anisotropy {
+                Some(_) => channels(Group::Anisotropy),
+                None => Vec::new(),
+            },
             color: Group::COLORS.map(channels).concat(),
             pruned: Some(Pruned {
                 stored: all_nodes(nodes).map(is_stored).collect(),

@@ -3,8 +3,8 @@
 use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::codec::quantize::{
-    Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, color_encoding, decode_codes,
-    density_encoding, run_bytes, run_codes,
+    Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, GroupCodes, color_encoding,
+    decode_codes, density_encoding, run_bytes, run_codes,
 };
 use mipvog_bake::unstable::levels::sizes::level_sizes;
 use mipvog_bake::unstable::levels::taps::AxisTaps;
@@ -317,7 +317,8 @@ fn stored(encoding: &Encoding, values: &[f32]) -> Vec<f32> {
     padded.resize(edge.pow(3), values[0]);
     let retained = NodeMask::full(Nodes([edge; 3]));
     let activation = activation(SHIFTS[0], 0.5);
-    let planes = CodePlanes::new(&retained, activation, [(encoding, 1, None)]);
+    let group = GroupCodes { encoding, channels: 1, bound: None, everywhere: false };
+    let planes = CodePlanes::new(&retained, activation, [group]);
     for (x, plane) in padded.chunks(edge * edge).enumerate() {
         planes.put(x, 0, plane);
     }

@@ -5,6 +5,7 @@ use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::model::activate;
+use mipvog_bake::unstable::model::anisotropy::ANISOTROPY;
 use mipvog_bake::unstable::model::camera::{Camera, Lens};
 use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::Bounds;
@@ -48,7 +49,7 @@ pub fn interpolation() -> Worst {
                 let want = trilinear(nodes, &wide, u);
                 let cell = dense.locate(0, position).expect("a cell");
                 let at = || format!("{nodes:?} at {position:?}");
-                worst.take(dense.density(0, &cell).into(), want, scale, &at);
+                worst.take(dense.density(0, &cell, &[0.0; ANISOTROPY]).into(), want, scale, &at);
                 worst.take(dense.color(0, &cell)[2].into(), want, scale, &at);
             }
         }

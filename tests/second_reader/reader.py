@@ -111,6 +111,7 @@ LEVEL = {
     "features": maybe(encoding("logit")),
     "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
     "directional": encoding("directional_logit"),
+    "anisotropy": encoding("anisotropy"),
 }
 
 
@@ -121,8 +122,9 @@ def present(form, value, optional):
 
 
 def level_form(value):
-    """The form of a level: it counts filled blocks, and has bands or directional brightness, only where there are some."""
-    return present(LEVEL, value, ("blocks_filled", "bands", "directional"))
+    """The form of a level: it counts filled blocks, and has bands, directional brightness or anisotropy, only where there
+    are some."""
+    return present(LEVEL, value, ("blocks_filled", "bands", "directional", "anisotropy"))
 
 
 ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
@@ -208,6 +210,10 @@ def metadata(data):
         need((level["features"] is None) == (features == 0), "encodings of features disagree with `features`")
         decodes(meta, level)
         need("directional" not in level or brightens(meta), "directional brightness that cannot be added")
+        if shape := level.get("anisotropy"):
+            density = level["density"] or {"decode": "raw_density"}
+            need(density["decode"] == "sqrt_optical_depth", "anisotropy of densities that are no roots of optical depth")
+            need(shape["empty"] == 0, "anisotropy of empty blocks")
         need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
     for level, coarser in zip(levels, levels[1:] + [None]):
         filled = level.get("blocks_filled", 0)
@@ -277,7 +283,7 @@ def directory(data):
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
     need(major == 1, f"major version {major}")
-    need(required in range(16), f"unknown required features {required:#x}")
+    need(required in range(32), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -302,7 +308,7 @@ def directory(data):
     return chunks, required
 
 
-KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB")
+KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS")
 
 
 def atlases_of(meta, level):
@@ -312,6 +318,7 @@ def atlases_of(meta, level):
     for number, (kind, band) in enumerate(zip(("BNDA", "BNDB", "BNDC"), level.get("bands", [])), 1):
         found.append((kind, f"band {number}", band, 3 * (2 * number + 1)))
     found.append(("DIRB", "directional", level.get("directional"), 3))
+    found.append(("ANIS", "anisotropy", level.get("anisotropy"), 5))
     return [atlas for atlas in found if atlas[2] is not None]
 
 
@@ -321,7 +328,8 @@ def arrange(chunks, required):
     meta = metadata(chunks[0][2])
     filled = any("blocks_filled" in level for level in meta["levels"])
     directional = any("directional" in level for level in meta["levels"])
-    asked = filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]) + 8 * directional
+    anisotropy = any("anisotropy" in level for level in meta["levels"])
+    asked = filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]) + 8 * directional + 16 * anisotropy
     need(required == asked, "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
@@ -541,7 +549,7 @@ def read(data):
         bands = []
         for kind, key, of, channels in atlases_of(meta, level):
             coarser = None
-            if kind != "DENS" and level.get("blocks_filled"):
+            if kind not in ("DENS", "ANIS") and level.get("blocks_filled"):
                 coarser = own[k + 1, kind], meta["levels"][k + 1]
             dense = own[k, kind] = atlas(chunks[kind, k], channels, level, table, of, f"{kind} {k}", coarser)
             if kind.startswith("BND"):

@@ -166,9 +166,10 @@ impl<const C: usize> Adam<C> {
             Ok(numbered.map(update).collect::<Vec<_>>())
         })?;
         let updates = updates.iter().flatten();
-        let updates = self.moments.iter().zip(updates).filter_map(|(moments, update)| {
-            update.as_ref().map(|update| (moments.node, update))
-        });
+        let updates =
+            self.moments.iter().zip(updates).filter_map(|(moments, update)| {
+                update.as_ref().map(|update| (moments.node, update))
+            });
         let (density, color) = field.values_mut(self.level);
         for (at, by) in updates.clone() {
             density[at] = (density[at] - by.density).clamp(0.0, MAX_DENSITY);

@@ -10,7 +10,7 @@ use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 
 /// Added to a line at each knot. Fits of two trained scenes under a dozen fixed curves were best
 /// about here at every scale.
-const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.04, 0.2, 0.35, 0.9, 1.9, 3.4];
+const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.09, 0.25, 0.4, 0.9, 1.9, 3.4];
 /// A step of a knot's level.
 const STEP: f32 = 0.06;
 /// Gain of a step, at least, in dB: a rule that looks better on validation's rays by less may look

@@ -10,6 +10,7 @@ use crate::base::limits::Limits;
 use crate::base::progress::Silent;
 use crate::levels::sizes::level_sizes;
 use crate::levels::{Filter, SharedFilter};
+use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
@@ -58,7 +59,8 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let rendered = rendered.expect("a field");
         let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
         let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
-        let (view, values) = rendered.into_parts().expect("values");
+        let (mut view, values) = rendered.into_parts().expect("values");
+        view.anisotropic = true;
         with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures"), every));
     }
 }
@@ -71,6 +73,13 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     };
     let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
     let finest = Finest::taken_from(&mut field);
+    field.add_anisotropy(&Limits::default()).expect("room");
+    for level in 1..LEVELS {
+        for (node, values) in field.anisotropy_mut(level).iter_mut().enumerate() {
+            let values = values.iter_mut().enumerate();
+            values.for_each(|(i, value)| *value = 0.1 * libm::sinf((7 * node + i) as f32 * 0.3));
+        }
+    }
     for level in (1..LEVELS).filter(|_| view.directional) {
         for (node, color) in field.values_mut(level).1.iter_mut().enumerate() {
             let brightness = color.iter_mut().skip(C - DIRECTIONAL).enumerate();
@@ -97,41 +106,45 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     for level in 1..LEVELS {
         let (sums, count) = (&gradient.levels[level - 1], counts[level - 1]);
         let directional = if view.directional { C - DIRECTIONAL..C } else { C..C };
-        let lanes = (0..3).chain(directional).map(Some);
-        for group in [None].into_iter().chain(lanes) {
-            let by = |node: usize| match group {
-                None => f64::from(sums[node].density),
-                Some(lane) => f64::from(sums[node].color[lane]),
+        let colors = (0..3).chain(directional).map(Lane::Color);
+        let anisotropy = (0..ANISOTROPY).map(Lane::Anisotropy);
+        for lane in [Lane::Density].into_iter().chain(colors).chain(anisotropy) {
+            let by = |node: usize| match lane {
+                Lane::Density => f64::from(sums[node].density),
+                Lane::Anisotropy(lane) => f64::from(sums[node].anisotropy[lane]),
+                Lane::Color(lane) => f64::from(sums[node].color[lane]),
             };
             let largest = (0..count).map(|node| by(node).abs()).fold(0.0, f64::max);
-            assert!(largest > 0.01, "level {level}, lane {group:?}: {largest}");
+            assert!(largest > 0.01, "level {level}, lane {lane:?}: {largest}");
             for node in (0..count).step_by(count / LOOKED_AT) {
                 let mut moved = |to: f32| {
-                    let before = *value(&mut field, level, group, node);
-                    *value(&mut field, level, group, node) += to;
+                    let before = *value(&mut field, level, lane, node);
+                    *value(&mut field, level, lane, node) += to;
                     let loss = loss(&field);
-                    *value(&mut field, level, group, node) = before;
+                    *value(&mut field, level, lane, node) = before;
                     loss
                 };
                 let slope = (moved(STEP) - moved(-STEP)) / f64::from(2.0 * STEP);
                 let off = (slope - by(node)).abs();
-                let place = format!("level {level}, lane {group:?}, node {node}");
+                let place = format!("level {level}, lane {lane:?}, node {node}");
                 assert!(off < TOLERANCE * largest, "{place}: {} for {slope}", by(node));
             }
         }
     }
 }
 
-/// A node's value in a lane of colour, or its density.
-fn value<const C: usize>(
-    field: &mut Dense<C>,
-    level: usize,
-    lane: Option<usize>,
-    node: usize,
-) -> &mut f32 {
-    let (density, color) = field.values_mut(level);
+/// One of a node's values.
+#[derive(Debug, Clone, Copy)]
+enum Lane {
+    Density,
+    Anisotropy(usize),
+    Color(usize),
+}
+
+fn value<const C: usize>(field: &mut Dense<C>, level: usize, lane: Lane, node: usize) -> &mut f32 {
     match lane {
-        None => &mut density[node],
-        Some(lane) => &mut color[node][lane],
+        Lane::Density => &mut field.values_mut(level).0[node],
+        Lane::Anisotropy(lane) => &mut field.anisotropy_mut(level)[node][lane],
+        Lane::Color(lane) => &mut field.values_mut(level).1[node][lane],
     }
 }

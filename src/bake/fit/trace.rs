@@ -152,7 +152,8 @@ impl<'a, const C: usize> Rays<'a, C> {
         rule.finish(&mut sums.color);
         let network = &mut samples.network;
         let along = route.path.along;
-        let mut traced = self.by_accumulated((rule, along), unit, (&sums.color, left), *color, network);
+        let mut traced =
+            self.by_accumulated((rule, along), unit, (&sums.color, left), *color, network);
         rule.by_sums(&sums.color, &mut traced.by_color);
         Some(traced)
     }

@@ -1,8 +1,9 @@
 //! Rules of containers beyond their records: `formats/mipvog.md`, sections 2 to 5.
 
 use super::layout::{
-    ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry, HEADER_BYTES,
-    Header, INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE, TABLE, VMLP,
+    ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
+    HEADER_BYTES, Header, INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE,
+    TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -319,10 +320,10 @@ fn level(
     )?;
     let is_root = level.density_domain() == DensityDomain::SqrtOpticalDepth;
     rules.require(
-        level.anisotropy.is_none() || is_root,
+        level.anisotropy.as_ref().is_none_or(|encoding| is_root && encoding.empty == 0.0),
         &key("anisotropy"),
         "an encoding",
-        "none but where densities decode as sqrt_optical_depth",
+        "one whose empty value is 0, beside densities that decode as sqrt_optical_depth, or none",
     )?;
     let linear = metadata.color_domain() == ColorDomain::Linear;
     for group in Group::ALL {

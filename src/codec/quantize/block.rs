@@ -62,6 +62,16 @@ impl<'a> BlockSource<'a> {
         }
         retained.into()
     }
+
+    /// True for each node of a block of `edge` that the grid has.
+    pub fn own_nodes(&self, edge: usize) -> Arc<[bool]> {
+        let mut own = vec![false; edge.pow(3)];
+        let [_, _, zs] = self.span(edge);
+        for (_, _, at) in self.places(edge) {
+            own[at..at + zs.len()].fill(true);
+        }
+        own.into()
+    }
 }
 
 /// Encodes blocks of one group of one level.

@@ -104,10 +104,7 @@ const SQRT_DEPTH_EXTENT: f64 = 4.0;
 /// True if codes of this meaning are laid over the range of the values.
 pub fn is_laid_over_values(decode: Decode, activation: &Activation) -> bool {
     match decode {
-        Decode::Linear
-        | Decode::Coefficient(_)
-        | Decode::Directional
-        | Decode::Anisotropy => true,
+        Decode::Linear | Decode::Coefficient(_) | Decode::Directional | Decode::Anisotropy => true,
         Decode::Density(DensityDomain::Raw) => activation.function == DensityFunction::Relu,
         Decode::Density(_) | Decode::Logit => false,
     }
@@ -229,10 +226,7 @@ impl Domain {
             Decode::Logit => {
                 Self { steepest: 0.0, floor: -COLOR_EXTENT, ceiling: COLOR_EXTENT, empty: 0.0 }
             }
-            Decode::Linear
-            | Decode::Coefficient(_)
-            | Decode::Directional
-            | Decode::Anisotropy => {
+            Decode::Linear | Decode::Coefficient(_) | Decode::Directional | Decode::Anisotropy => {
                 let (floor, ceiling) = (-LARGEST, LARGEST);
                 Self { steepest: 0.0, floor, ceiling, empty: 0.0 }
             }

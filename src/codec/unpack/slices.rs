@@ -101,8 +101,7 @@ fn slice(
         }
         let layout = metadata.layout();
         let others = Group::ALL.into_iter();
-        let others =
-            others.filter(|&group| group != Group::Density && group != Group::Diffuse);
+        let others = others.filter(|&group| group != Group::Density && group != Group::Diffuse);
         let others =
             others.flat_map(|group| (0..group.channels(layout)).map(move |at| (group, at)));
         for (number, (group, channel)) in others.enumerate() {

@@ -208,8 +208,7 @@ fn follow<const C: usize>(
         route.walk(view, field.skip(), EVERY_SAMPLE, |k, _, intervals| {
             let position = route.path.position(k);
             let Some(cell) = field.locate(0, position) else { return true };
-            let density =
-                field.density(0, &cell, &route.path.along);
+            let density = field.density(0, &cell, &route.path.along);
             let optical = optical_depth(density, field.density_domain(0), view) * intervals;
             let opacity = lanes::opacity(optical);
             if opacity > view.march.alpha_threshold {
