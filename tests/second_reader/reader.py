@@ -111,7 +111,7 @@ LEVEL = {
     "features": maybe(encoding("logit")),
     "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
     "directional": encoding("directional_logit"),
-    "anisotropy": encoding("anisotropy"),
+    "anisotropy": encoding("directional_sqrt_depth"),
 }
 
 

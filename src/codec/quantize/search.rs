@@ -245,7 +245,8 @@ mod tests {
     #[test]
     fn narrow_spans_take_few_bits_and_none_or_one_value_four() {
         let activation = activation(0.5);
-        for decode in Decode::ALL {
+        // The range of anisotropy holds 0 always.
+        for decode in Decode::ALL.into_iter().filter(|&decode| decode != Decode::Anisotropy) {
             let bits = |values: &[f32]| {
                 encoding_within(1e-3, decode, &activation, &span(decode, &activation, values)).bits
             };

@@ -131,7 +131,7 @@ enum Name {
     #[serde(rename = "band_3")]
     Band3,
     DirectionalLogit,
-    Anisotropy,
+    DirectionalSqrtDepth,
 }
 
 impl From<Name> for Decode {
@@ -147,7 +147,7 @@ impl From<Name> for Decode {
             Name::Band2 => Self::Coefficient(2),
             Name::Band3 => Self::Coefficient(3),
             Name::DirectionalLogit => Self::Directional,
-            Name::Anisotropy => Self::Anisotropy,
+            Name::DirectionalSqrtDepth => Self::Anisotropy,
         }
     }
 }
@@ -165,7 +165,7 @@ impl From<Decode> for Name {
             Decode::Coefficient(2) => Self::Band2,
             Decode::Coefficient(_) => Self::Band3,
             Decode::Directional => Self::DirectionalLogit,
-            Decode::Anisotropy => Self::Anisotropy,
+            Decode::Anisotropy => Self::DirectionalSqrtDepth,
         }
     }
 }
