@@ -38,7 +38,7 @@ fn containers_keep_their_bytes() {
     assert_golden(&fixture("baked/tiny.rate.filled.mipvog"), &bytes);
     // With a rule that bends, directional brightness, which blocks inherit, and anisotropy.
     options.filter = Filter::Fit.into();
-    (options.fit_steps, options.max_error) = (12, None);
+    (options.fit_steps, options.fill_error, options.max_error) = (60, Some(0.35), None);
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     let container = open_bytes(&bytes).expect("valid");
     assert_eq!(container.header().features, 1 + 4 + 8 + 16);

@@ -16,7 +16,7 @@ import { program, ROOT, temporaryFolder } from "./support.js";
 
 const NAMES = ["tiny.rate.filled", "tiny.fit.filled", "tiny.rate", "tiny.12bit", "tiny.rate.f16", "dvgo.f16", "dvgo.f32", "harmonics", "harmonics.filled", "harmonics.f16", "linear"];
 /** Names of the program's arrays. */
-const ARRAYS: Record<string, string> = { DENS: "density", DIFF: "diffuse", FEAT: "features", BNDA: "features", BNDB: "features", BNDC: "features", DIRB: "directional" };
+const ARRAYS: Record<string, string> = { DENS: "density", DIFF: "diffuse", FEAT: "features", BNDA: "features", BNDB: "features", BNDC: "features", DIRB: "directional", ANIS: "anisotropy" };
 /** Channels of harmonics before a band. */
 const BEFORE: Record<string, number> = { BNDB: 9, BNDC: 24 };
 

@@ -2,7 +2,7 @@
 
 import { FieldError } from "../errors.js";
 import { chunkName, type Entry, type Header, KNOWN, paddedEnd } from "./layout.js";
-import { colorGroups, type Metadata, networkOf } from "./metadata.js";
+import { valueGroups, type Metadata, networkOf } from "./metadata.js";
 
 /** Every chunk that the metadata announces is there and no other, in order, coarse to fine, with the right prefix. */
 export function checkContents(entries: Entry[], metadata: Metadata, header: Header): void {
@@ -12,7 +12,7 @@ export function checkContents(entries: Entry[], metadata: Metadata, header: Head
   for (let level = metadata.levels.length - 1; level >= 0; level--) {
     expected.push(["TABL", level]);
     if (metadata.levels[level].density) expected.push(["DENS", level]);
-    for (const { kind } of colorGroups(metadata, level)) expected.push([kind, level]);
+    for (const { kind } of valueGroups(metadata, level)) expected.push([kind, level]);
   }
   const critical = entries.filter(({ kind }) => KNOWN.includes(kind) && kind !== "prov");
   expected.forEach(([kind, level], i) => {

@@ -14,11 +14,15 @@ const LINEAR_VALUES = 2n;
 const BENT_RULE = 4n;
 /** Required feature: levels have directional brightness. */
 const DIRECTIONAL = 8n;
+/** Required feature: levels have anisotropy. */
+const ANISOTROPY = 16n;
+/** The features that this viewer knows. */
+const KNOWN_FEATURES = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL | ANISOTROPY;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_LEVEL = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
 const MOST_CHUNKS = 4096;
-export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB"];
+export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS"];
 
 export interface Header {
   /** Bytes of the whole file. */
@@ -32,6 +36,8 @@ export interface Header {
   bent: boolean;
   /** Whether levels have directional brightness. */
   directional: boolean;
+  /** Whether levels have anisotropy. */
+  anisotropic: boolean;
 }
 
 export interface Entry {
@@ -70,9 +76,9 @@ export function readHeader(bytes: Uint8Array): Header {
   const major = data.getUint16(8, true);
   if (major !== 1) throw new FieldError(`The container is of version ${major}; this viewer knows version 1.`, REMEDY.newer);
   const features = data.getBigUint64(16, true);
-  if ((features & ~(INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL)) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
+  if ((features & ~KNOWN_FEATURES) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
   const has = (feature: bigint) => (features & feature) !== 0n;
-  const asked = { inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES), bent: has(BENT_RULE), directional: has(DIRECTIONAL) };
+  const asked = { inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES), bent: has(BENT_RULE), directional: has(DIRECTIONAL), anisotropic: has(ANISOTROPY) };
   const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), ...asked };
   checkReserved(bytes, [[12, 16], [44, 48], [52, 64]], "The header");
   if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");

@@ -5,7 +5,7 @@ import { FieldError, REMEDY } from "../errors.js";
 export type Triple = [number, number, number];
 
 /** What values mean. */
-const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "directional_logit", "raw_density", "sqrt_optical_depth", "opacity"] as const;
+const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "directional_logit", "directional_sqrt_depth", "raw_density", "sqrt_optical_depth", "opacity"] as const;
 
 /** How the values of one group of one level are stored. */
 export interface Encoding {
@@ -33,6 +33,8 @@ export interface LevelMetadata {
   bands?: Encoding[];
   /** Directional brightness: three values; left out where there is none. */
   directional?: Encoding;
+  /** Anisotropy of density: five values; left out where there is none. */
+  anisotropy?: Encoding;
 }
 
 /** The shape of the network. */
@@ -204,6 +206,7 @@ const METADATA = record({
       features: nullable(encoding),
       bands: optional(list(1, 3, encoding)),
       directional: optional(encoding),
+      anisotropy: optional(encoding),
     }),
   ),
 });
@@ -228,25 +231,33 @@ export function networkInputs(metadata: Metadata): number {
   return networkOf(metadata)?.input === "features" ? metadata.features : 3 + metadata.features;
 }
 
-/** The groups of a level's colours, in the order of their channels. */
-export function colorGroups(metadata: Metadata, level: number): { kind: string; encoding: Encoding; channels: number; key: string }[] {
-  const { diffuse, features, bands, directional } = metadata.levels[level];
+/** The groups of a level's values beside density, in the order of their channels. */
+export function valueGroups(metadata: Metadata, level: number): { kind: string; encoding: Encoding; channels: number; key: string }[] {
+  const { diffuse, features, bands, directional, anisotropy } = metadata.levels[level];
   const groups = [{ kind: "DIFF", encoding: diffuse, channels: 3, key: "diffuse" }];
   if (features) groups.push({ kind: "FEAT", encoding: features, channels: metadata.features, key: "features" });
   bands?.forEach((encoding, i) => groups.push({ kind: ["BNDA", "BNDB", "BNDC"][i], encoding, channels: 3 * (2 * i + 3), key: `bands[${i}]` }));
   if (directional) groups.push({ kind: "DIRB", encoding: directional, channels: DIRECTIONAL, key: "directional" });
+  if (anisotropy) groups.push({ kind: "ANIS", encoding: anisotropy, channels: ANISOTROPY, key: "anisotropy" });
   return groups;
 }
 
 /** Values of a node's directional brightness. */
-const DIRECTIONAL = 3;
+export const DIRECTIONAL = 3;
+/** Values of a node's anisotropy. */
+export const ANISOTROPY = 5;
 /** Colour channels and features of a node, its directional brightness among them, at most. */
 const MOST_CHANNELS = 64;
 
-/** The finest level with directional brightness; null where there is none. */
+/** The finest level with directional brightness or anisotropy; null where there is none. */
 export function finestDirectional({ levels }: Metadata): number | null {
-  const level = levels.findIndex(({ directional }) => directional);
+  const level = levels.findIndex(({ directional, anisotropy }) => directional ?? anisotropy);
   return level < 0 ? null : level;
+}
+
+/** Whether a level has values of this kind. */
+export function hasLevels({ levels }: Metadata, kind: "directional" | "anisotropy"): boolean {
+  return levels.some((level) => level[kind] !== undefined);
 }
 
 /** Channels of colour and features that every level has. */
@@ -254,10 +265,9 @@ export function ownChannels(metadata: Metadata): number {
   return 3 + metadata.features;
 }
 
-/** Quadruples of channels that the device holds for a node: directional brightness follows the others. */
+/** Quadruples of channels of colour and features that the device holds for a node. */
 export function channelQuads(metadata: Metadata): number {
-  const directional = finestDirectional(metadata) === null ? 0 : DIRECTIONAL;
-  return Math.ceil((ownChannels(metadata) + directional) / 4);
+  return Math.ceil(ownChannels(metadata) / 4);
 }
 
 /** Whether values are of version 1.2: linear colours, coefficients, or densities that are no logits. */
@@ -302,7 +312,7 @@ function checkAgreement(metadata: Metadata): void {
     const [bx, by, bz] = blockCounts(level);
     if (level.blocks_stored > bx * by * bz) fail(`${key}.blocks_stored`, "no more than the level has");
     const inheriting = [i, i + 1].filter((number) => number < levels.length);
-    const colors = inheriting.flatMap((number) => colorGroups(metadata, number));
+    const colors = inheriting.flatMap((number) => valueGroups(metadata, number)).filter(({ kind }) => kind !== "ANIS");
     const integers = inheriting.length === 2 && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
     if ((level.blocks_filled ?? 0) > (integers ? level.blocks_stored : 0)) {
       fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one, both with colours in integers");
@@ -316,11 +326,15 @@ function checkAgreement(metadata: Metadata): void {
     if (level.directional && (metadata.blend !== "after_activation" || ownChannels(metadata) + DIRECTIONAL > MOST_CHANNELS)) {
       fail(`${key}.directional`, "left out but for levels that are blended after activation, with 58 features at most");
     }
+    if (level.anisotropy && (level.density?.decode !== "sqrt_optical_depth" || level.anisotropy.empty !== 0)) {
+      fail(`${key}.anisotropy`, "left out but for densities that decode as sqrt_optical_depth, with an empty value of 0");
+    }
     const plain = !metadata.view && levels[0].diffuse.decode === "linear" ? "linear" : "logit";
-    for (const { encoding, key: group, kind } of colorGroups(metadata, i)) {
+    for (const { encoding, key: group, kind } of valueGroups(metadata, i)) {
       // Added to logits alone.
       const added = !harmonics && plain === "logit" ? "directional_logit" : "none";
-      const decode = kind === "DIRB" ? added : harmonics ? `band_${["DIFF", "BNDA", "BNDB", "BNDC"].indexOf(kind)}` : plain;
+      const ofDensity = kind === "ANIS" ? "directional_sqrt_depth" : null;
+      const decode = ofDensity ?? (kind === "DIRB" ? added : harmonics ? `band_${["DIFF", "BNDA", "BNDB", "BNDC"].indexOf(kind)}` : plain);
       checkEncoding(encoding, `${key}.${group}`, [decode]);
     }
   });

@@ -16,6 +16,11 @@ export interface Group<T extends Float32Array | Uint16Array> {
   empty: number;
 }
 
+/** Channels that a level does not have: zeros. */
+export function absent(channels: number): Group<Uint16Array> {
+  return { codes: new Uint8Array(0), first: 0, channels, table: Uint16Array.of(0), empty: 0 };
+}
+
 /** A box of nodes of a block, and where it goes in a brick. */
 interface Part {
   edge: number;
@@ -58,7 +63,7 @@ export function colorBricks(blocks: Blocks, edge: number, [from, to]: [number, n
     if (number >= lanes.length) return none;
     const { group, channel, nothing } = lanes[number];
     const { codes, table, first, channels } = group;
-    return frame < 0 ? nothing : { codes, at: ((frame - first) * channels + channel) * nodes, table };
+    return frame < 0 || codes.length === 0 ? nothing : { codes, at: ((frame - first) * channels + channel) * nodes, table };
   };
   for (let block = from; block < to; block++) {
     for (let corner = 0; corner < 8; corner++) {

@@ -23,7 +23,7 @@ type Answer = { part: DecodedPart } | { marks: Uint8Array | null } | { message: 
 
 /** The buffers of a part, which go without a copy. */
 export function buffersOf(part: DecodedPart): Transferable[] {
-  return [part.color.buffer, ...(part.density ? [part.density.buffer] : [])] as ArrayBuffer[];
+  return [part.color, part.density, part.directional].flatMap((bricks) => (bricks ? [bricks.buffer as ArrayBuffer] : []));
 }
 
 /** Does the jobs that come through a port. */

@@ -70,7 +70,11 @@ export function fillColors(blocks: Blocks, edge: number, range: [number, number]
     putBytes(memory, codes, group.codes);
     const values = begin(group.table, group.empty);
     const frame = group.channels * nodes;
-    for (let channel = 0; channel < group.channels; channel++) lanes.push(codes - group.first * frame + channel * nodes, frame, values, values + 2 * CODES);
+    for (let channel = 0; channel < group.channels; channel++) {
+      // Absent channels have one block of zeros.
+      if (group.codes.length === 0) lanes.push(at.zeros, 0, values, values + 2 * CODES);
+      else lanes.push(codes - group.first * frame + channel * nodes, frame, values, values + 2 * CODES);
+    }
     codes += group.codes.length;
   }
   const nothing = begin([], 0);

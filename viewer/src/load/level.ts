@@ -5,12 +5,12 @@ import { type Colors, inherit } from "../format/codings/inherit.js";
 import { CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, type Value, values, valueTable } from "../format/codings/values.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
-import { blockCounts, colorGroups, type Encoding, type Metadata } from "../format/metadata.js";
+import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, type Metadata, valueGroups } from "../format/metadata.js";
 import { Blocks } from "./blocks.js";
-import { colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
+import { absent, colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
 import { fillColors, fillDensity } from "./fill.js";
 import { interpolatedDensity } from "./interpolated.js";
-import { type Plan, slotPlace } from "./plan.js";
+import { DIRECTIONAL_QUADS, type Plan, slotPlace } from "./plan.js";
 import { MacroCells, macroCounts, occupiedShares } from "./skip.js";
 
 /** Bytes of a part's bricks, about. */
@@ -31,6 +31,8 @@ export interface DecodedPart {
   density: Float32Array | Uint16Array | null;
   /** Bricks of colour in four halves a texel: those of the first quadruple of channels, then those of the next one. */
   color: Uint16Array;
+  /** Such bricks of what depends on the direction: anisotropy, then directional brightness; null where no value can. */
+  directional: Uint16Array | null;
 }
 
 /** What a level is entered into the tables by, after its parts. */
@@ -83,10 +85,10 @@ export class LevelDecoder {
     if (inheritedCount !== (stored.blocks_filled ?? 0)) {
       throw new FieldError(`Level ${level} inherits ${inheritedCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
     }
-    const all = [...(stored.density ? [{ kind: "DENS", encoding: stored.density, channels: 1 }] : []), ...colorGroups(metadata, level)];
+    const all = [...(stored.density ? [{ kind: "DENS", encoding: stored.density, channels: 1 }] : []), ...valueGroups(metadata, level)];
     this.groups = all.map(({ kind, encoding, channels }) => {
       const { name, bytes } = chunk(kind);
-      const colored = kind !== "DENS" && inheritedCount > 0;
+      const colored = isColor(kind) && inheritedCount > 0;
       const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name };
       const decode = (from: number, to: number) => CODINGS[kind](atlas, bytes, from, to);
       const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
@@ -105,7 +107,7 @@ export class LevelDecoder {
   *parts(from: number, to: number): Generator<DecodedPart> {
     const edge = this.metadata.levels[this.level].block_size;
     const texels = (edge + 1) ** 3;
-    const step = Math.max(1, Math.floor(PART_BYTES / (texels * (4 + 8 * this.plan.quads))));
+    const step = Math.max(1, Math.floor(PART_BYTES / (texels * (4 + 8 * (this.plan.quads + (this.isDirectional ? DIRECTIONAL_QUADS : 0))))));
     for (let first = from; first < to; first += step) yield this.part(first, Math.min(to, first + step));
   }
 
@@ -113,21 +115,40 @@ export class LevelDecoder {
     const { blocks, plan, level, metadata } = this;
     const edge = metadata.levels[level].block_size;
     const end = blocks.reach(to);
+    const range: [number, number] = [from, to];
+    const bricks = (quads: number, groups: Filled<Uint16Array>[]) => fillColors(blocks, edge, range, quads, groups) ?? colorBricks(blocks, edge, range, quads, groups);
     let density: DecodedPart["density"] = null;
     const colors: Filled<Uint16Array>[] = [];
+    let [anisotropy, brightness] = [absent(ANISOTROPY), absent(DIRECTIONAL)];
+    // Anisotropy comes last: density waits for it.
+    let full: Float32Array | null = null;
+    let most: Float32Array | null = null;
     for (const group of this.groups) {
       const { codes, first } = group.window(from, end);
-      if (group.kind !== "DENS") {
+      if (group.kind === "DENS") {
+        const filled = group.filled(codes, first, Float32Array);
+        full = fillDensity(blocks, edge, range, filled) ?? densityBricks(blocks, edge, range, filled);
+      } else if (group.kind === "ANIS") {
+        anisotropy = group.filled(codes, first, Uint16Array);
+        most = densityBricks(blocks, edge, range, mostAdded(group.filled(codes, first, Float32Array), edge));
+      } else if (group.kind === "DIRB") {
+        brightness = group.filled(codes, first, Uint16Array);
+      } else {
         colors.push(group.filled(codes, first, Uint16Array));
-        continue;
       }
-      const filled = group.filled(codes, first, Float32Array);
-      const full = fillDensity(blocks, edge, [from, to], filled) ?? densityBricks(blocks, edge, [from, to], filled);
-      this.macro.mark(full, blocks.places.slice(from, to));
+    }
+    if (full) {
+      this.macro.mark(most ? most.map((added, node) => added + full[node]) : full, blocks.places.slice(from, to));
       density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
     }
-    const color = fillColors(blocks, edge, [from, to], plan.quads, colors) ?? colorBricks(blocks, edge, [from, to], plan.quads, colors);
-    return { level, first: from, blocks: to - from, side: edge + 1, density, color };
+    const directional = this.isDirectional ? bricks(DIRECTIONAL_QUADS, [anisotropy, brightness]) : null;
+    return { level, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional };
+  }
+
+  /** Whether the level has its place in the atlas of what depends on the direction. */
+  private get isDirectional(): boolean {
+    const finest = finestDirectional(this.metadata);
+    return finest !== null && this.level >= finest;
   }
 
   /** Marks of macro cells that the parts so far have set, to be joined with others'; null where the level has no density. */
@@ -147,7 +168,7 @@ export class LevelDecoder {
   /** All colours, for inherited blocks of the next finer level. */
   colors(): LevelColors {
     const stored = this.metadata.levels[this.level];
-    const colors = this.groups.filter(({ kind }) => kind !== "DENS");
+    const colors = this.groups.filter(({ kind }) => isColor(kind));
     const all = colors.map((group): [string, Colors] => {
       const { encoding, channels } = group;
       const { codes } = group.window(0, this.blocks.places.length);
@@ -155,6 +176,26 @@ export class LevelDecoder {
     });
     return Object.fromEntries(all);
   }
+}
+
+/** Whether blocks can inherit values of a chunk's kind: else they say where matter is. */
+function isColor(kind: string): boolean {
+  return kind !== "DENS" && kind !== "ANIS";
+}
+
+/** The square root of the sum of the squares of the functions of band 2: the same in every direction. */
+const BAND_2_NORM = Math.sqrt(5 / (4 * Math.PI));
+
+/** What anisotropy adds to density at most in any direction, node by node. */
+function mostAdded({ codes, first, channels, table }: Filled<Float32Array>, edge: number): Filled<Float32Array> {
+  const nodes = edge ** 3;
+  const most = Float32Array.from({ length: codes.length / channels }, (_, node) => {
+    const at = Math.floor(node / nodes) * channels * nodes + (node % nodes);
+    let sum = 0;
+    for (let channel = 0; channel < channels; channel++) sum += table[codes[at + channel * nodes]] ** 2;
+    return BAND_2_NORM * Math.sqrt(sum);
+  });
+  return { codes: Uint32Array.from(most, (_, node) => node), first, channels: 1, table: most, empty: 0 };
 }
 
 /** One group of a level's channels, and of its codes those that are wanted next. */

@@ -7,7 +7,7 @@ import { FieldError } from "../errors.js";
 import { checkContents } from "../format/contents.js";
 import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
-import { finestDirectional, isLinear, type Metadata, networkOf, readMetadata } from "../format/metadata.js";
+import { hasLevels, isLinear, type Metadata, networkOf, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
 import { Crew } from "./crew.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, type LevelEntry } from "./level.js";
@@ -176,8 +176,8 @@ export class Loader {
     if (header.bent !== (metadata.level_of_detail.bends !== undefined)) {
       throw new FieldError("Header and metadata disagree whether the rule of the level of detail bends.");
     }
-    if (header.directional !== (finestDirectional(metadata) !== null)) {
-      throw new FieldError("Header and metadata disagree whether levels have directional brightness.");
+    if (header.directional !== hasLevels(metadata, "directional") || header.anisotropic !== hasLevels(metadata, "anisotropy")) {
+      throw new FieldError("Header and metadata disagree whether levels have directional brightness or anisotropy.");
     }
     if (header.inherited !== metadata.levels.some((level) => level.blocks_filled)) {
       throw new FieldError("Header and metadata disagree whether there are inherited blocks.");

@@ -5,10 +5,13 @@
  * nodes one wider than a block: on its upper sides it repeats the lowest nodes of its neighbours, so that hardware
  * interpolates every cell of a block within the slot. The coarsest level has the first slots. A texture's x is the
  * field's z, so that nodes lie as in the file.
+ *
+ * What depends on the direction, which only coarser levels have, lies in a third atlas with the same slots, as many rows
+ * of them along y as those levels take.
  */
 
 import { FieldError, REMEDY } from "../errors.js";
-import { blockCounts, channelQuads, type Metadata, type Triple } from "../format/metadata.js";
+import { blockCounts, channelQuads, finestDirectional, type Metadata, type Triple } from "../format/metadata.js";
 
 /** What the device can hold. */
 export interface DeviceLimits {
@@ -29,12 +32,17 @@ export interface Plan {
   slots: Triple;
   /** Quadruples of colour channels; each has its own slot of the colour atlas, one behind the other along z. */
   quads: number;
+  /** Slots of the atlas of what depends on the direction along its y; 0 where nothing does. */
+  directionalRows: number;
   /** Slots before the first one of each level, fine to coarse. */
   firstSlot: number[];
-  /** Bytes of both atlases and the table of blocks. */
+  /** Bytes of all atlases and the table of blocks. */
   bytes: number;
   floatLinear: boolean;
 }
+
+/** Quadruples of values that depend on the direction: anisotropy, then directional brightness. */
+export const DIRECTIONAL_QUADS = 2;
 
 /** Slots are numbered in the table of blocks with 10 bits along each axis. */
 const MOST_SLOTS = 1024;
@@ -43,24 +51,30 @@ const MOST_SLOTS = 1024;
 export function plan(metadata: Metadata, device: DeviceLimits, available: number): Plan {
   const { levels } = metadata;
   const quads = channelQuads(metadata);
+  const directional = finestDirectional(metadata);
   const slot = Math.max(...levels.map((level) => level.block_size)) + 1;
   const texelBytes = (device.floatLinear ? 4 : 2) + 8 * quads;
   const firstSlot = new Array<number>(levels.length).fill(0);
   let fitting: Plan | null = null;
   let count = 0;
+  let directionalSlots = 0;
   let tableSide = 0;
   for (let finest = levels.length - 1; finest >= available; finest--) {
     const counts = blockCounts(levels[finest]);
     tableSide += counts[0];
     firstSlot[finest] = count;
     count += levels[finest].blocks_stored;
-    const slots = arrange(Math.max(count, 1), device.side, slot, quads);
+    if (directional !== null && finest >= directional) directionalSlots = count;
+    const deepest = directional === null ? quads : Math.max(quads, DIRECTIONAL_QUADS);
+    const slots = arrange(Math.max(count, 1), device.side, slot, deepest);
     if (!slots || Math.max(tableSide, counts[1], counts[2]) > device.side) break;
     const tableBytes = 4 * tableSide * counts[1] * counts[2];
-    const bytes = slots[0] * slots[1] * slots[2] * slot ** 3 * texelBytes + tableBytes;
+    const directionalRows = Math.ceil(directionalSlots / (slots[0] * slots[2]));
+    const directionalBytes = directionalRows * 8 * DIRECTIONAL_QUADS;
+    const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes;
     if (bytes > device.bytes) break;
     const renders = finest === 0 || levels.every((level) => level.density !== null);
-    if (renders) fitting = { finest, slot, slots, quads, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear };
+    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear };
   }
   if (fitting) return fitting;
   throw new FieldError(`This field's ${count} blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);

@@ -4,7 +4,7 @@ import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
 import type { DecodedPart, LevelEntry } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
-import { slotPlace } from "../load/plan.js";
+import { DIRECTIONAL_QUADS, slotPlace } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
 import { whenDone } from "./fence.js";
 import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
@@ -163,7 +163,7 @@ export class Atlas {
     const { part, done } = upload;
     const { plan } = this.opened;
     const { slot, slots, quads, firstSlot } = plan;
-    const { side, density, color } = part;
+    const { side, density, color, directional } = part;
     const nodes = side ** 3;
     const [x, y, z] = slotPlace(plan, firstSlot[part.level] + part.first + done);
     // Bricks that fill their slots lie in a row of slots as they lie in memory.
@@ -180,13 +180,17 @@ export class Atlas {
       put(z, gl.RED, type, density.subarray(done * nodes, (done + blocks) * nodes));
       if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
     }
-    gl.bindTexture(gl.TEXTURE_3D, textures.u_color!);
-    for (let quad = 0; quad < quads; quad++) {
-      const at = (quad * part.blocks + done) * nodes * 4;
-      put(z + quad * slots[2], gl.RGBA, gl.HALF_FLOAT, color.subarray(at, at + blocks * nodes * 4));
-    }
+    const putQuads = (texture: WebGLTexture, quads: number, bricks: Uint16Array) => {
+      gl.bindTexture(gl.TEXTURE_3D, texture);
+      for (let quad = 0; quad < quads; quad++) {
+        const at = (quad * part.blocks + done) * nodes * 4;
+        put(z + quad * slots[2], gl.RGBA, gl.HALF_FLOAT, bricks.subarray(at, at + blocks * nodes * 4));
+      }
+    };
+    putQuads(textures.u_color!, quads, color);
+    if (directional) putQuads(textures.u_directional!, DIRECTIONAL_QUADS, directional);
     upload.done += blocks;
-    return blocks * nodes * (8 * quads + (density?.BYTES_PER_ELEMENT ?? 0));
+    return blocks * nodes * (8 * (quads + (directional ? DIRECTIONAL_QUADS : 0)) + (density?.BYTES_PER_ELEMENT ?? 0));
   }
 
   /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */

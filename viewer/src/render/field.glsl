@@ -11,6 +11,9 @@ layout(location = 0) out vec4 fragment;
 // Slots of nodes, and the places of their blocks; x of a texture is z of the field.
 uniform sampler3D u_density;
 uniform sampler3D u_color;
+#ifdef FINEST_DIRECTIONAL
+uniform sampler3D u_directional;
+#endif
 uniform usampler3D u_table;
 uniform usampler3D u_skipDistances;
 uniform sampler2D u_weights;
@@ -140,23 +143,26 @@ void colorAt(int level, bool stored, vec3 texel, out vec4 color[QUADS]) {
   if (!stored) {
     for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(u_empty[level].z);
     color[0].xyz = vec3(u_empty[level].y);
-#ifdef FINEST_DIRECTIONAL
-    for (int at = CHANNELS; at < CHANNELS + 3; at++) color[at / 4][at % 4] = u_empty[level].w;
-#endif
     return;
   }
   vec3 size = vec3(textureSize(u_color, 0));
   for (int quad = 0; quad < QUADS; quad++) {
-#ifdef FINEST_DIRECTIONAL
-    color[quad] = vec4(0.0);
-    if (quad >= OWN_QUADS && level < FINEST_DIRECTIONAL) continue;
-#endif
     fetches++;
     // Quadruples of all slots lie one behind the other.
     vec3 place = texel + vec3(0.0, 0.0, float(quad * u_slotsDeep * u_slot));
     color[quad] = textureLod(u_color, place / size, 0.0);
   }
 }
+
+#ifdef FINEST_DIRECTIONAL
+// Four values that depend on the direction, of a level from FINEST_DIRECTIONAL on: four of anisotropy; the fifth, and
+// directional brightness.
+vec4 directionalAt(int quad, vec3 texel) {
+  fetches++;
+  vec3 place = texel + vec3(0.0, 0.0, float(quad * u_slotsDeep * u_slot));
+  return textureLod(u_directional, place / vec3(textureSize(u_directional, 0)), 0.0);
+}
+#endif
 
 #ifdef MASKED
 float maskNode(ivec3 node) {

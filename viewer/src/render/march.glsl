@@ -62,7 +62,7 @@ Line aside(vec2 pixel, float t, float tStep, vec3 direction) {
 #endif
 }
 
-#ifdef FUNCTIONS
+#if defined(FUNCTIONS) || defined(ANISOTROPY)
 // Values of the harmonics along the ray.
 float harmonics[16];
 
@@ -85,7 +85,9 @@ void findHarmonics(vec3 d) {
   harmonics[14] = 1.445305721320277 * d.z * (xx - yy);
   harmonics[15] = -0.5900435899266435 * d.x * (xx - 3.0 * yy);
 }
+#endif
 
+#ifdef FUNCTIONS
 vec3 limited(vec3 color) {
 #if CLAMP == 1
   return max(color, 0.0);
@@ -97,9 +99,26 @@ vec3 limited(vec3 color) {
 }
 #endif
 
-#ifdef FINEST_DIRECTIONAL
+#ifdef ANISOTROPY
+// A level's density along the ray.
+float densityAlong(int level, vec3 texel) {
+  float density = densityAt(texel);
+  if (level < FINEST_DIRECTIONAL) return density;
+  vec4 low = directionalAt(0, texel);
+  float added = dot(low, vec4(harmonics[4], harmonics[5], harmonics[6], harmonics[7]));
+  return max(density + added + directionalAt(1, texel).x * harmonics[8], 0.0);
+}
+#endif
+
+#ifdef BRIGHTNESS
 // The ray's unit direction in the world.
 vec3 along;
+
+// What a level adds to its logits of diffuse colour along the ray.
+float addedLogit(int level, bool stored, vec3 texel) {
+  if (level < FINEST_DIRECTIONAL) return 0.0;
+  return dot(along, stored ? directionalAt(1, texel).yzw : vec3(u_empty[level].w));
+}
 #endif
 
 void activate(inout vec4 color[QUADS]) {
@@ -116,11 +135,6 @@ void activate(inout vec4 color[QUADS]) {
 #endif
   color[0] = vec4(sum, 0.0);
 #elif !defined(LINEAR)
-#ifdef FINEST_DIRECTIONAL
-  float added = 0.0;
-  for (int axis = 0; axis < 3; axis++) added += along[axis] * color[(CHANNELS + axis) / 4][(CHANNELS + axis) % 4];
-  color[0].xyz += added;
-#endif
   for (int quad = 0; quad < QUADS; quad++) color[quad] = 1.0 / (1.0 + exp(-color[quad]));
 #endif
 }
@@ -166,10 +180,10 @@ void main() {
     last = min(last, max(a, b));
   }
 
-#ifdef FINEST_DIRECTIONAL
+#ifdef BRIGHTNESS
   along = normalize(u_toView * camera);
 #endif
-#ifdef FUNCTIONS
+#if defined(FUNCTIONS) || defined(ANISOTROPY)
   findHarmonics(normalize(u_toView * camera));
 #endif
 
@@ -266,7 +280,11 @@ void main() {
         }
 #endif
         seen = seen || stored;
+#ifdef ANISOTROPY
+        float density = stored ? densityAlong(dense, texel) : u_empty[dense].x;
+#else
         float density = stored ? densityAt(texel) : u_empty[dense].x;
+#endif
 #ifdef BLEND_AFTER
         density = opticalDepth(density, u_levels[dense].z);
 #endif
@@ -292,6 +310,9 @@ void main() {
         for (int i = 0; i < count; i++) {
           vec4 one[QUADS];
           colorAt(level + i, i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
+#ifdef BRIGHTNESS
+          one[0].xyz += addedLogit(level + i, i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
+#endif
 #ifdef BLEND_AFTER
           activate(one);
 #endif

@@ -1,7 +1,7 @@
 /** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
 
 import type { Layer } from "../format/network.js";
-import { type Encoding, finestDirectional, harmonicsOf, type Metadata, ownChannels } from "../format/metadata.js";
+import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata, ownChannels } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
@@ -77,7 +77,9 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
     ...set("NETWORK", network.length > 0),
     ...set("RELU", metadata.activation.function === "relu"),
     ...set("LINEAR", metadata.levels[0].diffuse.decode === "linear"),
-    ...(directional !== null && { FINEST_DIRECTIONAL: directional, OWN_QUADS: Math.ceil(ownChannels(metadata) / 4) }),
+    ...(directional !== null && { FINEST_DIRECTIONAL: directional }),
+    ...set("BRIGHTNESS", hasLevels(metadata, "directional")),
+    ...set("ANISOTROPY", hasLevels(metadata, "anisotropy")),
     ...(harmonics && {
       FUNCTIONS: (harmonics.degree + 1) ** 2,
       OFFSET: glslFloat(harmonics.offset),

@@ -2,12 +2,12 @@
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
-import type { Plan } from "../load/plan.js";
+import { DIRECTIONAL_QUADS, type Plan } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
 import { packWeights, WEIGHTS_WIDTH } from "./network.js";
 
 /** Names of samplers. That of weights is flat, all others are of volumes. */
-export const SAMPLERS = ["u_density", "u_color", "u_table", "u_skipDistances", "u_weights", "u_mask"] as const;
+export const SAMPLERS = ["u_density", "u_color", "u_directional", "u_table", "u_skipDistances", "u_weights", "u_mask"] as const;
 
 export type Textures = Partial<Record<(typeof SAMPLERS)[number], WebGLTexture>>;
 
@@ -35,6 +35,10 @@ export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, 
       u_table: volume(gl, [nz, ny, depth], gl.R32UI, gl.NEAREST),
       u_skipDistances: volume(gl, [mz, my, mx * Math.ceil(metadata.levels.length / 4)], gl.RGBA8UI, gl.NEAREST),
     };
+    if (plan.directionalRows > 0) {
+      const sides = [x, plan.directionalRows * plan.slot, z * DIRECTIONAL_QUADS];
+      made.u_directional = cleared(gl, volume(gl, sides, gl.RGBA16F, gl.LINEAR), gl.RGBA, gl.HALF_FLOAT, new Uint16Array(4));
+    }
     if (mask) {
       const [x, y, z] = mask.nodes;
       made.u_mask = volume(gl, [z, y, x], gl.R32F, gl.NEAREST);

@@ -17,4 +17,5 @@ export const CODINGS: Readonly<Record<string, Coding>> = {
   BNDB: decodeRuns,
   BNDC: decodeRuns,
   DIRB: decodeRuns,
+  ANIS: decodeRuns,
 };
