@@ -264,3 +264,24 @@ fn values_mean_what_their_group_and_the_blend_allow() {
         }
     }
 }
+
+#[test]
+fn what_depends_on_the_direction_stands_only_where_it_can() {
+    let shaped = |change: &dyn Fn(&mut Metadata)| {
+        let mut metadata = asset::container("tiny.fit.filled.mipvog").metadata().clone();
+        change(&mut metadata);
+        refused(&metadata)
+    };
+    let key = |level: usize, name: &str| Some(format!("levels[{level}].{name}"));
+    assert_eq!(shaped(&|_| {}), None);
+    // A level without any, finer or coarser ones with it.
+    assert_eq!(shaped(&|m| m.levels[2].anisotropy = None), None);
+    assert_eq!(shaped(&|m| m.levels[1].directional = None), None);
+    assert_eq!(shaped(&|m| m.levels[2].directional = None), key(1, "directional"));
+    // Raw densities, another meaning, and a value for blocks that are not stored.
+    let moved = |m: &mut Metadata| m.levels[0].anisotropy = m.levels[1].anisotropy.clone();
+    assert_eq!(shaped(&moved), key(0, "anisotropy"));
+    let set = |set: fn(&mut Encoding)| shaped(&|m| m.levels[1].anisotropy.iter_mut().for_each(set));
+    assert_eq!(set(|encoding| encoding.decode = Decode::Directional), key(1, "anisotropy"));
+    assert_eq!(set(|encoding| encoding.empty = 0.25), key(1, "anisotropy"));
+}

@@ -9,7 +9,7 @@ import { restore, restoreWide } from "../src/format/codings/restore.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { readMetadata } from "../src/format/metadata.js";
 import { levelChunks, LevelDecoder } from "../src/load/level.js";
-import { plan } from "../src/load/plan.js";
+import { DIRECTIONAL_QUADS, plan } from "../src/load/plan.js";
 import { ROOT } from "./support.js";
 
 /** Numbers from 0 to below `end`, by a congruential generator. */
@@ -92,7 +92,7 @@ function emptyRun(): Run {
   return { frames: 0, channels: 1, edge: 1, live: 0, residuals: none, starts: new Int32Array(0), modes: none, weights: [], bits: none };
 }
 
-for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.rate.filled"]) {
+for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.rate.filled", "tiny.fit.filled"]) {
   test(`blocks of ${name} do not depend on where a share of them starts`, () => {
     const bytes = Uint8Array.from(readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));
     const header = readHeader(bytes);
@@ -110,8 +110,11 @@ for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.ra
       const middle = Math.floor(count / 3);
       const parts = [[0, middle], [middle, count]].flatMap(([from, to]) => [...shares.parts(from, to)]);
       // A part has the first quadruple of channels of all its blocks, then the next one.
-      const quad = (number: number) => parts.flatMap(({ color }) => Array.from(color.subarray((number * color.length) / laidOut.quads, ((number + 1) * color.length) / laidOut.quads)));
-      assert.deepEqual(Array.from({ length: laidOut.quads }, (_, number) => quad(number)).flat(), Array.from(whole.color));
+      const joined = (bricks: Uint16Array[], quads: number) =>
+        Array.from({ length: quads }, (_, quad) => bricks.flatMap((one) => Array.from(one.subarray((quad * one.length) / quads, ((quad + 1) * one.length) / quads)))).flat();
+      assert.deepEqual(joined(parts.map(({ color }) => color), laidOut.quads), Array.from(whole.color));
+      assert.equal(whole.directional === null, !name.includes(".fit.") || level === 0);
+      if (whole.directional) assert.deepEqual(joined(parts.map(({ directional }) => directional!), DIRECTIONAL_QUADS), Array.from(whole.directional));
       if (whole.density) assert.deepEqual(parts.flatMap(({ density }) => Array.from(density!)), Array.from(whole.density));
       assert.deepEqual(shares.marks, decoder.marks);
       coarser = decoder.colors();
