@@ -8,7 +8,7 @@
 use crate::base::error::Result;
 use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 
-/// Added to a line at each knot. Fits of two trained scenes under a dozen fixed curves were best
+/// Added to a line at each knot. Fits of two trained scenes under two dozen fixed curves were best
 /// about here at every scale.
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.09, 0.25, 0.4, 0.9, 1.9, 3.4];
 /// A step of a knot's level.
