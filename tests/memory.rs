@@ -56,8 +56,9 @@ fn holds(input: &Path, options: &[&str]) {
             let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
             let peak = report["peak_memory_bytes"].as_u64().expect("a number");
             assert!(peak <= bound, "{options:?}: {peak} of {bound}");
-            // What is refused would not be kept by far, but where threads outnumber the work.
-            let slack = if threads == "16" { 1.8 } else { 1.35 };
+            // What is refused would not be kept by far. Of sixteen threads on few cores, some never
+            // get any work, and never touch their memory: how many depends on the system.
+            let slack = if threads == "16" { 3.0 } else { 1.35 };
             let refused = least as f64 / peak as f64;
             assert!(refused < slack, "{options:?}: {least} asked for, {peak} taken");
             let bytes = std::fs::read(path("bound.mipvog")).expect("a container");
