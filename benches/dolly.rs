@@ -1,21 +1,23 @@
-//! Shows popping levels: a camera moves away from the box, 60 frames from the distance at which the
-//! box fills the picture to 16 times that.
+//! Shows popping levels: a camera moves away from the box, from the distance at which the box fills
+//! the picture to 16 times that, 30 frames for each doubling.
 //!
 //! ```text
-//! cargo bench --bench dolly -- [SCENE] [--side PIXELS] [--filters NAME,...] [--svg FILE]
-//!                              [--stepsize S] [--near T] [--far T]
+//! cargo bench --bench dolly -- [SCENE] [--made-up NAME] [--side PIXELS] [--filters NAME,...]
+//!                              [--svg FILE] [--stepsize S] [--near T] [--far T]
 //! ```
 //!
 //! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel. Pixels that
-//! show nothing do not count. Far away few pixels count, and their positions are noise of a decibel
-//! or two. So a frame at n times the distance is taken from n^2 directions around the box, and from
-//! at least 16, because one more direction would be a kink. Prints the curve of errors in dB, one
-//! column a filter, and the largest second difference of each: a level that pops is a kink. `--svg`
-//! draws the curves. Without arguments the scene is `fixtures/trained/lego64`.
+//! show nothing do not count. Every frame has pictures from the same 8 directions around the box. Far
+//! away few pixels count, and their positions are noise of a decibel or two. So a frame at n times
+//! the distance has at least n^2 pictures, whose pixels lie at different places. Prints
+//! the curve of errors in dB, one column a filter, and the largest second difference of each: a
+//! level that pops is a kink. `--svg` draws the curves. Without arguments the scene is
+//! `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]
 mod common;
+mod made_up;
 
 use std::fmt::Write;
 
@@ -30,17 +32,22 @@ use mipvog_bake::unstable::model::field::RadianceField;
 use mipvog_bake::unstable::model::grid::Bounds;
 use mipvog_bake::unstable::view::render::{Frame, FrameOptions, LevelChoice, Renderer, render};
 
-const FRAMES: usize = 60;
+const FRAMES: usize = 121;
 const FARTHEST: f64 = 16.0;
 const SUPERSAMPLE: usize = 4;
-/// From how many directions near frames are taken.
-const LEAST_DIRECTIONS: usize = 16;
+/// Directions that each frame is taken from.
+const DIRECTIONS: usize = 8;
+/// Pictures from each direction, at least.
+const LEAST_SHIFTS: usize = 2;
+/// Steps from one shift of pixels to the next, in pixels along x and y: the R2 sequence, which is
+/// even in two dimensions for any count (Roberts 2018).
+const SHIFT: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_3];
 /// A pixel shows something from this opacity on.
 const LEAST_OPACITY: f32 = 1e-3;
 
 fn main() {
-    let arguments = Arguments::read(&["--side", "--filters", "--svg"]);
-    let field = arguments.field();
+    let arguments = Arguments::read(&["--made-up", "--side", "--filters", "--svg"]);
+    let field = arguments.own("--made-up").map_or_else(|| arguments.field(), made_up::scene);
     let names = arguments.own("--filters").unwrap_or("rate-tent,fit,coverage,paper,code");
     let filters: Vec<Filter> = names
         .split(',')
@@ -70,18 +77,23 @@ fn distance(i: usize) -> f64 {
 fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let middle = 0.5 * (corner(bounds.min) + corner(bounds.max));
-    let moved = |mut camera: Camera, distance: f64| {
+    let moved = |mut camera: Camera, distance: f64, shift: usize| {
         let place = camera.to_world.w_axis.truncate();
         camera.to_world.w_axis = (middle + (place - middle) * distance).extend(1.0);
-        let pixels = (side as f64 / distance * 1.1).ceil() as usize;
-        let center = [0.5 * pixels as f64; 2];
+        // Even, so that pixels do not jump by half of their width.
+        let pixels = 2 * (0.5 * side as f64 / distance * 1.1).ceil() as usize;
+        let shifted = |step: f64| (0.5 + step * shift as f64).fract() - 0.5;
+        let center = SHIFT.map(|step| 0.5 * pixels as f64 + shifted(step));
         camera.lens = Lens { width: pixels, height: pixels, center, ..camera.lens };
         camera
     };
+    let directions = turntable(bounds, DIRECTIONS, [side; 2]);
     let frame = |i: usize| {
-        let directions = (distance(i).powi(2).round() as usize).max(LEAST_DIRECTIONS);
-        let cameras = turntable(bounds, directions, [side; 2]).into_iter();
-        cameras.map(|camera| moved(camera, distance(i))).collect()
+        let distance = distance(i);
+        let shifts = (distance.powi(2) / DIRECTIONS as f64).ceil() as usize;
+        let shifts = shifts.max(LEAST_SHIFTS);
+        let pictures = directions.iter().flat_map(|camera| (0..shifts).map(move |i| (camera, i)));
+        pictures.map(|(camera, shift)| moved(camera.clone(), distance, shift)).collect()
     };
     (0..FRAMES).map(frame).collect()
 }

@@ -8,7 +8,7 @@ use crate::model::directional::DIRECTIONAL;
 use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
 use crate::view::render::View;
-use crate::view::sample::Dense;
+use crate::view::sample::{Dense, NodesMut};
 
 /// Step length at the start of the square root of optical depth.
 const DENSITY_RATE: f32 = 0.014;
@@ -34,19 +34,41 @@ const MAX_DENSITY: f32 = 3.9;
 /// Nodes that are updated together.
 const CHUNK: usize = 4096;
 
+/// Running means of a derivative and of its square.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Means([f32; 2]);
+
+impl Means {
+    /// Takes in a derivative, and returns the step. Derivatives far below `least` are no direction.
+    #[inline]
+    pub fn advance(&mut self, derivative: f32, lacks: [f32; 2], [rate, least]: [f32; 2]) -> f32 {
+        let [mean, square] = &mut self.0;
+        *mean += (1.0 - DECAYS[0]) * (derivative - *mean);
+        *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);
+        rate * (*mean / lacks[0]) / ((*square / lacks[1]).sqrt() + least)
+    }
+}
+
+/// What running means lack after so many steps, because they began at 0.
+pub fn lacks(steps: u32) -> [f32; 2] {
+    DECAYS.map(|decay| 1.0 - libm::powf(decay, steps as f32))
+}
+
+/// The part of step lengths that is left; falls evenly to its last value.
+pub fn fade(progress: f32) -> f32 {
+    1.0 + (LAST_RATE - 1.0) * progress
+}
+
 /// A node's running means.
 #[derive(Debug, Clone, Copy)]
 struct Moments<const C: usize> {
     node: usize,
-    density: [f32; 2],
-    anisotropy: [[f32; 2]; ANISOTROPY],
-    color: [[f32; 2]; C],
+    density: Means,
+    anisotropy: [Means; ANISOTROPY],
+    color: [Means; C],
     /// Steps in which the node got a derivative.
     steps: u32,
 }
-
-/// What the running means of nodes lack after so many steps, from none on, because they began at 0.
-type Lacks = Vec<[f32; 2]>;
 
 /// The values of a level's fitted nodes.
 pub type State<const C: usize> = Vec<NodeValues<C>>;
@@ -61,7 +83,8 @@ pub struct Adam<const C: usize> {
     color_rates: [f32; C],
     /// Mean squares of the first derivatives, by density and by colour.
     squares: Option<[f32; 2]>,
-    lacks: Lacks,
+    /// After so many steps, from none on.
+    lacks: Vec<[f32; 2]>,
 }
 
 impl<const C: usize> Adam<C> {
@@ -74,7 +97,7 @@ impl<const C: usize> Adam<C> {
             last.for_each(|rate| *rate *= DIRECTIONAL_SHARE);
         }
         let [nx, ny, nz] = retained.nodes().0;
-        let (density, _) = field.values_mut(level);
+        let NodesMut { density, .. } = field.values_mut(level);
         let mut numbers = vec![NOT_FITTED; nx * ny * nz];
         let mut moments = Vec::new();
         for (node, number) in numbers.iter_mut().enumerate() {
@@ -83,9 +106,9 @@ impl<const C: usize> Adam<C> {
                 density[node] = density[node].max(SEED_DENSITY);
                 moments.push(Moments {
                     node,
-                    density: [0.0; 2],
-                    anisotropy: [[0.0; 2]; ANISOTROPY],
-                    color: [[0.0; 2]; C],
+                    density: Means::default(),
+                    anisotropy: [Means::default(); ANISOTROPY],
+                    color: [Means::default(); C],
                     steps: 0,
                 });
             } else {
@@ -119,14 +142,11 @@ impl<const C: usize> Adam<C> {
 
     /// Gives the fitted nodes a state back.
     pub fn restore(&self, field: &mut Dense<C>, state: &State<C>) {
-        let (density, color) = field.values_mut(self.level);
+        let NodesMut { density, anisotropy, color } = field.values_mut(self.level);
         for (moments, values) in self.moments.iter().zip(state) {
             density[moments.node] = values.density;
-            color[moments.node] = values.color;
-        }
-        let anisotropy = field.anisotropy_mut(self.level);
-        for (moments, values) in self.moments.iter().zip(state) {
             anisotropy[moments.node] = values.anisotropy;
+            color[moments.node] = values.color;
         }
     }
 
@@ -139,8 +159,7 @@ impl<const C: usize> Adam<C> {
         index: usize,
         progress: f32,
     ) -> Result<()> {
-        // Falls evenly to its last value.
-        let fade = 1.0 + (LAST_RATE - 1.0) * progress;
+        let fade = fade(progress);
         let density_rate = DENSITY_RATE * fade;
         let color_rates = self.color_rates.map(|rate| rate * fade);
         let nodes = self.moments.len();
@@ -148,45 +167,62 @@ impl<const C: usize> Adam<C> {
         let squares = *self.squares.get_or_insert_with(|| mean_squares(&parts, nodes));
         let least = squares.map(|square| LEAST_SHARE * square.sqrt() + f32::MIN_POSITIVE);
         let rates = (density_rate, &color_rates);
-        let steps = self.lacks.len() as f32;
-        self.lacks.push(DECAYS.map(|decay| 1.0 - libm::powf(decay, steps)));
+        self.lacks.push(lacks(self.lacks.len() as u32));
         let lacks = &self.lacks;
-        let chunks = self.moments.chunks_mut(CHUNK).enumerate();
-        let mut work: Vec<_> = chunks.map(|(i, chunk)| (i * CHUNK, chunk)).collect();
-        let sums = &parts;
-        let updates = parallel::map_mut(&mut work, |_, (first, chunk)| {
-            let update = |(i, moments): (usize, &mut Moments<C>)| {
-                let by = total(sums, i);
+        let mut work = chunks(&mut self.moments, field.values_mut(self.level));
+        parallel::map_mut(&mut work, |number, Chunk { moments, first_node, nodes }| {
+            let NodesMut { density, anisotropy, color } = nodes;
+            for (i, moments) in moments.iter_mut().enumerate() {
+                let by = total(&parts, number * CHUNK + i);
                 // A node that no ray met stays.
-                let met = by.density != 0.0 || by.color.iter().any(|&by| by != 0.0);
-                met.then(|| moments.advance(&by, rates, least, lacks))
-            };
-            let first = *first;
-            let numbered = chunk.iter_mut().enumerate().map(|(i, moments)| (first + i, moments));
-            Ok(numbered.map(update).collect::<Vec<_>>())
-        })?;
-        let updates = updates.iter().flatten();
-        let updates =
-            self.moments.iter().zip(updates).filter_map(|(moments, update)| {
-                update.as_ref().map(|update| (moments.node, update))
-            });
-        let (density, color) = field.values_mut(self.level);
-        for (at, by) in updates.clone() {
-            density[at] = (density[at] - by.density).clamp(0.0, MAX_DENSITY);
-            color[at].iter_mut().zip(by.color).for_each(|(raw, by)| *raw -= by);
-        }
-        let anisotropy = field.anisotropy_mut(self.level);
-        for (at, by) in updates {
-            for (value, by) in anisotropy[at].iter_mut().zip(by.anisotropy) {
-                *value = (*value - by).clamp(-MAX_DENSITY, MAX_DENSITY);
+                if by.density == 0.0 && by.color.iter().all(|&by| by == 0.0) {
+                    continue;
+                }
+                let step = moments.advance(&by, rates, least, lacks);
+                let at = moments.node - *first_node;
+                density[at] = (density[at] - step.density).clamp(0.0, MAX_DENSITY);
+                for (value, step) in anisotropy[at].iter_mut().zip(step.anisotropy) {
+                    *value = (*value - step).clamp(-MAX_DENSITY, MAX_DENSITY);
+                }
+                color[at].iter_mut().zip(step.color).for_each(|(raw, step)| *raw -= step);
             }
-        }
+            Ok(())
+        })?;
         parallel::map_mut(gradients, |_, gradient| {
             gradient.levels[index].fill(NodeValues::ZERO);
             Ok(())
         })?;
         Ok(())
     }
+}
+
+/// Fitted nodes that are updated together, and the level's nodes from the first of them to the next
+/// chunk's first.
+struct Chunk<'a, const C: usize> {
+    moments: &'a mut [Moments<C>],
+    first_node: usize,
+    nodes: NodesMut<'a, C>,
+}
+
+/// All fitted nodes, which rise, with their values.
+fn chunks<'a, const C: usize>(
+    moments: &'a mut [Moments<C>],
+    mut nodes: NodesMut<'a, C>,
+) -> Vec<Chunk<'a, C>> {
+    // From the last chunk on, which ends where the nodes do.
+    let mut chunks = Vec::new();
+    for moments in moments.chunks_mut(CHUNK).rev() {
+        let first_node = moments.first().map_or(0, |first| first.node);
+        let NodesMut { density, anisotropy, color } = nodes;
+        let (density, own_density) = density.split_at_mut(first_node);
+        let (anisotropy, own_anisotropy) = anisotropy.split_at_mut(first_node);
+        let (color, own_color) = color.split_at_mut(first_node);
+        nodes = NodesMut { density, anisotropy, color };
+        let own = NodesMut { density: own_density, anisotropy: own_anisotropy, color: own_color };
+        chunks.push(Chunk { moments, first_node, nodes: own });
+    }
+    chunks.reverse();
+    chunks
 }
 
 /// The sum of all parts' derivatives by a node's values.
@@ -223,24 +259,19 @@ impl<const C: usize> Moments<C> {
         by: &NodeValues<C>,
         (density_rate, color_rates): (f32, &[f32; C]),
         least: [f32; 2],
-        lacks: &Lacks,
+        lacks: &[[f32; 2]],
     ) -> NodeValues<C> {
         self.steps += 1;
-        let [first, second] = lacks[self.steps as usize];
-        let step = |[mean, square]: &mut [f32; 2], derivative: f32, [rate, least]: [f32; 2]| {
-            *mean += (1.0 - DECAYS[0]) * (derivative - *mean);
-            *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);
-            rate * (*mean / first) / ((*square / second).sqrt() + least)
-        };
+        let lacks = lacks[self.steps as usize];
         let mut steps = NodeValues::ZERO;
-        for (lane, moments) in self.color.iter_mut().enumerate() {
-            steps.color[lane] = step(moments, by.color[lane], [color_rates[lane], least[1]]);
+        for (lane, means) in self.color.iter_mut().enumerate() {
+            steps.color[lane] = means.advance(by.color[lane], lacks, [color_rates[lane], least[1]]);
         }
         let rate = ANISOTROPY_SHARE * density_rate;
-        for (lane, moments) in self.anisotropy.iter_mut().enumerate() {
-            steps.anisotropy[lane] = step(moments, by.anisotropy[lane], [rate, least[0]]);
+        for (lane, means) in self.anisotropy.iter_mut().enumerate() {
+            steps.anisotropy[lane] = means.advance(by.anisotropy[lane], lacks, [rate, least[0]]);
         }
-        steps.density = step(&mut self.density, by.density, [density_rate, least[0]]);
+        steps.density = self.density.advance(by.density, lacks, [density_rate, least[0]]);
         steps
     }
 }

@@ -1,23 +1,21 @@
-//! The rule of levels as a curve through knots, and the search for the best one.
+//! The rule of levels as a curve through knots, which is learned with the levels.
 //!
 //! A straight line through `log2(rho)` that suits near pictures reads levels from afar that are too
-//! fine. So the fit starts with a curve that rises ever faster, and looks for the best height of
-//! each knot once levels are fitted: nearby, for levels that were fitted under one curve look worse
-//! under every other at first.
+//! fine. So the fit starts with a curve that rises ever faster. Knots move against derivatives, in
+//! every step by little. Levels that were fitted under one curve look worse under every other at
+//! first, so a search that tries a knot's neighbours finds nothing.
 
-use crate::base::error::Result;
+use super::adam::{Means, fade, lacks};
 use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 
 /// Added to a line at each knot. Fits of two trained scenes under two dozen fixed curves were best
 /// about here at every scale.
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.09, 0.25, 0.4, 0.9, 1.9, 3.4];
-/// A step of a knot's level.
-const STEP: f32 = 0.06;
-/// Gain of a step, at least, in dB: a rule that looks better on validation's rays by less may look
-/// worse on others.
-const LEAST_GAIN: f64 = 0.02;
-/// Loss of a scale by a step, at most, in dB: far scales must not gain at the cost of near ones.
-const MOST_LOSS: f64 = 0.02;
+/// Knots before this one stay: what pictures of a quarter of the size gain by moving the second
+/// one, those of half the size lose.
+const FIRST_MOVED: usize = 2;
+/// Step length of a knot's level at the start.
+const RATE: f32 = 0.004;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
@@ -32,7 +30,13 @@ pub struct Curve {
     /// The level at [`FULL_SIZE`].
     full_size: f32,
     levels: Vec<f32>,
+    /// Of derivatives by the levels.
+    means: [Means; MOST_BENDS + 1],
+    steps: u32,
 }
+
+/// Derivatives by the levels of a curve's knots.
+pub type ByKnots = [f32; MOST_BENDS + 1];
 
 impl Curve {
     /// The curve that a fit starts from, around a `line`, for this many coarser levels.
@@ -42,7 +46,8 @@ impl Curve {
             let x = knot as f32;
             (line.factor * x + line.bias).max(-FULL_SIZE * LEAST_SLOPE) + RISES[knot]
         };
-        Self { line, full_size: 0.0, levels: (0..knots).map(level).collect() }
+        let levels = (0..knots).map(level).collect();
+        Self { line, full_size: 0.0, levels, means: Default::default(), steps: 0 }
     }
 
     /// The curve as a rule.
@@ -60,30 +65,42 @@ impl Curve {
         LevelOfDetail { factor, bias, bends, ..self.line }
     }
 
-    /// Moves each knot by a step, or not, uphill in the mean of `quality`, which is `best` before, in
-    /// dB by scale.
-    pub fn climb(
-        &mut self,
-        mut best: Vec<f64>,
-        mut quality: impl FnMut(LevelOfDetail) -> Result<Vec<f64>>,
-    ) -> Result<()> {
-        for knot in 0..self.levels.len() {
-            for by in [STEP, -STEP] {
-                let mut moved = self.clone();
-                moved.levels[knot] += by;
-                if !moved.rises() {
-                    continue;
-                }
-                let found = quality(moved.rule())?;
-                let gains = || found.iter().zip(&best).map(|(found, best)| found - best);
-                let gain = gains().sum::<f64>() / best.len().max(1) as f64;
-                if gain > LEAST_GAIN && gains().all(|gain| gain > -MOST_LOSS) {
-                    (*self, best) = (moved, found);
-                    break;
-                }
-            }
+    /// The two knots that a sample's level of detail follows from, and its derivatives by them.
+    #[inline]
+    pub fn around(&self, lambda: f32) -> [(usize, f32); 2] {
+        let levels = &self.levels;
+        if lambda < levels[0] {
+            return [(0, lambda / levels[0]), (0, 0.0)];
         }
-        Ok(())
+        // The line goes on behind the last knot.
+        let last = levels.len() - 2;
+        let low = (0..last).find(|&knot| lambda < levels[knot + 1]).unwrap_or(last);
+        let share = (lambda - levels[low]) / (levels[low + 1] - levels[low]);
+        [(low, 1.0 - share), (low + 1, share)]
+    }
+
+    /// With one knot's level moved.
+    #[cfg(test)]
+    pub fn moved(&self, knot: usize, by: f32) -> Self {
+        let mut moved = self.clone();
+        moved.levels[knot] += by;
+        moved
+    }
+
+    /// Takes a step against the derivatives by the knots' levels; `progress` goes from 0 to 1.
+    pub fn step(&mut self, by: &ByKnots, progress: f32) {
+        self.steps += 1;
+        let rate = RATE * fade(progress);
+        let lacks = lacks(self.steps);
+        let knots = self.levels.iter_mut().zip(&mut self.means).zip(by).skip(FIRST_MOVED);
+        for ((level, means), by) in knots {
+            *level -= means.advance(*by, lacks, [rate, f32::MIN_POSITIVE]);
+        }
+        let mut least = -FULL_SIZE * LEAST_SLOPE;
+        for level in &mut self.levels {
+            *level = level.max(least);
+            least = *level + LEAST_SLOPE;
+        }
     }
 
     /// Rules that are `near`, a line, up to a knot, and this curve from the next one on.
@@ -132,6 +149,33 @@ mod tests {
             }
             assert!((rule.level(-0.1) - near.level(-0.1)).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn a_level_of_detail_follows_from_the_knots_around_it() {
+        let curve = Curve::above(rule_of(Filter::Fit), 4);
+        for x in [-0.2, -0.01, 0.3, 1.0, 2.7, 4.0, 4.6] {
+            let lambda = curve.rule().level(x);
+            for knot in 0..curve.levels.len() {
+                let by = curve.around(lambda).into_iter().filter(|(around, _)| *around == knot);
+                let by: f32 = by.map(|(_, by)| by).sum();
+                let [up, down] = [0.01, -0.01].map(|to| curve.moved(knot, to).rule().level(x));
+                assert!((by - (up - down) / 0.02).abs() < 1e-3, "knot {knot} at {x}: {by}");
+            }
+        }
+    }
+
+    #[test]
+    fn steps_go_downhill_and_levels_still_rise() {
+        let start = Curve::above(rule_of(Filter::Fit), 5);
+        let mut curve = start.clone();
+        for _ in 0..1000 {
+            curve.step(&[1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 0.0], 0.0);
+        }
+        assert!(curve.rule().is_valid());
+        assert_eq!(curve.levels[..FIRST_MOVED], start.levels[..FIRST_MOVED]);
+        assert!(curve.levels[2] > start.levels[2] && curve.levels[5] > start.levels[5]);
+        assert!(curve.levels.is_sorted_by(|a, b| b - a > 0.99 * LEAST_SLOPE));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The derivatives of all levels against differences of pictures.
 
 use super::adam::Adam;
+use super::curve::Curve;
 use super::finest::Finest;
-use super::gradient::Gradient;
+use super::gradient::{Gradient, NOT_FITTED};
 use super::options::FitOptions;
 use super::target::{Targets, Windows};
 use super::trace::Rays;
@@ -11,7 +12,7 @@ use crate::base::progress::Silent;
 use crate::levels::sizes::level_sizes;
 use crate::levels::{Filter, SharedFilter};
 use crate::model::anisotropy::ANISOTROPY;
-use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
+use crate::model::baked::{FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
 use crate::model::grid::{NodeMask, Nodes};
@@ -49,8 +50,8 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
     for (is_linear, every) in [(false, 1), (true, 1), (false, 2)] {
         let filter = SharedFilter::from(Filter::Fit);
         let line = filter.rule(FootprintNeighbour::SameDistance);
-        let bends = Bends::new(&[[0.0, 0.2], [1.0, 0.3]]).expect("a rule");
-        let level_of_detail = LevelOfDetail { factor: 0.6, bias: 0.4, bends, ..line };
+        let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
+        let level_of_detail = curve.rule();
         let directional = !is_linear;
         let levels =
             TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail, directional };
@@ -61,11 +62,18 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
         let (mut view, values) = rendered.into_parts().expect("values");
         view.anisotropic = true;
-        with_lanes!(values, stored => check(&view, stored, &targets.expect("pictures"), every));
+        let targets = targets.expect("pictures");
+        with_lanes!(values, stored => check(&view, &curve, stored, &targets, every));
     }
 }
 
-fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, every: u32) {
+fn check<const C: usize>(
+    view: &View,
+    curve: &Curve,
+    stored: Stored<C>,
+    targets: &Targets,
+    every: u32,
+) {
     let Stored::Dense(mut field) = stored else { panic!("a trained field is dense") };
     let sizes = level_sizes(Nodes(NODES), LEVELS);
     let adam = |(level, &nodes): (usize, &Nodes)| {
@@ -75,13 +83,13 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     let finest = Finest::taken_from(&mut field);
     field.add_anisotropy(&Limits::default()).expect("room");
     for level in 1..LEVELS {
-        for (node, values) in field.anisotropy_mut(level).iter_mut().enumerate() {
+        for (node, values) in field.values_mut(level).anisotropy.iter_mut().enumerate() {
             let values = values.iter_mut().enumerate();
             values.for_each(|(i, value)| *value = 0.1 * libm::sinf((7 * node + i) as f32 * 0.3));
         }
     }
     for level in (1..LEVELS).filter(|_| view.directional) {
-        for (node, color) in field.values_mut(level).1.iter_mut().enumerate() {
+        for (node, color) in field.values_mut(level).color.iter_mut().enumerate() {
             let brightness = color.iter_mut().skip(C - DIRECTIONAL).enumerate();
             brightness.for_each(|(i, value)| *value = libm::sinf((5 * node + i) as f32 * 0.21));
         }
@@ -91,13 +99,14 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     let of_scale = |scale: usize| (0..RAYS).map(move |number| (scale, number));
     let all: Vec<_> = (0..targets.scales).flat_map(of_scale).collect();
     let mut gradient = Gradient::new(&counts);
-    let rays = Rays { view, field: &field, finest: &finest, targets, numbers: &numbers, every };
+    let rays =
+        Rays { view, field: &field, finest: &finest, targets, numbers: &numbers, curve, every };
     for &(scale, number) in &all {
         rays.differentiate(scale, number, Windows::Part(0, 1), 1.0, &mut gradient);
     }
     let mut unused = Gradient::new(&[]);
     let mut loss = |field: &Dense<C>| -> f64 {
-        let rays = Rays { view, field, finest: &finest, targets, numbers: &numbers, every };
+        let rays = Rays { view, field, finest: &finest, targets, numbers: &numbers, curve, every };
         let square = |&(scale, number): &(usize, usize)| {
             0.5 * f64::from(rays.square(scale, number, Windows::Part(0, 1), &mut unused))
         };
@@ -133,6 +142,58 @@ fn check<const C: usize>(view: &View, stored: Stored<C>, targets: &Targets, ever
     }
 }
 
+/// The derivatives by the rule's knots. The places of samples must not depend on the rule here: the
+/// derivatives leave out how those move.
+#[test]
+fn derivatives_by_knots_are_differences_of_pictures() {
+    let filter = SharedFilter::from(Filter::Fit);
+    let line = filter.rule(FootprintNeighbour::SameDistance);
+    let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
+    let level_of_detail = curve.rule();
+    let levels =
+        TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail, directional: true };
+    let limits = Limits::default();
+    let rendered = Renderer::trained(&field(false), Some(levels), &limits).expect("a field");
+    let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
+    let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
+    let (mut view, values) = rendered.into_parts().expect("values");
+    view.step_rule = StepRule::Constant;
+    with_lanes!(values, stored => check_knots(view, &curve, stored, &targets.expect("pictures")));
+}
+
+fn check_knots<const C: usize>(
+    mut view: View,
+    curve: &Curve,
+    stored: Stored<C>,
+    targets: &Targets,
+) {
+    let Stored::Dense(mut field) = stored else { panic!("a trained field is dense") };
+    let finest = Finest::taken_from(&mut field);
+    let none: Vec<u32> = vec![NOT_FITTED; Nodes(NODES).count()];
+    let numbers = [&none[..]; LEVELS - 1];
+    let mut of = |curve: &Curve| {
+        view.level_of_detail = Some(curve.rule());
+        let (view, field, finest) = (&view, &field, &finest);
+        let rays = Rays { view, field, finest, targets, numbers: &numbers, curve, every: 1 };
+        let (mut gradient, mut sum) = (Gradient::new(&[0; LEVELS - 1]), 0.0);
+        for (scale, ray) in (0..targets.scales * RAYS).map(|i| (i / RAYS, i % RAYS)) {
+            let windows = Windows::Part(0, 1);
+            rays.differentiate(scale, ray, windows, 1.0, &mut gradient);
+            sum += 0.5 * f64::from(rays.square(scale, ray, windows, &mut gradient));
+        }
+        (sum, gradient.knots)
+    };
+    let by = &of(curve).1[..LEVELS];
+    let largest = by.iter().map(|by| f64::from(by.abs())).fold(0.0, f64::max);
+    for (knot, &by) in by.iter().enumerate() {
+        let (by, [up, down]) =
+            (f64::from(by), [STEP, -STEP].map(|by| of(&curve.moved(knot, by)).0));
+        let slope = (up - down) / f64::from(2.0 * STEP);
+        assert!(by.abs() > 0.02 * largest, "knot {knot}: {by} of {largest}");
+        assert!((slope - by).abs() < TOLERANCE * largest, "knot {knot}: {by} for {slope}");
+    }
+}
+
 /// One of a node's values.
 #[derive(Debug, Clone, Copy)]
 enum Lane {
@@ -143,8 +204,8 @@ enum Lane {
 
 fn value<const C: usize>(field: &mut Dense<C>, level: usize, lane: Lane, node: usize) -> &mut f32 {
     match lane {
-        Lane::Density => &mut field.values_mut(level).0[node],
-        Lane::Anisotropy(lane) => &mut field.anisotropy_mut(level)[node][lane],
-        Lane::Color(lane) => &mut field.values_mut(level).1[node][lane],
+        Lane::Density => &mut field.values_mut(level).density[node],
+        Lane::Anisotropy(lane) => &mut field.values_mut(level).anisotropy[node][lane],
+        Lane::Color(lane) => &mut field.values_mut(level).color[node][lane],
     }
 }

@@ -9,11 +9,16 @@
 //! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 //!
+//! A sample's optical depth and colour are those of two levels, mixed by its level of detail. So the
+//! derivatives by the mix are the differences of the two. The rule's knots move the level of
+//! detail. That the places of samples move as well is left out: it changes pictures by noise alone.
+//!
 //! With anisotropy a density is `max(0, v + sum over m of a_m Y_m)`, so where it is not 0 the
 //! derivative by `a_m` is `Y_m` times that by `v`.
 
 use multiversion::multiversion;
 
+use super::curve::ByKnots;
 use super::target::Windows;
 use super::trace::{Part, Rays, Sampled, Samples, Traced};
 use crate::model::anisotropy::ANISOTROPY;
@@ -43,6 +48,8 @@ impl<const C: usize> NodeValues<C> {
 pub struct Gradient<const C: usize> {
     /// From level 1 on, by fitted node.
     pub levels: Vec<Vec<NodeValues<C>>>,
+    /// By the rule's knots.
+    pub knots: ByKnots,
     samples: Samples<C>,
 }
 
@@ -50,7 +57,7 @@ impl<const C: usize> Gradient<C> {
     /// Zeros for this many nodes of each level.
     pub fn new(nodes: &[usize]) -> Self {
         let levels = nodes.iter().map(|&nodes| vec![NodeValues::ZERO; nodes]).collect();
-        Self { levels, samples: Samples::default() }
+        Self { levels, knots: ByKnots::default(), samples: Samples::default() }
     }
 }
 
@@ -61,9 +68,9 @@ fn spread<const C: usize>(
     traced: &Traced<C>,
     worth: f32,
     samples: &Samples<C>,
-    levels: &mut [Vec<NodeValues<C>>],
+    sums: (&mut [Vec<NodeValues<C>>], &mut ByKnots),
 ) {
-    rays.spread(traced, worth, samples, levels);
+    rays.spread(traced, worth, samples, sums);
 }
 
 impl<const C: usize> Rays<'_, C> {
@@ -76,10 +83,10 @@ impl<const C: usize> Rays<'_, C> {
         worth: f32,
         gradient: &mut Gradient<C>,
     ) {
-        let Gradient { levels, samples } = gradient;
+        let Gradient { levels, knots, samples } = gradient;
         let target = self.targets.draw(scale, number, windows);
         let Some(traced) = target.and_then(|target| self.trace(&target, samples)) else { return };
-        spread(self, &traced, worth, samples, levels);
+        spread(self, &traced, worth, samples, (levels, knots));
     }
 
     /// Adds the derivatives of a traced ray.
@@ -89,7 +96,7 @@ impl<const C: usize> Rays<'_, C> {
         traced: &Traced<C>,
         worth: f32,
         samples: &Samples<C>,
-        levels: &mut [Vec<NodeValues<C>>],
+        (levels, knots): (&mut [Vec<NodeValues<C>>], &mut ByKnots),
     ) {
         let mut by_color = traced.by_color;
         by_color.iter_mut().for_each(|by| *by *= worth);
@@ -107,6 +114,15 @@ impl<const C: usize> Rays<'_, C> {
                 let color = colors.map(|colors| &colors.parts[slot]);
                 let by_raw = by_raw(&traced.rule, sample, part, color, &by_color);
                 self.add(part, by_depth, &by_raw, &traced.along, &mut levels[part.level - 1]);
+            }
+            if sample.parts[1].share > 0.0 {
+                let colors = colors.map_or([&[0.0; C]; 2], |colors| colors.parts.each_ref());
+                let apart = dot(&by_color, colors[1]) - dot(&by_color, colors[0]);
+                let by_lambda = by_depth * sample.deeper + sample.weight * apart;
+                let lambda = sample.parts[0].level as f32 + sample.parts[1].share;
+                for (knot, share) in self.curve.around(lambda) {
+                    knots[knot] += share * by_lambda;
+                }
             }
             behind += sample.weight * worth;
         }

@@ -9,15 +9,14 @@
 //! 2. [`shown`] spreads the rays of a step evenly over what pictures show.
 //! 3. Levels get anisotropy ([`crate::model::anisotropy`]), and where colours are logits directional
 //!    brightness ([`crate::model::directional`]). Both are 0 at first.
-//! 4. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
-//!    differentiates their colour by the values of all levels: through the view network,
-//!    compositing, blending of levels, activation and interpolation.
-//! 5. [`adam`] takes steps.
-//! 6. [`curve`] is the rule that says which level a sample reads. Its knots move to where the levels
-//!    look best.
-//! 7. [`joint_fit`] takes steps with rays of all scales, and moves the curve in between. It measures
-//!    rays of pictures that no step uses, keeps the best state and ends when the fit has stalled. A
-//!    fit that is worse than the filter's levels at any scale loses a level, or all.
+//! 4. [`curve`] is the rule that says which level a sample reads.
+//! 5. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
+//!    differentiates their colour by the values of all levels and by the knots of the curve: through
+//!    the view network, compositing, blending of levels, activation and interpolation.
+//! 6. [`adam`] takes steps.
+//! 7. [`joint_fit`] takes steps with rays of all scales. It measures rays of pictures that no step
+//!    uses, keeps the best state and ends when the fit has stalled. A fit that is worse than the
+//!    filter's levels at any scale loses a level, or all.
 //!
 //! Only visible nodes change. The budget is in steps, rays are drawn by a fixed generator, and sums
 //! of gradients are in a fixed order. So the same bytes come out for any number of threads. A fit

@@ -30,16 +30,20 @@ pub fn fit(
     progress: &dyn Progress,
 ) -> Result<Fitted> {
     let clock = Instant::now();
-    let mut rendered = Renderer::trained(field, Some(levels), limits)?;
-    if !masked {
-        rendered.view_mut().free_space = None;
-    }
-    let coarser = retained.len().saturating_sub(1);
-    let targets = Targets::new(&rendered, coarser, options, limits, progress)?;
-    progress.begin(Step::Fit, options.steps as u64);
     let start = levels.level_of_detail;
+    let rendered = |levels| {
+        let mut rendered = Renderer::trained(field, levels, limits)?;
+        if !masked {
+            rendered.view_mut().free_space = None;
+        }
+        Ok(rendered)
+    };
+    let coarser = retained.len().saturating_sub(1);
+    // Level 0 alone has fewer lanes, so its pictures are rendered faster.
+    let targets = Targets::new(&rendered(None)?, coarser, options, limits, progress)?;
+    progress.begin(Step::Fit, options.steps as u64);
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };
-    let (view, values) = rendered.into_parts()?;
+    let (view, values) = rendered(Some(levels))?.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored, limits))
 }
 

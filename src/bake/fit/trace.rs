@@ -5,6 +5,7 @@
 
 use multiversion::multiversion;
 
+use super::curve::Curve;
 use super::finest::Finest;
 use super::target::{Target, Targets};
 use crate::model::activate::lanes;
@@ -33,6 +34,8 @@ pub struct Rays<'a, const C: usize> {
     pub targets: &'a Targets,
     /// From level 1 on, the number of each node among those that are fitted.
     pub numbers: &'a [&'a [u32]],
+    /// The rule of levels.
+    pub curve: &'a Curve,
     /// One of so many samples is taken, for the intervals of all.
     pub every: u32,
 }
@@ -54,6 +57,8 @@ pub struct Sampled {
     pub parts: [Part; 2],
     pub intervals: f32,
     pub weight: f32,
+    /// Optical depth over one interval of the coarser part, less that of the finer part.
+    pub deeper: f32,
     /// Light left behind it.
     pub left: f32,
     /// The number of its colours; none where its weight is too small to add any.
@@ -112,6 +117,16 @@ struct Sums<const C: usize> {
     color: [f32; C],
 }
 
+/// [`Rays::follow`] in the processor's widest vectors.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn follow<'a, const C: usize>(
+    rays: &Rays<'a, C>,
+    target: &Target,
+    samples: &mut Samples<C>,
+) -> Option<Traced<'a, C>> {
+    rays.follow(target, samples)
+}
+
 /// [`Rays::composite`] in the processor's widest vectors.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn composite<const C: usize>(
@@ -128,6 +143,11 @@ fn composite<const C: usize>(
 impl<'a, const C: usize> Rays<'a, C> {
     /// Composites a ray, leaving its samples in `samples`. None where it misses the box.
     pub fn trace(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
+        follow(self, target, samples)
+    }
+
+    #[inline(always)]
+    fn follow(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
         let Target { ray, aside, color } = target;
         let route = Route::new(self.view, self.field.levels(), ray, Some(*aside), None)?;
         samples.list.clear();
@@ -174,12 +194,20 @@ impl<'a, const C: usize> Rays<'a, C> {
             let (position, lambda) = (path.position(packet.k[i]), packet.lambda[i]);
             let level = lambda as usize;
             let blend = lambda - level as f32;
-            let parts =
-                [(level, 1.0 - blend), (level + 1, blend)].map(|of| self.part(of, position, path));
-            let intervals = packet.intervals[i];
-            samples.list.push(Sampled { parts, intervals, weight: 0.0, left: 0.0, colors: None });
+            let parts = [
+                self.part((level, 1.0 - blend), position, path),
+                self.part((level + 1, blend), position, path),
+            ];
+            samples.list.push(Sampled {
+                parts,
+                intervals: packet.intervals[i],
+                weight: 0.0,
+                deeper: 0.0,
+                left: 0.0,
+                colors: None,
+            });
         }
-        let mut optical = self.optical_depths(&samples.list[first..]);
+        let [mut optical, deeper] = self.optical_depths(&samples.list[first..]);
         let mut left = [0.0f32; PACKET];
         let mut depth = sums.depth;
         let mut visible = 0;
@@ -195,11 +223,11 @@ impl<'a, const C: usize> Rays<'a, C> {
         optical.iter_mut().for_each(|optical| *optical = lanes::opacity(*optical));
         samples.list.truncate(first + visible);
         sums.depth = depth;
-        for (sample, (left, opacity)) in
-            samples.list[first..].iter_mut().zip(left.iter().zip(optical))
-        {
-            sample.weight = sums.left * opacity;
-            (sample.left, sums.left) = (*left, *left);
+        for (i, sample) in samples.list[first..].iter_mut().enumerate() {
+            let left = left[i];
+            sample.weight = sums.left * optical[i];
+            sample.deeper = deeper[i];
+            (sample.left, sums.left) = (left, left);
             if sample.weight > self.view.march.color_threshold {
                 sample.colors = Some(samples.colors.len());
                 let colors = self.colors(rule, &sample.parts);
@@ -241,9 +269,10 @@ impl<'a, const C: usize> Rays<'a, C> {
         colors
     }
 
-    /// Optical depths of a packet's samples.
+    /// Optical depths of a packet's samples; and by how much each one's coarser part is deeper than
+    /// its finer part, over one interval.
     #[inline(always)]
-    fn optical_depths(&self, samples: &[Sampled]) -> [f32; PACKET] {
+    fn optical_depths(&self, samples: &[Sampled]) -> [[f32; PACKET]; 2] {
         let (mut density, mut share) = ([[0.0f32; PACKET]; 2], [[0.0f32; PACKET]; 2]);
         let (mut intervals, mut is_finest) = ([0.0f32; PACKET], [false; PACKET]);
         for (i, sample) in samples.iter().enumerate().take(PACKET) {
@@ -253,13 +282,15 @@ impl<'a, const C: usize> Rays<'a, C> {
             (intervals[i], is_finest[i]) = (sample.intervals, sample.parts[0].level == 0);
         }
         let finest = self.finest_depths(&density[0]);
-        let mut optical = [0.0f32; PACKET];
+        let (mut optical, mut deeper) = ([0.0f32; PACKET], [0.0f32; PACKET]);
         for i in 0..PACKET {
             let [fine, coarse] = [density[0][i], density[1][i]];
             let fine = if is_finest[i] { finest[i] } else { fine * fine };
-            optical[i] = (share[0][i] * fine + share[1][i] * (coarse * coarse)) * intervals[i];
+            let coarse = coarse * coarse;
+            optical[i] = (share[0][i] * fine + share[1][i] * coarse) * intervals[i];
+            deeper[i] = coarse - fine;
         }
-        optical
+        [optical, deeper]
     }
 
     /// Optical depths over one interval of level 0's densities.

@@ -28,6 +28,14 @@ pub struct Dense<const C: usize> {
     empty_raw: f32,
 }
 
+/// Values of a level's nodes, z fastest. Densities and anisotropy are empty where the level has none.
+#[derive(Debug)]
+pub struct NodesMut<'a, const C: usize> {
+    pub density: &'a mut [f32],
+    pub anisotropy: &'a mut [[f32; ANISOTROPY]],
+    pub color: &'a mut [[f32; C]],
+}
+
 impl<const C: usize> Dense<C> {
     /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one,
     /// level 0 alone.
@@ -90,20 +98,16 @@ impl<const C: usize> Dense<C> {
         (density.as_deref().unwrap_or_default(), color)
     }
 
-    /// The same, to be changed. The skip grid stays.
-    pub fn values_mut(&mut self, level: usize) -> (&mut [f32], &mut [[f32; C]]) {
-        let Values { density, color, .. } = &mut self.values[level];
-        (density.as_deref_mut().unwrap_or_default(), color)
+    /// Densities, anisotropy and colours of a level's nodes, to be changed. The skip grid stays.
+    pub fn values_mut(&mut self, level: usize) -> NodesMut<'_, C> {
+        let Values { density, anisotropy, color, .. } = &mut self.values[level];
+        let density = density.as_deref_mut().unwrap_or_default();
+        NodesMut { density, anisotropy, color }
     }
 
     /// Anisotropy of a level's nodes; empty where it has none.
     pub fn anisotropy(&self, level: usize) -> &[[f32; ANISOTROPY]] {
         &self.values[level].anisotropy
-    }
-
-    /// The same, to be changed.
-    pub fn anisotropy_mut(&mut self, level: usize) -> &mut [[f32; ANISOTROPY]] {
-        &mut self.values[level].anisotropy
     }
 
     /// Gives coarser levels anisotropy, which is 0 at first.

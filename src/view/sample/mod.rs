@@ -16,7 +16,7 @@ mod skip;
 mod sparse;
 mod stored;
 
-pub use dense::Dense;
+pub use dense::{Dense, NodesMut};
 pub use field::Sample;
 pub use level::Cell;
 use level::interpolated_density;
