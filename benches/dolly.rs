@@ -9,7 +9,7 @@
 //! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel. Pixels that
 //! show nothing do not count. Every frame has pictures from the same 8 directions around the box. Far
 //! away few pixels count, and their positions are noise of a decibel or two. So a frame at n times
-//! the distance has at least n^2 pictures, whose pixels lie at different places. Prints
+//! the distance has at least 4 n^2 pictures, whose pixels lie at different places. Prints
 //! the curve of errors in dB, one column a filter, and the largest second difference of each: a
 //! level that pops is a kink. `--svg` draws the curves. Without arguments the scene is
 //! `fixtures/trained/lego64`.
@@ -38,7 +38,7 @@ const SUPERSAMPLE: usize = 4;
 /// Directions that each frame is taken from.
 const DIRECTIONS: usize = 8;
 /// Pictures from each direction, at least.
-const LEAST_SHIFTS: usize = 2;
+const LEAST_SHIFTS: usize = 4;
 /// Steps from one shift of pixels to the next, in pixels along x and y: the R2 sequence, which is
 /// even in two dimensions for any count (Roberts 2018).
 const SHIFT: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_3];
@@ -90,7 +90,7 @@ fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     let directions = turntable(bounds, DIRECTIONS, [side; 2]);
     let frame = |i: usize| {
         let distance = distance(i);
-        let shifts = (distance.powi(2) / DIRECTIONS as f64).ceil() as usize;
+        let shifts = (4.0 * distance.powi(2) / DIRECTIONS as f64).ceil() as usize;
         let shifts = shifts.max(LEAST_SHIFTS);
         let pictures = directions.iter().flat_map(|camera| (0..shifts).map(move |i| (camera, i)));
         pictures.map(|(camera, shift)| moved(camera.clone(), distance, shift)).collect()

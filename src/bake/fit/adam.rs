@@ -1,6 +1,7 @@
-//! Steps of the optimizer (Adam, Kingma and Ba 2015), on the visible nodes of one level.
+//! Steps of the visible nodes of one level.
 
 use super::gradient::{Gradient, NOT_FITTED, NodeValues};
+use super::moments::{Means, fade, lacks};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::anisotropy::ANISOTROPY;
@@ -20,10 +21,6 @@ const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
 const DIRECTIONAL_SHARE: f32 = 0.5;
 /// Step length of anisotropy, as a share of that of density.
 const ANISOTROPY_SHARE: f32 = 0.5;
-/// The part of the step lengths that is left at the end.
-const LAST_RATE: f32 = 0.1;
-/// Decay of the running means of gradients and of their squares.
-const DECAYS: [f32; 2] = [0.9, 0.98];
 /// Derivatives below this share of a level's root mean square are no direction: a node that rays
 /// hardly meet must not wander as far as one that they often meet.
 const LEAST_SHARE: f32 = 0.3;
@@ -33,31 +30,6 @@ const SEED_DENSITY: f32 = 0.003;
 const MAX_DENSITY: f32 = 3.9;
 /// Nodes that are updated together.
 const CHUNK: usize = 4096;
-
-/// Running means of a derivative and of its square.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Means([f32; 2]);
-
-impl Means {
-    /// Takes in a derivative, and returns the step. Derivatives far below `least` are no direction.
-    #[inline]
-    pub fn advance(&mut self, derivative: f32, lacks: [f32; 2], [rate, least]: [f32; 2]) -> f32 {
-        let [mean, square] = &mut self.0;
-        *mean += (1.0 - DECAYS[0]) * (derivative - *mean);
-        *square += (1.0 - DECAYS[1]) * (derivative * derivative - *square);
-        rate * (*mean / lacks[0]) / ((*square / lacks[1]).sqrt() + least)
-    }
-}
-
-/// What running means lack after so many steps, because they began at 0.
-pub fn lacks(steps: u32) -> [f32; 2] {
-    DECAYS.map(|decay| 1.0 - libm::powf(decay, steps as f32))
-}
-
-/// The part of step lengths that is left; falls evenly to its last value.
-pub fn fade(progress: f32) -> f32 {
-    1.0 + (LAST_RATE - 1.0) * progress
-}
 
 /// A node's running means.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@
 //! every step by little. Levels that were fitted under one curve look worse under every other at
 //! first, so a search that tries a knot's neighbours finds nothing.
 
-use super::adam::{Means, fade, lacks};
+use super::moments::{Means, fade, lacks};
 use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 
 /// Added to a line at each knot. Fits of two trained scenes under two dozen fixed curves were best

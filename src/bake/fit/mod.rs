@@ -13,7 +13,7 @@
 //! 5. [`trace`] renders single rays of the small pictures, one ray a pixel. [`gradient`]
 //!    differentiates their colour by the values of all levels and by the knots of the curve: through
 //!    the view network, compositing, blending of levels, activation and interpolation.
-//! 6. [`adam`] takes steps.
+//! 6. [`adam`] takes steps. [`moments`] says how far, from derivatives so far.
 //! 7. [`joint_fit`] takes steps with rays of all scales. It measures rays of pictures that no step
 //!    uses, keeps the best state and ends when the fit has stalled. A fit that is worse than the
 //!    filter's levels at any scale loses a level, or all.
@@ -30,6 +30,7 @@ mod derivatives;
 mod finest;
 mod gradient;
 mod joint_fit;
+mod moments;
 mod options;
 mod run;
 mod shown;
