@@ -8,8 +8,8 @@ use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::quantize::Bits;
 use crate::levels::{
-    Content, FieldPass, Plane, PlaneSink, PlaneSource, Pyramid, ReadSummary, RequiredNodes, Verify,
-    Visible,
+    Content, Direction, FieldPass, Plane, PlaneSink, PlaneSource, Pyramid, ReadSummary,
+    RequiredNodes, Verify, Visible,
 };
 use crate::model::field::{ColorDomain, DensityFunction, Planes};
 use crate::model::grid::{NodeMask, Nodes};
@@ -68,12 +68,13 @@ impl LevelSource for FilteredLevels<'_> {
         let Self { planes, options, visible, .. } = *self;
         let scene = &planes.field().scene;
         let filter = &*options.filter;
-        let domain = filter.alpha(&scene.activation);
         let required = self.required()?;
-        let alpha = domain.zip(visible.visibility.as_ref());
-        let colors = planes.field().color_domain;
+        let visibility = visible.visibility.as_ref();
         let channels = planes.channels();
-        let content = Content::of_levels(filter, alpha, colors, channels, visible.retained());
+        // Fitted levels bring their own.
+        let direction = Direction::of(filter, planes.field()).filter(|_| self.fitted.is_none());
+        let retained = visible.retained();
+        let content = Content::of_levels(filter, visibility, planes.field(), retained, direction);
         let verify = if self.is_window { Verify::ColorsOfWindow } else { Verify::Colors };
         let pass = FieldPass::new(planes, verify);
         progress.begin(step, scene.nodes.0[0] as u64);

@@ -4,7 +4,9 @@ use super::BakeOptions;
 use super::fit::Fitted;
 use crate::base::error::Result;
 use crate::codec::quantize::{ValueRange, encoding_over, planned_encoding};
-use crate::levels::Visible;
+use crate::levels::brightness::LARGEST_BRIGHTNESS;
+use crate::levels::{Direction, Visible};
+use crate::model::anisotropy::LARGEST_FUNCTION;
 use crate::model::baked::{
     ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
 };
@@ -61,6 +63,18 @@ pub fn metadata(
     });
     let bands = (1..=degree).map(|band| planned(Decode::Coefficient(band as u8)));
     let bands: Vec<Encoding> = bands.collect();
+    // A fit says itself what its levels have.
+    let direction = Direction::of(filter, field).filter(|_| !filter.is_fitted());
+    let domain = filter.alpha(&scene.activation);
+    let most = domain.map_or(0.0, |domain| domain.largest_sqrt_depth());
+    let over = |decode: Decode, largest: f32| {
+        let mut range = ValueRange::new(decode, &scene.activation);
+        range.take(&[-largest, largest]);
+        encoding_over(options.bits, decode, &scene.activation, &range)
+    };
+    let anisotropy = direction.map(|_| over(Decode::Anisotropy, LARGEST_FUNCTION * most));
+    let directional = direction.filter(|direction| direction.brightness);
+    let directional = directional.map(|_| over(Decode::Directional, LARGEST_BRIGHTNESS));
     let level = |(number, table): (usize, &Table)| LevelMetadata {
         dimensions: table.grid().nodes.0,
         block_size: options.block_size,
@@ -70,8 +84,8 @@ pub fn metadata(
         diffuse: Some(color.clone()),
         features: (own_features > 0).then(|| color.clone()),
         bands: bands.clone(),
-        directional: None,
-        anisotropy: None,
+        directional: directional.clone().filter(|_| number > 0),
+        anisotropy: anisotropy.clone().filter(|_| number > 0),
     };
     Metadata {
         bounds: scene.bounds,

@@ -21,8 +21,7 @@ use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
 use crate::levels::Visible;
 use crate::model::baked::Metadata;
-use crate::model::directional::{DIRECTIONAL, MOST_CHANNELS};
-use crate::model::field::{ColorDomain, NonfiniteCount, RadianceField};
+use crate::model::field::{NonfiniteCount, RadianceField};
 use crate::view::render::TrainedLevels;
 
 /// Bakes `field` into `output`, which is complete but not yet finished when this returns.
@@ -207,13 +206,10 @@ fn fit_levels(
     visible: &Visible,
     progress: &dyn Progress,
 ) -> Result<Fitted> {
-    let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
-    let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
     let levels = TrainedLevels {
         filter: &*options.filter,
         count,
         level_of_detail: options.level_of_detail(),
-        directional: has_room && is_logit,
     };
     let fit_options = FitOptions {
         steps: options.fit_steps,

@@ -80,6 +80,12 @@ impl AlphaDomain {
         (-libm::expm1(-depth * f64::from(self.span)) * (1.0 - 1e-6)) as f32
     }
 
+    /// The largest density that coarser levels store, where that is the square root of optical
+    /// depth.
+    pub fn largest_sqrt_depth(&self) -> f32 {
+        optical_depth(1.0, f64::from(self.span)).sqrt() as f32
+    }
+
     /// Optical depths over one interval of alphas.
     pub(super) fn optical_depths(&self, alphas: &[f32], depths: &mut [f32]) {
         optical_depths(alphas, f64::from(self.span), depths);
@@ -153,5 +159,14 @@ pub fn premultiply_colors(colors: &[f32], weights: &[f32], premultiplied: &mut [
 pub fn premultiply_logits(raw: &[f32], weights: &[f32], premultiplied: &mut [f32]) {
     for ((premultiplied, raw), weight) in premultiplied.iter_mut().zip(raw).zip(weights) {
         *premultiplied = lanes::sigmoid(*raw) * weight;
+    }
+}
+
+/// Means of three channels that were multiplied by weights; 0 where the weight is 0.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+pub fn mean_colors([red, green, blue]: [&[f32]; 3], weights: &[f32], means: &mut [f32]) {
+    let channels = red.iter().zip(green).zip(blue);
+    for ((mean, ((red, green), blue)), weight) in means.iter_mut().zip(channels).zip(weights) {
+        *mean = (red + green + blue) / (3.0 * weight.max(f32::MIN_POSITIVE));
     }
 }

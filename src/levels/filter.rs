@@ -20,6 +20,9 @@ use crate::model::grid::Nodes;
 /// Intervals over which `rate-tent` counts opacity; the best of 1 to 8 on trained scenes.
 const RATE_SPAN: f32 = 4.5;
 
+/// Bends of `rate-tent`'s rule. With direction, levels from the second on are worth more.
+const RATE_BENDS: Bends = Bends::one([2.0, 0.3]);
+
 /// The values that a filter averages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FilterDomain {
@@ -102,6 +105,17 @@ pub trait LevelFilter: Debug + Send + Sync {
         (0.5, 0.0, None)
     }
 
+    /// Changes of that rule's slope, for footprints from some size on. Default: none.
+    fn bends(&self) -> Bends {
+        Bends::default()
+    }
+
+    /// True if coarser levels look different from each side, where they store the square root of
+    /// optical depth. Readers of format 1.1 cannot read such levels. Default: no.
+    fn is_directional(&self) -> bool {
+        false
+    }
+
     /// True if levels are fitted to pictures of level 0 after they were filtered. Default: no.
     fn is_fitted(&self) -> bool {
         false
@@ -144,7 +158,7 @@ impl dyn LevelFilter + '_ {
     /// depend on the place where rays enter the box.
     pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
         let (factor, bias, bound) = self.level_of_detail();
-        LevelOfDetail { factor, bias, neighbour, bound, bends: Bends::default() }
+        LevelOfDetail { factor, bias, neighbour, bound, bends: self.bends() }
     }
 }
 
@@ -202,6 +216,8 @@ pub enum Filter {
     /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from
     /// afar.
     RateTent,
+    /// The levels of `rate-tent`, alike from all sides, for readers of format 1.1.
+    Isotropic,
     /// Means of opacity over one interval under a box, stored as opacity.
     Coverage,
     /// The levels of `rate-tent`, fitted to pictures of level 0 from afar.
@@ -219,7 +235,8 @@ impl Filter {
     /// Every filter.
     pub fn all() -> Vec<Self> {
         let kernels = Kernel::ALL.into_iter().map(Self::Kernel);
-        let first = [Self::RateTent, Self::Coverage, Self::Fit, Self::Code, Self::Paper];
+        let first =
+            [Self::RateTent, Self::Isotropic, Self::Coverage, Self::Fit, Self::Code, Self::Paper];
         first.into_iter().chain(kernels).collect()
     }
 
@@ -227,6 +244,7 @@ impl Filter {
     pub fn purpose(self) -> &'static str {
         match self {
             Self::RateTent => "Colour and opacity averaged under a tent; looks right from afar",
+            Self::Isotropic => "rate-tent, alike from all sides; for readers of format 1.1",
             Self::Coverage => "Opacity averaged under a box",
             Self::Fit => "rate-tent, then fitted to pictures from afar; takes seconds to minutes",
             Self::Code => "Colour averaged over 3 nodes, as the published code trains",
@@ -239,6 +257,7 @@ impl Filter {
     pub fn label(self) -> &'static str {
         match self {
             Self::RateTent => "rate-tent",
+            Self::Isotropic => "isotropic",
             Self::Coverage => "coverage",
             Self::Fit => "fit",
             Self::Code => "code",
@@ -255,7 +274,7 @@ impl LevelFilter for Filter {
 
     fn weights(&self) -> Vec<f64> {
         let kernel = match self {
-            Self::RateTent | Self::Fit => Kernel::Tent,
+            Self::RateTent | Self::Isotropic | Self::Fit => Kernel::Tent,
             Self::Coverage | Self::Code => Kernel::Mean3,
             Self::Paper => Kernel::Mean5,
             Self::Kernel(kernel) => *kernel,
@@ -265,7 +284,7 @@ impl LevelFilter for Filter {
 
     fn domain(&self) -> FilterDomain {
         match self {
-            Self::RateTent | Self::Fit => {
+            Self::RateTent | Self::Isotropic | Self::Fit => {
                 FilterDomain::Alpha { span: RATE_SPAN, stored: DensityDomain::SqrtOpticalDepth }
             }
             Self::Coverage => FilterDomain::Alpha { span: 1.0, stored: DensityDomain::Opacity },
@@ -286,12 +305,23 @@ impl LevelFilter for Filter {
             (factor, 0.0, bound)
         };
         match self {
-            Self::RateTent => (0.5, 0.0, None),
+            Self::RateTent | Self::Isotropic => (0.5, 0.0, None),
             Self::Coverage => (0.5, -0.1, None),
             Self::Fit => (0.5, 0.1, None),
             Self::Code => published(LevelRule::Code),
             Self::Paper | Self::Kernel(_) => published(LevelRule::Paper),
         }
+    }
+
+    fn bends(&self) -> Bends {
+        match self {
+            Self::RateTent => RATE_BENDS,
+            _ => Bends::default(),
+        }
+    }
+
+    fn is_directional(&self) -> bool {
+        matches!(self, Self::RateTent | Self::Fit)
     }
 
     fn is_fitted(&self) -> bool {

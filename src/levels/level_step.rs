@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::axis_filter::{AxisFilter, Readers};
+use super::brightness::MOMENTS;
 use super::plane::PlanePool;
 use super::premultiply::RowBand;
 use super::{AlphaDomain, Visibility};
@@ -14,6 +15,17 @@ use crate::model::grid::NodeMask;
 
 /// Planes that were filtered along y, `[plane][channel]`.
 pub(super) type Filtered = Vec<Vec<Vec<f32>>>;
+
+/// The weights of colours of level 0, and the meaning of these.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct VisibleColors<'a> {
+    /// The share of alpha that colours count by.
+    pub visibility: &'a Visibility,
+    /// The meaning of colours.
+    pub colors: ColorDomain,
+    /// True if moments of brightness go up too.
+    pub brightness: bool,
+}
 
 /// Consecutive planes of one level.
 pub(super) struct LevelStep<'a, 'f> {
@@ -62,11 +74,12 @@ impl LevelStep<'_, '_> {
     }
 
     /// Makes planes of level 0 and filters the alpha of density, the first channel. With
-    /// `visible_colors` also the visible alpha, and all colours premultiplied by it.
+    /// `visible_colors` also the visible alpha, all colours premultiplied by it, and the moments of
+    /// [`super::brightness`] where those are asked for.
     pub fn premultiplied(
         &self,
         domain: &AlphaDomain,
-        visible_colors: Option<(&Visibility, ColorDomain)>,
+        visible_colors: Option<VisibleColors>,
         make: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
     ) -> Result<Filtered> {
         let Some(filter) = self.filter else {
@@ -81,13 +94,19 @@ impl LevelStep<'_, '_> {
             rows,
         };
         let alphas = if visible_colors.is_some() { 2 } else { 1 };
-        let mut filtered = self.output_planes(alphas + colors);
-        let (mut alpha_outputs, mut color_outputs) = (Vec::new(), Vec::new());
+        let brightness = visible_colors.is_some_and(|visible| visible.brightness);
+        let moments = if brightness { MOMENTS } else { 0 };
+        let mut filtered = self.output_planes(alphas + colors + moments);
+        let [mut alpha_outputs, mut moment_outputs] = [const { Vec::new() }; 2];
+        let mut color_outputs = Vec::new();
         for plane in &mut filtered {
-            let (alpha, color) = plane.split_at_mut(alphas);
+            let (alpha, rest) = plane.split_at_mut(alphas);
+            let (color, moments) = rest.split_at_mut(colors);
             alpha_outputs.push(alpha);
             color_outputs.extend(color);
+            moment_outputs.push(moments);
         }
+        // Of each plane the weight of colours, and alpha where it is still read.
         let weights = parallel::map_mut(&mut alpha_outputs, |i, outputs| {
             let x = self.planes.start + i;
             let (mut density, mut alpha) = (self.plane(), self.plane());
@@ -95,31 +114,65 @@ impl LevelStep<'_, '_> {
             filter.filter_plane(&readers[i], &mut alpha, &mut outputs[0], |rows, alpha| {
                 band(i, rows).density_to_alpha(domain, &density, alpha);
             });
-            let (Some((visibility, _)), Some(output)) = (visible_colors, outputs.get_mut(1)) else {
+            let (Some(visible_colors), Some(output)) = (visible_colors, outputs.get_mut(1)) else {
                 pool.give([density]);
-                return Ok(alpha);
+                return Ok([Some(alpha), None]);
             };
-            let sampler = visibility.sampler(required.nodes(), x);
+            let sampler = visible_colors.visibility.sampler(required.nodes(), x);
             let mut visible = density;
             filter.filter_plane(&readers[i], &mut visible, output, |rows, visible| {
-                band(i, rows).attenuate(&sampler, &alpha, visible);
+                band(i, rows).multiply(&sampler, &alpha, visible);
             });
+            if brightness {
+                return Ok([Some(visible), Some(alpha)]);
+            }
             pool.give([alpha]);
-            Ok(visible)
+            Ok([Some(visible), None])
         })?;
-        let meaning = visible_colors.map_or(ColorDomain::Logit, |(_, colors)| colors);
-        parallel::map_mut(&mut color_outputs, |task, output| {
+        let weight = |i: usize| weights[i][0].as_deref().unwrap_or_default();
+        let meaning = visible_colors.map_or(ColorDomain::Logit, |visible| visible.colors);
+        let premultiplied = parallel::map_mut(&mut color_outputs, |task, output| {
             let (i, channel) = (task / colors, 1 + task % colors);
             let x = self.planes.start + i;
             let (mut color, mut premultiplied) = (self.plane(), self.plane());
             make(x, channel, &mut color)?;
             filter.filter_plane(&readers[i], &mut premultiplied, output, |rows, premultiplied| {
-                band(i, rows).premultiply(meaning, &color, &weights[i], premultiplied);
+                band(i, rows).premultiply(meaning, &color, weight(i), premultiplied);
             });
-            pool.give([color, premultiplied]);
-            Ok(())
+            pool.give([color]);
+            if brightness && channel <= 3 {
+                return Ok(Some(premultiplied));
+            }
+            pool.give([premultiplied]);
+            Ok(None)
         })?;
-        pool.give(weights);
+        if let Some(VisibleColors { visibility, .. }) = visible_colors.filter(|_| brightness) {
+            parallel::map_mut(&mut moment_outputs, |i, outputs| {
+                let diffuse = |channel: usize| premultiplied[i * colors + channel].as_deref();
+                let (Some(red), Some(green), Some(blue)) = (diffuse(0), diffuse(1), diffuse(2))
+                else {
+                    return Ok(());
+                };
+                let [mut means, mut bent, mut products] = [(); 3].map(|()| self.plane());
+                let all = band(i, 0..required.nodes().0[1]);
+                all.mean_color([red, green, blue], weight(i), &mut means);
+                let alpha = weights[i][1].as_deref().unwrap_or_default();
+                let (plain, bright) = outputs.split_at_mut(MOMENTS / 2);
+                for (axis, (plain, bright)) in plain.iter_mut().zip(bright).enumerate() {
+                    let x = self.planes.start + i;
+                    let sampler = visibility.bent_sampler(required.nodes(), x, axis);
+                    filter.filter_plane(&readers[i], &mut bent, plain, |rows, bent| {
+                        band(i, rows).multiply(&sampler, alpha, bent);
+                    });
+                    filter.filter_plane(&readers[i], &mut products, bright, |rows, products| {
+                        band(i, rows).premultiply(ColorDomain::Linear, &means, &bent, products);
+                    });
+                }
+                pool.give([means, bent, products]);
+                Ok(())
+            })?;
+        }
+        pool.give(premultiplied.into_iter().chain(weights.into_iter().flatten()).flatten());
         Ok(filtered)
     }
 

@@ -15,14 +15,18 @@
 //! [`PlaneSource`] through all levels into a [`PlaneSink`], and computes required nodes only
 //! ([`required`]). One step along one axis is an [`axis_filter`], one level is a [`level_step`].
 //! Level 0 is premultiplied on its way up ([`premultiply`]), and each coarser level is turned back
-//! into stored values ([`unpremultiply`]).
+//! into stored values ([`unpremultiply`]). What it shows otherwise from each side ([`direction`]) are
+//! [`anisotropy`] and directional [`brightness`].
 //!
 //! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and
 //! from the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light
 //! can reach ([`transmittance`]); colours of coarser levels are weighted by it.
 
 pub mod alpha;
+pub mod anisotropy;
 pub mod axis_filter;
+pub mod brightness;
+pub mod direction;
 pub mod filter;
 pub mod free_space;
 pub mod kernel;
@@ -42,6 +46,7 @@ pub mod visibility;
 pub mod visible;
 
 pub use alpha::AlphaDomain;
+pub use direction::Direction;
 pub use filter::{Filter, FilterDomain, LevelFilter, SharedFilter};
 pub use kernel::Kernel;
 pub use level_rule::LevelRule;

@@ -8,8 +8,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::pyramid::SLAB;
 use super::{
-    AlphaDomain, Content, FieldPass, LevelFilter, OpticalDepthGrid, Plane, PlaneSink, PlaneSource,
-    Pyramid, RequiredNodes, Verify, Visibility,
+    AlphaDomain, Content, Direction, FieldPass, LevelFilter, OpticalDepthGrid, Plane, PlaneSink,
+    PlaneSource, Pyramid, RequiredNodes, Verify, Visibility,
 };
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
@@ -44,6 +44,8 @@ pub struct OpacitySearch<'a> {
     pub sizes: &'a [Nodes],
     /// Filter of coarser levels.
     pub filter: &'a dyn LevelFilter,
+    /// What coarser levels show otherwise from each side.
+    pub direction: Option<Direction>,
     /// Raw density of the threshold at level 0, and alpha of it at coarser levels where alpha is
     /// averaged.
     pub thresholds: Vec<f32>,
@@ -69,9 +71,10 @@ impl OpacitySearch<'_> {
     pub fn run(&self, progress: &dyn Progress) -> Result<Opacity> {
         let (domain, weights) = (self.domain(), self.filter.weights());
         let extent = extent_in_intervals(&self.planes.field().scene);
-        let depths = domain
-            .filter(|_| self.sizes.len() > 1)
-            .map(|domain| OpticalDepthGrid::new(domain, self.sizes, extent));
+        let bent = self.direction.is_some_and(|direction| direction.brightness);
+        let depths = domain.filter(|_| self.sizes.len() > 1).map(|domain| {
+            OpticalDepthGrid::new(domain, self.sizes, extent).with_bent_normals(bent)
+        });
         let occupied = domain.map(|domain| (domain.empty_up_to(), self.empty_mask(0)));
         let mut bits = OpacityBits {
             sizes: self.sizes,

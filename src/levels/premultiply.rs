@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::AlphaDomain;
-use super::alpha::{premultiply_colors, premultiply_logits};
-use super::visibility::VisibilitySampler;
+use super::alpha::{mean_colors, premultiply_colors, premultiply_logits};
+use super::visibility::PlaneSampler;
 use crate::model::field::ColorDomain;
 use crate::model::grid::{NodeMask, row};
 
@@ -29,9 +29,18 @@ impl RowBand<'_> {
         self.fill(alpha, |span, alpha| domain.density_to_alpha(&density[span], alpha));
     }
 
-    /// Alpha times visibility; both are whole planes.
-    pub fn attenuate(&self, sampler: &VisibilitySampler, alpha: &[f32], visible: &mut [f32]) {
-        self.fill(visible, |span, visible| sampler.attenuate(span.start, &alpha[span], visible));
+    /// Alpha times the numbers of `sampler`; all are whole planes.
+    pub fn multiply(&self, sampler: &PlaneSampler, alpha: &[f32], products: &mut [f32]) {
+        self.fill(products, |span, products| sampler.multiply(span.start, &alpha[span], products));
+    }
+
+    /// Means of three premultiplied channels over their weights; all are whole planes.
+    pub fn mean_color(&self, premultiplied: [&[f32]; 3], weights: &[f32], means: &mut [f32]) {
+        let [red, green, blue] = premultiplied;
+        self.fill(means, |span, means| {
+            let colors = [&red[span.clone()], &green[span.clone()], &blue[span.clone()]];
+            mean_colors(colors, &weights[span], means);
+        });
     }
 
     /// Raw colours, activated and multiplied by weights; all are whole planes.

@@ -18,14 +18,17 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::axis_filter::AxisFilter;
-use super::level_step::{Filtered, LevelStep};
+use super::brightness::MOMENTS;
+use super::level_step::{Filtered, LevelStep, VisibleColors};
 use super::plane::PlanePool;
 use super::unpremultiply::LevelFinisher;
-use super::{AlphaDomain, LevelFilter, Plane, PlaneSink, PlaneSource, RequiredNodes, Visibility};
+use super::{
+    AlphaDomain, Direction, LevelFilter, Plane, PlaneSink, PlaneSource, RequiredNodes, Visibility,
+};
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
-use crate::model::field::ColorDomain;
+use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::NodeMask;
 
 /// Planes of a slab by default: enough work for some threads, and few enough to stay in the caches.
@@ -49,22 +52,27 @@ pub enum Content<'a> {
         visibility: &'a Visibility,
         /// The nodes of each level that are shown, finest first. Nodes around them are required.
         retained: Vec<&'a NodeMask>,
+        /// What coarser planes show otherwise from each side, in further channels.
+        direction: Option<Direction>,
     },
 }
 
 impl<'a> Content<'a> {
-    /// The content of levels that `filter` makes of a field of `channels`, all that is stored.
-    /// `domain_and_visibility` is there where the filter averages alpha.
+    /// The content of levels that `filter` makes of `field`, all that is stored. `visibility` is
+    /// there where the filter averages alpha, with bent normals where levels have `direction`.
     pub fn of_levels(
         filter: &dyn LevelFilter,
-        domain_and_visibility: Option<(AlphaDomain, &'a Visibility)>,
-        colors: ColorDomain,
-        channels: usize,
+        visibility: Option<&'a Visibility>,
+        field: &RadianceField,
         retained: Vec<&'a NodeMask>,
+        direction: Option<Direction>,
     ) -> Self {
-        match domain_and_visibility {
-            Some((domain, visibility)) => Self::Colors { domain, colors, visibility, retained },
-            None => Self::Logits(usize::from(!filter.has_density())..channels),
+        let colors = field.color_domain;
+        match filter.alpha(&field.scene.activation).zip(visibility) {
+            Some((domain, visibility)) => {
+                Self::Colors { domain, colors, visibility, retained, direction }
+            }
+            None => Self::Logits(usize::from(!filter.has_density())..1 + field.color_channels()),
         }
     }
 
@@ -73,7 +81,17 @@ impl<'a> Content<'a> {
         match self {
             Self::Logits(range) => range.len(),
             Self::Alpha(_) => 1,
-            Self::Colors { .. } => channels + 1,
+            Self::Colors { .. } => channels + 1 + if self.brightness() { MOMENTS } else { 0 },
+        }
+    }
+
+    /// True if moments of brightness go up.
+    fn brightness(&self) -> bool {
+        match self {
+            Self::Colors { direction, .. } => {
+                direction.is_some_and(|direction| direction.brightness)
+            }
+            _ => false,
         }
     }
 }
@@ -136,9 +154,10 @@ impl Pyramid<'_> {
     /// The finishers of levels whose planes are premultiplied.
     fn finishers(&self) -> Vec<Option<LevelFinisher<'_>>> {
         let finisher = |level: usize| match &self.content {
-            Content::Colors { domain, colors, retained, .. } if level > 0 => {
+            Content::Colors { domain, colors, retained, direction, .. } if level > 0 => {
                 let channels = self.source.channels();
-                Some(LevelFinisher::new(level, (*domain, *colors), channels, retained[level]))
+                let meaning = (*domain, *colors, *direction);
+                Some(LevelFinisher::new(level, meaning, channels, retained[level]))
             }
             _ => None,
         };
@@ -186,7 +205,9 @@ impl<'a> Flow<'a> {
             Content::Logits(range) => step.as_they_are(range, read, |_, _, _| Ok(()))?,
             Content::Alpha(domain) => step.premultiplied(domain, None, read)?,
             Content::Colors { domain, colors, visibility, .. } => {
-                step.premultiplied(domain, Some((*visibility, *colors)), read)?
+                let brightness = content.brightness();
+                let colors = VisibleColors { visibility, colors: *colors, brightness };
+                step.premultiplied(domain, Some(colors), read)?
             }
         };
         self.feed(0, filtered);

@@ -6,6 +6,8 @@
 //! times instead of once for each direction. Both sweeps run at the same time, and the terms of
 //! each sum have one order, so results do not depend on threads.
 
+use std::ops::Range;
+
 use multiversion::multiversion;
 
 use crate::base::error::Result;
@@ -21,6 +23,21 @@ const GREATEST_DEPTH: f32 = 30.0;
 const SIDEWAYS: [[isize; 2]; 9] =
     [[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [-1, 1], [1, -1], [1, 1]];
 
+/// The number that stands for a bent normal's part of 1.
+pub const BENT_ONE: f32 = 32767.0;
+
+/// Bent normals by axis: 16-bit integers, of which 32767 stands for 1.
+pub type BentNormals = [Vec<i16>; 3];
+
+/// The light that reaches nodes.
+#[derive(Debug)]
+pub struct Light {
+    /// The sum over all directions of each node's transmittance, 0 to 26.
+    pub sums: Vec<f32>,
+    /// Bent normals, if they were asked for; else empty.
+    pub bent: BentNormals,
+}
+
 /// A grid of optical depths.
 #[derive(Debug, Clone, Copy)]
 pub struct TransmittanceSweep<'a> {
@@ -33,17 +50,49 @@ pub struct TransmittanceSweep<'a> {
 }
 
 impl TransmittanceSweep<'_> {
-    /// The sum over all directions of each node's transmittance, 0 to 26.
-    pub fn sums(&self) -> Result<Vec<f32>> {
-        let (mut up, down) = parallel::join(|| self.along_x(false), || self.along_x(true));
+    /// Follows light to all nodes. `bent` asks for bent normals too.
+    ///
+    /// # Errors
+    ///
+    /// None of its own.
+    pub fn run(&self, bent: bool) -> Result<Light> {
+        let (mut up, down) =
+            parallel::join(|| self.along_x(false, bent), || self.along_x(true, bent));
         let size = self.plane_size();
-        let mut planes: Vec<_> = up.chunks_mut(size).zip(down.chunks(size)).collect();
-        parallel::map_mut(&mut planes, |x, (sums, down)| {
-            sums.iter_mut().zip(*down).for_each(|(sum, down)| *sum += down);
-            self.within_plane(self.plane(x), sums);
+        let [x, y, z] = up.bent.each_mut().map(|part| part.chunks_mut(size));
+        let mut bent_planes = x.zip(y.zip(z)).map(|(x, (y, z))| [x, y, z]);
+        let planes = up.sums.chunks_mut(size).zip(down.sums.chunks(size));
+        let mut planes: Vec<_> =
+            planes.map(|(sums, down)| (sums, down, bent_planes.next())).collect();
+        parallel::map_mut(&mut planes, |x, (sums, of_down, bent)| {
+            sums.iter_mut().zip(*of_down).for_each(|(sum, down)| *sum += down);
+            let mut plane = PlaneSums { sums, bent: self.bent_plane(bent.is_some()) };
+            self.within_plane(self.plane(x), &mut plane);
+            let Some(bent) = bent else { return Ok(()) };
+            for (axis, up) in bent.iter_mut().enumerate() {
+                let down = &down.bent[axis][x * size..][..size];
+                for ((up, &down), sum) in up.iter_mut().zip(down).zip(&plane.bent[axis]) {
+                    let x_sums = (i32::from(*up) + i32::from(down)) as f32;
+                    *up = rounded(x_sums + sum * (BENT_ONE / 26.0));
+                }
+            }
             Ok(())
         })?;
+        drop(planes);
         Ok(up)
+    }
+
+    /// Zeros of a plane's bent normals; none where they are not asked for.
+    fn bent_plane(&self, bent: bool) -> [Vec<f32>; 3] {
+        [(); 3].map(|()| vec![0.0; if bent { self.plane_size() } else { 0 }])
+    }
+
+    /// The unit direction out of a node from which light comes by `steps` along the axes.
+    fn outwards(&self, steps: [isize; 3]) -> [f32; 3] {
+        let way = [0, 1, 2].map(|axis| steps[axis] as f32 * self.spacing[axis]);
+        let [x, y, z] = way.map(|part| part * part);
+        let length = (x + y + z).sqrt();
+        way.map(|part| -part / length)
     }
 
     fn plane_size(&self) -> usize {
@@ -62,23 +111,30 @@ impl TransmittanceSweep<'_> {
         exponentials(depths, (x + y + z).sqrt(), transmittances);
     }
 
-    /// The sums over the nine directions up along x, or down.
-    fn along_x(&self, down: bool) -> Vec<f32> {
+    /// The light along the nine directions up along x, or down.
+    fn along_x(&self, down: bool, bent: bool) -> Light {
         let [nx, ny, nz] = self.nodes.0;
         let size = self.plane_size();
-        let mut sums = vec![0.0; nx * size];
+        let mut all = Light {
+            sums: vec![0.0; nx * size],
+            bent: [(); 3].map(|()| vec![0; if bent { nx * size } else { 0 }]),
+        };
+        let mut bent_plane = self.bent_plane(bent);
         // From outside to the plane, by direction.
         let mut light = [(); SIDEWAYS.len()].map(|()| vec![1.0; size]);
         let mut through = [(); 4].map(|()| vec![1.0; size]);
         let mut next = vec![1.0; size];
         for x in 0..nx {
             let x = if down { nx - 1 - x } else { x };
-            let sums = &mut sums[x * size..][..size];
+            let sums = &mut all.sums[x * size..][..size];
+            bent_plane.iter_mut().for_each(|part| part.fill(0.0));
+            let mut plane = PlaneSums { sums, bent: bent_plane };
             for ([dy, dz], light) in SIDEWAYS.into_iter().zip(&mut light) {
                 let through = &through[kind(dy, dz)];
+                let outwards = self.outwards([if down { -1 } else { 1 }, dy, dz]);
                 for y in 0..ny {
                     let row = y * nz..(y + 1) * nz;
-                    let (next, sums) = (&mut next[row.clone()], &mut sums[row]);
+                    let next = &mut next[row.clone()];
                     match y.checked_add_signed(-dy).filter(|&from| from < ny) {
                         Some(from) => {
                             let from = from * nz..(from + 1) * nz;
@@ -86,9 +142,14 @@ impl TransmittanceSweep<'_> {
                         }
                         None => next.fill(1.0),
                     }
-                    add(sums, next);
+                    plane.add(row, next, outwards);
                 }
                 std::mem::swap(light, &mut next);
+            }
+            bent_plane = plane.bent;
+            for (all, part) in all.bent.iter_mut().zip(&bent_plane) {
+                let all = all.iter_mut().skip(x * size);
+                all.zip(part).for_each(|(all, part)| *all = rounded(part * (BENT_ONE / 26.0)));
             }
             for (kind, through) in through.iter_mut().enumerate() {
                 self.node_transmittances(
@@ -98,12 +159,12 @@ impl TransmittanceSweep<'_> {
                 );
             }
         }
-        sums
+        all
     }
 
     /// Adds the transmittances along the eight directions within a plane.
-    fn within_plane(&self, depths: &[f32], sums: &mut [f32]) {
-        let nz = self.nodes.0[2];
+    fn within_plane(&self, depths: &[f32], plane: &mut PlaneSums) {
+        let Nodes([_, ny, nz]) = self.nodes;
         let mut through = vec![0.0; depths.len()];
         let [mut light, mut next] = [(); 2].map(|()| vec![1.0; nz]);
         for dz in [0, -1, 1] {
@@ -113,24 +174,52 @@ impl TransmittanceSweep<'_> {
             }
             for down in [false, true] {
                 light.fill(1.0);
-                let mut go = |(through, sums): (&[f32], &mut [f32])| {
-                    add(sums, &light);
-                    step(dz, &light, through, &mut next);
+                let outwards = self.outwards([0, if down { -1 } else { 1 }, dz]);
+                for y in 0..ny {
+                    let y = if down { ny - 1 - y } else { y };
+                    let row = y * nz..(y + 1) * nz;
+                    plane.add(row.clone(), &light, outwards);
+                    step(dz, &light, &through[row], &mut next);
                     std::mem::swap(&mut light, &mut next);
-                };
-                let rows = through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz));
-                if down { rows.rev().for_each(&mut go) } else { rows.for_each(&mut go) }
+                }
             }
         }
         self.node_transmittances(depths, [false, false, true], &mut through);
-        for (through, sums) in through.chunks_exact(nz).zip(sums.chunks_exact_mut(nz)) {
-            let [mut up, mut down] = [1.0; 2];
-            for z in 0..nz {
+        let [mut up, mut down] = [(); 2].map(|()| vec![1.0; nz]);
+        for y in 0..ny {
+            let row = y * nz..(y + 1) * nz;
+            let through = &through[row.clone()];
+            for z in 1..nz {
                 let opposite = nz - 1 - z;
-                sums[z] += up;
-                sums[opposite] += down;
-                up = behind(up, through[z]);
-                down = behind(down, through[opposite]);
+                up[z] = behind(up[z - 1], through[z - 1]);
+                down[opposite] = behind(down[opposite + 1], through[opposite + 1]);
+            }
+            // The way that enters nearer comes first, so that a mirrored grid has the same sums.
+            let (near, far) = (row.start..row.start + nz.div_ceil(2), nz.div_ceil(2));
+            let far_row = near.end..row.end;
+            let [above, below] = [1, -1].map(|dz| self.outwards([0, 0, dz]));
+            plane.add(near.clone(), &up[..far], above);
+            plane.add(near, &down[..far], below);
+            plane.add(far_row.clone(), &down[far..], below);
+            plane.add(far_row, &up[far..], above);
+        }
+    }
+}
+
+/// Sums over directions at the nodes of a plane.
+struct PlaneSums<'a> {
+    sums: &'a mut [f32],
+    /// By axis; empty where bent normals are not asked for.
+    bent: [Vec<f32>; 3],
+}
+
+impl PlaneSums<'_> {
+    /// Adds light that comes to a row from the unit direction `outwards`.
+    fn add(&mut self, row: Range<usize>, light: &[f32], outwards: [f32; 3]) {
+        add(&mut self.sums[row.clone()], light);
+        for (part, along) in self.bent.iter_mut().zip(outwards) {
+            if let Some(part) = part.get_mut(row.clone()).filter(|_| along != 0.0) {
+                add_times(part, light, along);
             }
         }
     }
@@ -166,6 +255,19 @@ fn add(sums: &mut [f32], light: &[f32]) {
     for (sum, light) in sums.iter_mut().zip(light) {
         *sum += light;
     }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_times(sums: &mut [f32], light: &[f32], times: f32) {
+    for (sum, light) in sums.iter_mut().zip(light) {
+        *sum += light * times;
+    }
+}
+
+/// The nearest integer, halves away from 0.
+#[inline(always)]
+fn rounded(value: f32) -> i16 {
+    (value + 0.5f32.copysign(value)) as i16
 }
 
 /// Transmittances over `length` intervals.

@@ -6,7 +6,7 @@
 //!
 //! with the premultiplied colour `c`, its weight `w`, and sums over the 3 x 3 x 3 nodes around. So
 //! a plane is finished once the next one is there: planes wait until their slab and the first plane
-//! of the next one have come.
+//! of the next one have come. [`super::direction`] needs the same planes.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,8 +14,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use multiversion::multiversion;
 
+use super::brightness::MOMENTS;
+use super::direction::DirectionPlane;
 use super::plane::PlanePool;
-use super::{AlphaDomain, Plane, PlaneSink};
+use super::{AlphaDomain, Direction, Plane, PlaneSink};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate::lanes;
@@ -36,9 +38,11 @@ pub(super) struct LevelFinisher<'a> {
     level: usize,
     domain: AlphaDomain,
     colors: ColorDomain,
+    direction: Option<Direction>,
     /// The nodes that must come out right; premultiplied values are right one node around them too.
     retained: &'a NodeMask,
-    /// Channels of a premultiplied plane: alpha, visible alpha, and colours.
+    /// Channels of a stored plane, but for those of direction: density and colours. A premultiplied
+    /// plane has alpha, visible alpha, colours, and moments of brightness.
     channels: usize,
     waiting: Mutex<Waiting>,
     pool: PlanePool,
@@ -57,13 +61,16 @@ impl<'a> LevelFinisher<'a> {
     /// For the `retained` nodes of a level whose stored planes have so many `channels`.
     pub fn new(
         level: usize,
-        (domain, colors): (AlphaDomain, ColorDomain),
+        (domain, colors, direction): (AlphaDomain, ColorDomain, Option<Direction>),
         channels: usize,
         retained: &'a NodeMask,
     ) -> Self {
-        // One more: the weight of colours.
-        let (channels, waiting) = (channels + 1, Mutex::default());
-        Self { level, domain, colors, retained, channels, waiting, pool: PlanePool::default() }
+        let (waiting, pool) = (Mutex::default(), PlanePool::default());
+        Self { level, domain, colors, direction, retained, channels, waiting, pool }
+    }
+
+    fn has_brightness(&self) -> bool {
+        self.direction.is_some_and(|direction| direction.brightness)
     }
 
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
@@ -74,9 +81,9 @@ impl<'a> LevelFinisher<'a> {
     pub fn keep(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
         let other = self.pool.take(plane.len());
         let kept = Arc::new(std::mem::replace(plane, other));
+        let all = 1 + self.channels + if self.has_brightness() { MOMENTS } else { 0 };
         let mut waiting = self.waiting();
-        let channels =
-            waiting.planes.entry(x).or_insert_with(|| vec![Arc::default(); self.channels]);
+        let channels = waiting.planes.entry(x).or_insert_with(|| vec![Arc::default(); all]);
         channels[channel] = kept;
     }
 
@@ -104,16 +111,22 @@ impl<'a> LevelFinisher<'a> {
         let around: Vec<Vec<Arc<Vec<f32>>>> =
             self.waiting().planes.range(numbers).map(|(_, plane)| plane.clone()).collect();
         let own = &around[x.min(1)];
+        // The plane below is missing in front of the first one.
+        let around_first = x.min(1);
         let unpremultiply = match self.colors {
             ColorDomain::Logit => unpremultiply_to_logits,
             ColorDomain::Linear => unpremultiply_to_colors,
         };
-        // The weight of colours is not stored.
-        let mut finished: Vec<_> = own.iter().skip(1).map(|_| self.pool.take(ny * nz)).collect();
+        let mut finished: Vec<_> = (0..self.channels).map(|_| self.pool.take(ny * nz)).collect();
+        let nodes = self.retained.nodes();
+        let mut direction =
+            self.direction.map(|direction| DirectionPlane::new(direction, nodes, &self.pool));
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
+        let mut means = vec![0.0; nz];
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
-            for (start, end) in row::spans(self.retained.row(x, y), nz, BRIDGED_NODES) {
+            let retained = self.retained.row(x, y);
+            for (start, end) in row::spans(retained, nz, BRIDGED_NODES) {
                 let span = y * nz + start..y * nz + end;
                 // Each node's own value of a channel, and a little of its neighbours' values.
                 let mut total = |channel: usize, totals: &mut [f64]| {
@@ -130,12 +143,28 @@ impl<'a> LevelFinisher<'a> {
                 };
                 self.domain.stored(&own[0][span.clone()], &mut finished[0][span.clone()]);
                 total(1, &mut weights);
+                let means = &mut means[..end - start];
+                means.fill(0.0);
                 for (channel, finished) in finished.iter_mut().enumerate().skip(1) {
                     total(channel + 1, &mut totals);
                     unpremultiply(&totals, &weights, &mut finished[span.clone()]);
+                    if channel <= 3 {
+                        add_thirds(&totals, &weights, means);
+                    }
                 }
+                let Some(direction) = &mut direction else { continue };
+                direction.fill_brightness(own, span.clone(), means);
+                let alpha_row = |x: usize, y: usize| {
+                    let inside = y.checked_sub(1).filter(|&y| y < ny);
+                    let plane = (x + around_first).checked_sub(1).and_then(|x| around.get(x));
+                    plane.zip(inside).map(|(plane, y)| &plane[0][y * nz..(y + 1) * nz])
+                };
+                let rows_around = [0, 1, 2].map(|dx| [0, 1, 2].map(|dy| alpha_row(dx, y + dy)));
+                let density = &finished[0][span.clone()];
+                direction.fill_anisotropy(&rows_around, span, (start, end), density, retained);
             }
         }
+        finished.extend(direction.into_iter().flat_map(DirectionPlane::into_planes));
         for (channel, values) in finished.iter_mut().enumerate() {
             sink.plane(Plane { level: self.level, x, channel, values })?;
         }
@@ -165,6 +194,14 @@ fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64])
     let before = totals.get_mut(1 - first..).unwrap_or_default();
     for (total, &column) in before.iter_mut().zip(column) {
         *total += NEIGHBOURS_SHARE * column;
+    }
+}
+
+/// Adds a third of premultiplied colours divided by their weights.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_thirds(totals: &[f64], weights: &[f64], means: &mut [f32]) {
+    for ((mean, total), weight) in means.iter_mut().zip(totals).zip(weights) {
+        *mean += (total / (3.0 * weight.max(f64::MIN_POSITIVE))) as f32;
     }
 }
 

@@ -17,12 +17,13 @@
 //! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]
 //! collects that level's optical depths as it streams by.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use multiversion::multiversion;
 
 use super::AlphaDomain;
-use super::transmittance::{NEGLIGIBLE, TransmittanceSweep};
+use super::transmittance::{BentNormals, Light, NEGLIGIBLE, TransmittanceSweep};
 use crate::base::error::Result;
 use crate::model::activate::lanes;
 use crate::model::field::{Activation, DensityFunction};
@@ -43,6 +44,8 @@ pub struct OpticalDepthGrid {
     spacing: [f32; 3],
     /// Optical depth over one interval, z fastest.
     depths: Mutex<Vec<f32>>,
+    /// True if bent normals are found too.
+    bent: bool,
 }
 
 impl OpticalDepthGrid {
@@ -51,7 +54,14 @@ impl OpticalDepthGrid {
         let level = Self::level(sizes);
         let nodes = sizes[level];
         let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
-        Self { domain, level, nodes, spacing, depths: Mutex::new(vec![0.0; nodes.count()]) }
+        let depths = Mutex::new(vec![0.0; nodes.count()]);
+        Self { domain, level, nodes, spacing, depths, bent: false }
+    }
+
+    /// Finds bent normals too, if `bent`.
+    #[must_use]
+    pub fn with_bent_normals(self, bent: bool) -> Self {
+        Self { bent, ..self }
     }
 
     /// The level on which light is followed, of levels of `sizes`.
@@ -81,14 +91,15 @@ impl OpticalDepthGrid {
     ///
     /// None of its own.
     pub fn visibility(self) -> Result<Visibility> {
-        let Self { nodes, spacing, depths, .. } = self;
+        let Self { nodes, spacing, depths, bent, .. } = self;
         let depths = depths.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut shares = TransmittanceSweep { nodes, spacing, depths: &depths }.sums()?;
+        let light = TransmittanceSweep { nodes, spacing, depths: &depths }.run(bent)?;
+        let Light { sums: mut shares, bent } = light;
         for share in &mut shares {
             let mean = *share / 26.0;
             *share = mean * mean + LEAST_VISIBILITY;
         }
-        Ok(Visibility { nodes, shares })
+        Ok(Visibility { nodes, shares, bent })
     }
 }
 
@@ -111,6 +122,7 @@ fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
 pub struct Visibility {
     nodes: Nodes,
     shares: Vec<f32>,
+    bent: BentNormals,
 }
 
 /// The two nodes of a coarser axis that a node of a finer axis over the same length lies between.
@@ -129,45 +141,66 @@ fn linear_tap(node: usize, fine: usize, coarse: usize) -> LinearTap {
 }
 
 /// `low` and `high` mixed, by element.
-fn mix<'a>(low: &'a [f32], high: &'a [f32], fraction: f32) -> impl Iterator<Item = f32> + use<'a> {
-    low.iter().zip(high).map(move |(low, high)| low + (high - low) * fraction)
+fn mix(
+    low: impl Iterator<Item = f32>,
+    high: impl Iterator<Item = f32>,
+    fraction: f32,
+) -> impl Iterator<Item = f32> {
+    low.zip(high).map(move |(low, high)| low + (high - low) * fraction)
 }
 
 impl Visibility {
     /// Visibility of plane `x` of a grid of `nodes` over the same box.
-    pub fn sampler(&self, nodes: Nodes, x: usize) -> VisibilitySampler {
+    pub fn sampler(&self, nodes: Nodes, x: usize) -> PlaneSampler {
+        self.sampler_of(nodes, x, |plane| self.shares[plane].iter().copied())
+    }
+
+    /// Parts of the bent normals along `axis` times 32767, at plane `x` of a grid of `nodes` over
+    /// the same box. Bent normals must have been found.
+    pub fn bent_sampler(&self, nodes: Nodes, x: usize, axis: usize) -> PlaneSampler {
+        let part = |plane: Range<usize>| self.bent[axis][plane].iter().copied().map(f32::from);
+        self.sampler_of(nodes, x, part)
+    }
+
+    fn sampler_of<I: Iterator<Item = f32>>(
+        &self,
+        nodes: Nodes,
+        x: usize,
+        values: impl Fn(Range<usize>) -> I,
+    ) -> PlaneSampler {
         let [nx, _, nz] = nodes.0;
         let [coarse_x, coarse_y, coarse_z] = self.nodes.0;
-        let plane = |x: usize| &self.shares[x * coarse_y * coarse_z..][..coarse_y * coarse_z];
+        let size = coarse_y * coarse_z;
+        let plane = |x: usize| values(x * size..(x + 1) * size);
         let at = linear_tap(x, nx, coarse_x);
         let on_plane: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
         let columns: Vec<LinearTap> = (0..nz).map(|z| linear_tap(z, nz, coarse_z)).collect();
-        let mut shares = Vec::with_capacity(coarse_y * nz);
+        let mut values = Vec::with_capacity(coarse_y * nz);
         for row in on_plane.chunks_exact(coarse_z) {
             let at = |at: &LinearTap| row[at.low] + (row[at.high] - row[at.low]) * at.fraction;
-            shares.extend(columns.iter().map(at));
+            values.extend(columns.iter().map(at));
         }
-        VisibilitySampler { nodes, coarse_y, shares }
+        PlaneSampler { nodes, coarse_y, values }
     }
 }
 
-/// Visibility of one plane.
+/// Numbers of the nodes of one plane.
 #[derive(Debug)]
-pub struct VisibilitySampler {
+pub struct PlaneSampler {
     nodes: Nodes,
     coarse_y: usize,
     /// At the coarser nodes along y, and at all nodes along z.
-    shares: Vec<f32>,
+    values: Vec<f32>,
 }
 
-impl VisibilitySampler {
-    /// Multiplies `values`, all of one row, by the visibility of their nodes. The first one is node
+impl PlaneSampler {
+    /// Multiplies `values`, all of one row, by the numbers of their nodes. The first one is node
     /// number `first` of the plane.
-    pub fn attenuate(&self, first: usize, values: &[f32], products: &mut [f32]) {
+    pub fn multiply(&self, first: usize, values: &[f32], products: &mut [f32]) {
         let [_, ny, nz] = self.nodes.0;
         let (y, z) = (first / nz, first % nz);
         let at = linear_tap(y, ny, self.coarse_y);
-        let row = |y: usize| &self.shares[y * nz + z..][..values.len()];
+        let row = |y: usize| self.values[y * nz + z..][..values.len()].iter().copied();
         multiply(values, mix(row(at.low), row(at.high), at.fraction), products);
     }
 }

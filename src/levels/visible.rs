@@ -15,7 +15,7 @@
 use super::filter::LevelFilter;
 use super::free_space::{any_in_ranges, inside_cells, masked_share};
 use super::opacity::{Opacity, OpacitySearch};
-use super::{OpticalDepthGrid, Visibility};
+use super::{Direction, OpticalDepthGrid, Visibility};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent, Step};
 use crate::model::field::{
@@ -95,7 +95,8 @@ impl Visible {
             None => raw_threshold,
         };
         let thresholds = (0..filtered.len()).map(threshold).collect();
-        let search = OpacitySearch { planes, sizes: filtered, filter, thresholds };
+        let direction = Direction::of(filter, field);
+        let search = OpacitySearch { planes, sizes: filtered, filter, direction, thresholds };
         progress.begin(Step::Prune, (search.passes() * sizes[0].0[0]) as u64);
         let Opacity { opaque, occupied, visibility, nonfinite, checksums, bytes_read } =
             search.run(progress)?;
@@ -172,7 +173,8 @@ pub fn visibility(
     // At least one coarser level, so that the search measures visibility.
     let sizes = &sizes[..=OpticalDepthGrid::level(sizes).max(1)];
     let thresholds = vec![f32::INFINITY; sizes.len()];
-    Ok(OpacitySearch { planes, sizes, filter, thresholds }.run(&Silent)?.visibility)
+    let direction = Direction::of(filter, planes.field());
+    Ok(OpacitySearch { planes, sizes, filter, direction, thresholds }.run(&Silent)?.visibility)
 }
 
 /// The planes of a field with everything emptied that its free-space mask cannot reach.

@@ -20,10 +20,26 @@ const FIRST: usize = 4;
 /// direction (Unsöld's theorem).
 const NORM: f32 = 0.630_783_1;
 
+/// The largest value of a function in any direction.
+pub const LARGEST_FUNCTION: f32 = 0.630_783_2;
+
 /// The functions of band 2 in a unit `direction`.
 pub fn functions(direction: [f64; 3]) -> [f32; ANISOTROPY] {
     let all = basis(direction);
     std::array::from_fn(|m| all[FIRST + m])
+}
+
+/// Sums of the functions over vectors, each in the direction of the vector and times its squared
+/// length, from the sums of products xx, yy, zz, xy, xz, yz of the vectors' parts.
+#[inline(always)]
+pub fn of_tensor([xx, yy, zz, xy, xz, yz]: [f32; 6]) -> [f32; ANISOTROPY] {
+    [
+        1.092_548_4 * xy,
+        -1.092_548_4 * yz,
+        0.315_391_57 * (2.0 * zz - xx - yy),
+        -1.092_548_4 * xz,
+        0.546_274_24 * (xx - yy),
+    ]
 }
 
 /// What `anisotropy` adds to density where the functions have these values.

@@ -44,20 +44,13 @@ pub fn fit(
     progress.begin(Step::Fit, options.steps as u64);
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };
     let (view, values) = rendered(Some(levels))?.into_parts()?;
-    with_lanes!(values, stored => context.fit(view, stored, limits))
+    with_lanes!(values, stored => context.fit(view, stored))
 }
 
 impl FitContext<'_> {
-    fn fit<const C: usize>(
-        &self,
-        mut view: View,
-        stored: Stored<C>,
-        limits: &Limits,
-    ) -> Result<Fitted> {
+    fn fit<const C: usize>(&self, view: View, stored: Stored<C>) -> Result<Fitted> {
         match stored {
-            Stored::Dense(mut field) if self.retained.len() > 1 && self.targets.scales > 0 => {
-                field.add_anisotropy(limits)?;
-                view.anisotropic = true;
+            Stored::Dense(field) if self.retained.len() > 1 && self.targets.scales > 0 => {
                 JointFit::new(self, view, field).run()
             }
             // Trained fields are dense.

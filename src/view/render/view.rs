@@ -1,7 +1,7 @@
 //! The rules of rendering that a trained scene or a container states, as one set.
 
 use crate::base::error::{Place, Result};
-use crate::levels::LevelFilter;
+use crate::levels::{Direction, LevelFilter};
 use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
 use crate::model::field::{Activation, ColorDomain, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
@@ -54,8 +54,6 @@ pub struct TrainedLevels<'a> {
     pub count: usize,
     /// The rule for the level that a sample reads.
     pub level_of_detail: LevelOfDetail,
-    /// True if there is room for directional brightness, which is 0 as it comes from a filter.
-    pub directional: bool,
 }
 
 impl<'a> TrainedLevels<'a> {
@@ -67,7 +65,7 @@ impl<'a> TrainedLevels<'a> {
             Blend::AfterActivation => FootprintNeighbour::SameDistance,
         };
         let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(neighbour));
-        Self { filter, count, level_of_detail, directional: false }
+        Self { filter, count, level_of_detail }
     }
 }
 
@@ -75,6 +73,7 @@ impl View {
     /// The rules of a trained field.
     pub(super) fn of_trained(field: &RadianceField, levels: Option<TrainedLevels>) -> Self {
         let scene = &field.scene;
+        let direction = levels.and_then(|levels| Direction::of(levels.filter, field));
         Self {
             bounds: scene.bounds,
             nodes: scene.nodes,
@@ -88,8 +87,8 @@ impl View {
             finest: 0,
             view_dependence: field.view.clone(),
             color_domain: field.color_domain,
-            directional: levels.is_some_and(|levels| levels.directional),
-            anisotropic: false,
+            directional: direction.is_some_and(|direction| direction.brightness),
+            anisotropic: direction.is_some(),
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),
         }

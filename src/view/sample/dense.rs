@@ -1,5 +1,6 @@
 //! A field as trained, in memory.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::level::{Cell, Values, split};
@@ -11,10 +12,12 @@ use crate::base::progress::{Silent, Step};
 use crate::levels::pyramid::SLAB;
 use crate::levels::sizes::level_sizes;
 use crate::levels::{
-    Content, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify, visible,
+    Content, Direction, FieldPass, LevelFilter, Plane, PlaneSink, Pyramid, RequiredNodes, Verify,
+    visible,
 };
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::DensityDomain;
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::{Nonfinite, RadianceField};
 use crate::model::grid::{NodeMask, Nodes};
 
@@ -51,6 +54,7 @@ impl<const C: usize> Dense<C> {
         let place = Place::File;
         let nodes = level_sizes(field.scene.nodes, filter.map_or(1, |(_, count)| count));
         let filter = filter.map(|(filter, _)| filter);
+        let direction = filter.and_then(|filter| Direction::of(filter, field));
         let mut budget = Budget::new(limits);
         let mut values = Vec::new();
         for (level, size) in nodes.iter().enumerate() {
@@ -63,10 +67,18 @@ impl<const C: usize> Dense<C> {
             budget.spend((count * C * 4) as u64, "bytes of colour", &place)?;
             let strides = [size.0[1] * size.0[2], size.0[2]];
             let domain = filter.map_or(DensityDomain::Raw, |filter| filter.density_domain(level));
-            let (color, anisotropy) = (vec![[0.0; C]; count], Vec::new());
+            let color = vec![[0.0; C]; count];
+            let anisotropy = match direction.filter(|_| level > 0) {
+                Some(_) => {
+                    let bytes = (count * ANISOTROPY * 4) as u64;
+                    budget.spend(bytes, "bytes of anisotropy", &place)?;
+                    vec![[0.0; ANISOTROPY]; count]
+                }
+                None => Vec::new(),
+            };
             values.push(Values { density, domain, anisotropy, color, strides });
         }
-        fill(field, filter, &nodes, &mut values)?;
+        fill(field, filter, direction, &nodes, &mut values)?;
         let activation = &field.scene.activation;
         let mut visible: Vec<Vec<bool>> = Vec::new();
         for (&level_nodes, values) in nodes.iter().zip(&mut values) {
@@ -108,21 +120,6 @@ impl<const C: usize> Dense<C> {
     /// Anisotropy of a level's nodes; empty where it has none.
     pub fn anisotropy(&self, level: usize) -> &[[f32; ANISOTROPY]] {
         &self.values[level].anisotropy
-    }
-
-    /// Gives coarser levels anisotropy, which is 0 at first.
-    ///
-    /// # Errors
-    ///
-    /// More memory than `limits` allow.
-    pub fn add_anisotropy(&mut self, limits: &Limits) -> Result<()> {
-        let mut budget = Budget::new(limits);
-        for (nodes, values) in self.nodes.iter().zip(&mut self.values).skip(1) {
-            let bytes = (nodes.count() * ANISOTROPY * 4) as u64;
-            budget.spend(bytes, "bytes of anisotropy", &Place::File)?;
-            values.anisotropy = vec![[0.0; ANISOTROPY]; nodes.count()];
-        }
-        Ok(())
     }
 
     /// Takes a level's colours, which it has none of afterwards.
@@ -195,6 +192,7 @@ impl<const C: usize> Sample<C> for Dense<C> {
 fn fill<const C: usize>(
     field: &RadianceField,
     filter: Option<&dyn LevelFilter>,
+    direction: Option<Direction>,
     nodes: &[Nodes],
     values: &mut [Values<C>],
 ) -> Result<()> {
@@ -213,10 +211,8 @@ fn fill<const C: usize>(
     };
     let content = match filter {
         Some(filter) => {
-            let domain = filter.alpha(&field.scene.activation);
-            let alpha = domain.zip(visibility.as_ref());
-            let colors = field.color_domain;
-            Content::of_levels(filter, alpha, colors, channels, whole.iter().collect())
+            let whole = whole.iter().collect();
+            Content::of_levels(filter, visibility.as_ref(), field, whole, direction)
         }
         None => Content::Logits(0..channels),
     };
@@ -224,7 +220,10 @@ fn fill<const C: usize>(
     let levels = values.iter_mut().map(Values::planes).collect();
     let pyramid =
         Pyramid { source: &pass, required: &required, content, slab: SLAB, pipelined: true };
-    pyramid.run(&DenseSink { levels }, Step::Encode, &Silent)?;
+    let brightness = direction.is_some_and(|direction| direction.brightness);
+    let brightness = channels..channels + if brightness { DIRECTIONAL } else { 0 };
+    let sink = DenseSink { levels, brightness };
+    pyramid.run(&sink, Step::Encode, &Silent)?;
     drop(pyramid);
     planes.accepted(pass.finish()?.nonfinite()).map(|_| ())
 }
@@ -233,19 +232,30 @@ fn fill<const C: usize>(
 struct DenseSink<'a, const C: usize> {
     /// By level and plane.
     levels: Vec<Vec<Mutex<ArrayPlane<'a, C>>>>,
+    /// The channels of directional brightness. Those of anisotropy follow.
+    brightness: Range<usize>,
 }
 
 impl<const C: usize> PlaneSink for DenseSink<'_, C> {
     fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
         let mut plane = self.levels[level][x].lock().unwrap_or_else(PoisonError::into_inner);
-        let ArrayPlane { density, color } = &mut *plane;
-        match (density, channel) {
-            (Some(density), 0) => density.copy_from_slice(values),
-            (density, _) => {
-                let lane = channel - usize::from(density.is_some());
-                color.iter_mut().zip(values).for_each(|(node, value)| node[lane] = *value);
+        let ArrayPlane { density, color, anisotropy } = &mut *plane;
+        let lane = match density {
+            Some(density) if channel == 0 => {
+                density.copy_from_slice(values);
+                return Ok(());
             }
-        }
+            _ if channel >= self.brightness.end => {
+                let number = channel - self.brightness.end;
+                anisotropy.iter_mut().zip(values).for_each(|(node, value)| node[number] = *value);
+                return Ok(());
+            }
+            // The last lanes.
+            _ if channel >= self.brightness.start => C - (self.brightness.end - channel),
+            Some(_) => channel - 1,
+            None => channel,
+        };
+        color.iter_mut().zip(values).for_each(|(node, value)| node[lane] = *value);
         Ok(())
     }
 }
@@ -254,15 +264,18 @@ impl<const C: usize> PlaneSink for DenseSink<'_, C> {
 struct ArrayPlane<'a, const C: usize> {
     density: Option<&'a mut [f32]>,
     color: &'a mut [[f32; C]],
+    anisotropy: &'a mut [[f32; ANISOTROPY]],
 }
 
 impl<const C: usize> Values<C> {
     fn planes(&mut self) -> Vec<Mutex<ArrayPlane<'_, C>>> {
         let length = self.strides[0];
         let mut density = self.density.as_mut().map(|all| all.chunks_exact_mut(length));
+        let mut anisotropy = self.anisotropy.chunks_exact_mut(length);
         let plane = |color| {
             let density = density.as_mut().and_then(Iterator::next);
-            Mutex::new(ArrayPlane { density, color })
+            let anisotropy = anisotropy.next().unwrap_or_default();
+            Mutex::new(ArrayPlane { density, color, anisotropy })
         };
         self.color.chunks_exact_mut(length).map(plane).collect()
     }
