@@ -79,13 +79,6 @@ impl Bends {
         Some(new)
     }
 
-    /// A single bend.
-    pub const fn one(bend: [f32; 2]) -> Self {
-        let mut bends = [[0.0; 2]; MOST_BENDS];
-        bends[0] = bend;
-        Self { count: 1, bends }
-    }
-
     /// The bends.
     #[inline]
     pub fn as_slice(&self) -> &[[f32; 2]] {
