@@ -283,7 +283,7 @@ fn trained_scenes_look_as_their_twins() {
         let averages_alpha = matches!(filter.domain(), FilterDomain::Alpha { .. });
         let bound = if averages_alpha { ALPHA_BOUND } else { BOUND };
         let level_of_detail = random_rule(&mut random);
-        let made = TrainedLevels { filter: &filter, count, level_of_detail, directional: false };
+        let made = TrainedLevels { filter: &filter, count, level_of_detail };
         let limits = Limits::default();
         let alone = Renderer::trained(&field, None, &limits).expect("a field");
         let fast = Renderer::trained(&field, Some(made), &limits).expect("a field");

@@ -111,14 +111,25 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                 levels(
                     &field,
                     &required,
-                    Content::Colors { domain, colors: ColorDomain::Logit, visibility, retained },
+                    Content::Colors {
+                        domain,
+                        colors: ColorDomain::Logit,
+                        visibility,
+                        retained,
+                        direction: None,
+                    },
                 )
             };
             let retained: Vec<NodeMask> =
                 sizes.iter().map(|&nodes| some_nodes(nodes, 7, &mut random)).collect();
             let all = full.iter().collect();
-            let content =
-                Content::Colors { domain, colors: ColorDomain::Logit, visibility, retained: all };
+            let content = Content::Colors {
+                domain,
+                colors: ColorDomain::Logit,
+                visibility,
+                retained: all,
+                direction: None,
+            };
             let want = levels(&field, &everything, content);
             hold(&colors(&retained), &want, &retained, false);
         }

@@ -71,10 +71,7 @@ impl TransmittanceSweep<'_> {
             let Some(bent) = bent else { return Ok(()) };
             for (axis, up) in bent.iter_mut().enumerate() {
                 let down = &down.bent[axis][x * size..][..size];
-                for ((up, &down), sum) in up.iter_mut().zip(down).zip(&plane.bent[axis]) {
-                    let x_sums = (i32::from(*up) + i32::from(down)) as f32;
-                    *up = rounded(x_sums + sum * (BENT_ONE / 26.0));
-                }
+                add_rounded(&plane.bent[axis], down, up);
             }
             Ok(())
         })?;
@@ -148,8 +145,9 @@ impl TransmittanceSweep<'_> {
             }
             bent_plane = plane.bent;
             for (all, part) in all.bent.iter_mut().zip(&bent_plane) {
-                let all = all.iter_mut().skip(x * size);
-                all.zip(part).for_each(|(all, part)| *all = rounded(part * (BENT_ONE / 26.0)));
+                if let Some(all) = all.get_mut(x * size..(x + 1) * size) {
+                    round(part, all);
+                }
             }
             for (kind, through) in through.iter_mut().enumerate() {
                 self.node_transmittances(
@@ -264,10 +262,30 @@ fn add_times(sums: &mut [f32], light: &[f32], times: f32) {
     }
 }
 
-/// The nearest integer, halves away from 0.
+/// Sums over directions as parts of bent normals.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn round(sums: &[f32], parts: &mut [i16]) {
+    for (part, sum) in parts.iter_mut().zip(sums) {
+        *part = rounded(sum * (BENT_ONE / 26.0));
+    }
+}
+
+/// Parts of bent normals from sums over the directions within planes, and from the parts of those
+/// down and up along x, which are the `parts` so far.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_rounded(sums: &[f32], down: &[i16], parts: &mut [i16]) {
+    for ((part, &down), sum) in parts.iter_mut().zip(down).zip(sums) {
+        let along_x = (i32::from(*part) + i32::from(down)) as f32;
+        *part = rounded(along_x + sum * (BENT_ONE / 26.0));
+    }
+}
+
+/// The nearest integer to a number below 32768 in magnitude, halves to even.
 #[inline(always)]
 fn rounded(value: f32) -> i16 {
-    (value + 0.5f32.copysign(value)) as i16
+    // At this size f32 numbers are a whole apart, and the last bits are the integer's.
+    const WHOLE: f32 = 12_582_912.0;
+    (value + WHOLE).to_bits() as i16
 }
 
 /// Transmittances over `length` intervals.

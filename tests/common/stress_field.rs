@@ -236,7 +236,9 @@ fn premultiplied(mut take: impl FnMut(usize, &AlphaDomain, &Channels, &[Vec<f64>
                 let required = everything(nodes, weights);
                 let retained = required.levels().iter().collect();
                 let colors = ColorDomain::Logit;
-                let content = Content::Colors { domain, colors, visibility: &visibility, retained };
+                let visibility = &visibility;
+                let content =
+                    Content::Colors { domain, colors, visibility, retained, direction: None };
                 let levels = levels(&channels, &required, content);
                 let wide: Vec<Vec<f64>> = channels.iter().map(|c| wide(c)).collect();
                 let extent = [EXTENT; 3];

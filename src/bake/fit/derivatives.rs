@@ -52,16 +52,13 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
         let line = filter.rule(FootprintNeighbour::SameDistance);
         let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
         let level_of_detail = curve.rule();
-        let directional = !is_linear;
-        let levels =
-            TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail, directional };
+        let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };
         let limits = Limits::default();
         let rendered = Renderer::trained(&field(is_linear), Some(levels), &limits);
         let rendered = rendered.expect("a field");
         let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
         let targets = Targets::new(&rendered, LEVELS - 1, &options, &limits, &Silent);
-        let (mut view, values) = rendered.into_parts().expect("values");
-        view.anisotropic = true;
+        let (view, values) = rendered.into_parts().expect("values");
         let targets = targets.expect("pictures");
         with_lanes!(values, stored => check(&view, &curve, stored, &targets, every));
     }
@@ -81,7 +78,6 @@ fn check<const C: usize>(
     };
     let adams: Vec<_> = sizes.iter().enumerate().skip(1).map(adam).collect();
     let finest = Finest::taken_from(&mut field);
-    field.add_anisotropy(&Limits::default()).expect("room");
     for level in 1..LEVELS {
         for (node, values) in field.values_mut(level).anisotropy.iter_mut().enumerate() {
             let values = values.iter_mut().enumerate();
@@ -150,8 +146,7 @@ fn derivatives_by_knots_are_differences_of_pictures() {
     let line = filter.rule(FootprintNeighbour::SameDistance);
     let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
     let level_of_detail = curve.rule();
-    let levels =
-        TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail, directional: true };
+    let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };
     let limits = Limits::default();
     let rendered = Renderer::trained(&field(false), Some(levels), &limits).expect("a field");
     let options = FitOptions { steps: 0, seconds: None, cameras: &[], photographs: None };
