@@ -34,7 +34,8 @@ fn smooth_field(random: &mut Random, nodes: [usize; 3], rough: f32) -> RadianceF
 }
 
 fn options(block_size: usize, fill_error: Option<f32>) -> BakeOptions {
-    let mut options = BakeOptions::default();
+    // Of version 1.0 without inheritance.
+    let mut options = BakeOptions::default().with_filter(Filter::Isotropic);
     (options.block_size, options.fill_error) = (block_size, fill_error);
     options
 }

@@ -184,9 +184,14 @@ fn containers_with_harmonics_change_as_others_do() {
 
 #[test]
 fn the_header_says_just_what_the_values_need() {
-    let logits = baked(&common::trained("tiny/fine_last.tar"), |_| ());
+    let tiny = common::trained("tiny/fine_last.tar");
+    let isotropic = |options: &mut BakeOptions| options.filter = Filter::Isotropic.into();
+    let logits = baked(&tiny, isotropic);
     assert_eq!((logits.header().version, logits.header().features), ([1, 0], 0));
-    let harmonics = baked(&harmonic_field([9; 3], rules(1)), |_| ());
+    // Bends, directional brightness and anisotropy.
+    let directional = baked(&tiny, |_| ());
+    assert_eq!((directional.header().version, directional.header().features), ([1, 2], 28));
+    let harmonics = baked(&harmonic_field([9; 3], rules(1)), isotropic);
     assert_eq!((harmonics.header().version, harmonics.header().features), ([1, 2], 2));
 }
 

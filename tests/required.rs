@@ -6,7 +6,9 @@ use common::Random;
 use common::planes::{Channels, levels};
 use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::levels::sizes::level_sizes;
-use mipvog_bake::unstable::levels::{Content, LevelFilter, OpticalDepthGrid, RequiredNodes};
+use mipvog_bake::unstable::levels::{
+    Content, Direction, LevelFilter, OpticalDepthGrid, RequiredNodes,
+};
 use mipvog_bake::unstable::model::field::{Activation, ColorDomain};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
@@ -72,7 +74,7 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                 if inside { random.between(-8.0, 20.0) } else { random.between(-100.0, -40.0) }
             });
             let density: Vec<f32> = density.collect();
-            let colors = [(); 2].map(|()| {
+            let colors = [(); 3].map(|()| {
                 (0..density.len()).map(|_| random.between(-5.0, 5.0)).collect::<Vec<f32>>()
             });
             let field: Channels = std::iter::once(density).chain(colors).collect();
@@ -93,7 +95,8 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                 assert!((0..nodes.count()).filter(outside).all(|i| want[level][0][i] == 0.0));
             }
 
-            let depths = OpticalDepthGrid::new(domain, &sizes, EXTENT);
+            let direction = Some(Direction::new([2.0, 3.0, 2.5], true));
+            let depths = OpticalDepthGrid::new(domain, &sizes, EXTENT).with_bent_normals(true);
             for (x, plane) in field[0].chunks(ny * nz).enumerate() {
                 depths.take(0, x, plane);
             }
@@ -116,7 +119,7 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                         colors: ColorDomain::Logit,
                         visibility,
                         retained,
-                        direction: None,
+                        direction,
                     },
                 )
             };
@@ -128,7 +131,7 @@ fn empty_nodes_are_left_out_where_alpha_is_averaged() {
                 colors: ColorDomain::Logit,
                 visibility,
                 retained: all,
-                direction: None,
+                direction,
             };
             let want = levels(&field, &everything, content);
             hold(&colors(&retained), &want, &retained, false);

@@ -15,9 +15,10 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 /// One for each group: of opacity over one interval for density, of activated values (0 to 1) for
 /// diffuse colours and for features, of the colour that a band adds for harmonics, and that
 /// directional brightness adds, of the opacity that anisotropy adds. The error of features is that
-/// of band 1, that of diffuse colours that of directional brightness, that of density that of
-/// anisotropy. As text one number, three with colons between, or four or five, the last of which are
-/// those of bands 2 and 3; they are else that of band 1.
+/// of band 1. As text one number, or three with colons between. Then directional brightness has the
+/// error of diffuse colours, and anisotropy that of density. A fourth and a fifth number are those
+/// of bands 2 and 3, which are else that of band 1. Two more are those of directional brightness and
+/// of anisotropy.
 ///
 /// ```
 /// use mipvog_bake::MaxErrors;
@@ -48,6 +49,14 @@ impl MaxErrors {
         self
     }
 
+    /// With other errors for directional brightness and for anisotropy.
+    #[must_use]
+    pub const fn with_direction(mut self, brightness: f32, anisotropy: f32) -> Self {
+        self.by_group[6] = brightness;
+        self.by_group[7] = anisotropy;
+        self
+    }
+
     /// All of them `factor` times as large, with three digits, as far as they may be.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
@@ -70,14 +79,17 @@ impl MaxErrors {
         others.iter().all(|&other| other == density).then_some(density)
     }
 
-    /// One number or three, each as `shown`.
+    /// As few numbers as say all, each as `shown`.
     fn text(&self, shown: impl Fn(f32) -> String) -> String {
         match self.common() {
             Some(error) => shown(error),
             None => {
-                let [density, diffuse, features, _, second, third, ..] = self.by_group;
-                let numbers = [density, diffuse, features, second, third];
-                let count = if third != second {
+                let [density, diffuse, features, _, second, third, brightness, anisotropy] =
+                    self.by_group;
+                let numbers = [density, diffuse, features, second, third, brightness, anisotropy];
+                let count = if [brightness, anisotropy] != [diffuse, density] {
+                    7
+                } else if third != second {
                     5
                 } else if second != features {
                     4
@@ -130,7 +142,11 @@ impl FromStr for MaxErrors {
             [density, diffuse, features, second, third] => {
                 Ok(Self::new(density, diffuse, features).with_bands(second, third))
             }
-            _ => Err("expected a number, or three to five with colons between"),
+            [density, diffuse, features, second, third, brightness, anisotropy] => {
+                let errors = Self::new(density, diffuse, features).with_bands(second, third);
+                Ok(errors.with_direction(brightness, anisotropy))
+            }
+            _ => Err("expected a number, or three, four, five or seven with colons between"),
         }
     }
 }
@@ -143,7 +159,7 @@ impl Serialize for MaxErrors {
 
 impl<'de> Deserialize<'de> for MaxErrors {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let expected = "expected a number, or three to five with colons between";
+        let expected = "expected a number, or three, four, five or seven with colons between";
         Self::from_json(&Value::deserialize(from)?)
             .ok_or_else(|| serde::de::Error::custom(expected))
     }
@@ -172,6 +188,7 @@ mod tests {
             ("0.02:0.014:0.06", "\"0.02:0.014:0.06\""),
             ("0.1:0.01:0.02:0.03", "\"0.1:0.01:0.02:0.03\""),
             ("0.1:0.01:0.02:0.03:0.04", "\"0.1:0.01:0.02:0.03:0.04\""),
+            ("0.1:0.01:0.02:0.02:0.02:0.05:0.06", "\"0.1:0.01:0.02:0.02:0.02:0.05:0.06\""),
         ] {
             let errors: MaxErrors = text.parse().expect("errors");
             assert_eq!(errors.to_string(), text);

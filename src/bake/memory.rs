@@ -16,8 +16,9 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::codec::container::RUN_BYTES;
 use crate::codec::quantize::Bits;
-use crate::levels::OpticalDepthGrid;
+use crate::levels::brightness::MOMENTS;
 use crate::levels::pyramid::SLAB;
+use crate::levels::{Direction, OpticalDepthGrid};
 use crate::model::field::{Grid, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
@@ -129,8 +130,20 @@ impl Needs<'_> {
         // A slab's amounts, the planes at work in each thread, and the planes that wait for the
         // next level; each level a fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
-        // Depths, transmittance and visibility.
-        planes * Self::plane(self.sizes[0]) * 4 / 3 + 3 * self.visibility()
+        // Depths, transmittance and visibility; bent normals of both ways along x.
+        let light = 3 * self.visibility() + 2 * self.bent_normals();
+        planes * Self::plane(self.sizes[0]) * 4 / 3 + light
+    }
+
+    /// What coarser levels show otherwise from each side, unless a fit says it.
+    fn direction(&self) -> Option<Direction> {
+        Direction::of(&*self.options.filter, self.field)
+    }
+
+    /// Parts of bent normals along three axes.
+    fn bent_normals(&self) -> u64 {
+        let brightness = self.direction().is_some_and(|direction| direction.brightness);
+        if brightness { self.visibility() * 3 / 2 } else { 0 }
     }
 
     fn visibility(&self) -> u64 {
@@ -144,17 +157,24 @@ impl Needs<'_> {
     fn encoding(&self, pipelined: bool) -> u64 {
         let channels = 1 + self.field.color_channels() as u64;
         let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();
-        let rising = channels + u64::from(premultiplies);
+        let direction = self.direction();
+        let further = direction.map_or(0, |direction| direction.channels() as u64);
+        let brightness = direction.is_some_and(|direction| direction.brightness);
+        let moments = if brightness { MOMENTS as u64 } else { 0 };
+        let rising = channels + u64::from(premultiplies) + moments;
         let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
         let level_bytes = |level: usize| {
             // No level has more planes than these.
             let count = self.sizes[level].0[0] as u64;
-            // Planes at work in each thread; with alpha, also the weights of a slab's colours.
+            let stored = channels + if level > 0 { further } else { 0 };
+            // Planes at work in each thread; with alpha, also the weights of a slab's colours, and
+            // its alpha and diffuse colours for moments of brightness.
             let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
+                (true, 0) if brightness => 5 * thickness + 3 * self.threads,
                 (true, 0) => thickness + 2 * self.threads,
-                (true, _) => (1 + channels) * self.threads,
+                (true, _) => (1 + stored) * self.threads,
             };
             // Half as long along y.
             let ring = rising * (thickness + self.window()).min(count).div_ceil(2);
@@ -163,13 +183,13 @@ impl Needs<'_> {
             let waiting =
                 if premultiplies && level > 0 { rising * slab_planes.min(count) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
-            let codes =
-                (slabs * thickness).min(count) * channels * plane / 4 * self.bytes_per_code();
+            let codes = (slabs * thickness).min(count) * stored * plane / 4 * self.bytes_per_code();
             codes + (at_work + ring + waiting) * plane
         };
         let levels = 0..self.sizes.len();
         levels.map(|level| level_bytes(level) + self.frames(level, channels)).sum::<u64>()
             + self.visibility()
+            + self.bent_normals()
     }
 
     /// Memory of the threads that compress runs at once: no more than there are runs.

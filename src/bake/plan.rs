@@ -24,7 +24,7 @@ pub fn tables(visible: &Visible, edge: usize) -> Result<Vec<Table>> {
 }
 
 /// Gives the coarser levels encodings of the directional brightness and the anisotropy that were
-/// fitted.
+/// fitted, and of no others.
 pub fn add_fitted(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitted) {
     let activation = metadata.activation;
     let encoding = |decode: Decode, channels: &[Vec<f32>]| {
@@ -63,8 +63,7 @@ pub fn metadata(
     });
     let bands = (1..=degree).map(|band| planned(Decode::Coefficient(band as u8)));
     let bands: Vec<Encoding> = bands.collect();
-    // A fit says itself what its levels have.
-    let direction = Direction::of(filter, field).filter(|_| !filter.is_fitted());
+    let direction = Direction::of(filter, field);
     let domain = filter.alpha(&scene.activation);
     let most = domain.map_or(0.0, |domain| domain.largest_sqrt_depth());
     let over = |decode: Decode, largest: f32| {

@@ -11,7 +11,7 @@ use crate::codec::quantize::{
     Bits, ValueRange, encoding_over, encoding_within, is_laid_over_values, planned_encoding,
 };
 use crate::levels::{Plane, PlaneSink, ReadSummary};
-use crate::model::baked::{Decode, Encoding, GROUPS, Group, Metadata};
+use crate::model::baked::{Encoding, GROUPS, Group, Metadata};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
 
@@ -46,11 +46,8 @@ impl EncodingChoice {
             }
             Self::Laid(bits) => {
                 let decode = planned.decode;
-                // Encodings that others laid stay: those of direction are laid over all that it
-                // can be.
-                let is_direction = matches!(decode, Decode::Directional | Decode::Anisotropy);
-                let is_open = !is_direction
-                    && is_laid_over_values(decode, activation)
+                // Encodings that others laid stay.
+                let is_open = is_laid_over_values(decode, activation)
                     && *planned == planned_encoding(bits, decode, activation);
                 is_open.then(|| encoding_over(bits, decode, activation, range))
             }

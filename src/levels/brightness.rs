@@ -22,7 +22,7 @@ use super::transmittance::BENT_ONE;
 use crate::model::directional::DIRECTIONAL;
 
 /// Sums on their way up: of `alpha n` and of `alpha y n`, along each axis.
-pub(super) const MOMENTS: usize = 2 * DIRECTIONAL;
+pub const MOMENTS: usize = 2 * DIRECTIONAL;
 /// Largest magnitude of a stored value, in logits.
 pub const LARGEST_BRIGHTNESS: f32 = 6.0;
 /// Added to the weight of the least squares, as a share.

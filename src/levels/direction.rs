@@ -28,6 +28,11 @@ pub struct Direction {
 }
 
 impl Direction {
+    /// Over a box whose edges have these lengths.
+    pub fn new(extent: [f32; 3], brightness: bool) -> Self {
+        Self { extent, brightness }
+    }
+
     /// Of the levels that `filter` makes of `field`; none where they look the same from all sides.
     /// Directional brightness is added to logits, so other colours have none.
     pub fn of(filter: &dyn LevelFilter, field: &RadianceField) -> Option<Self> {
@@ -39,10 +44,8 @@ impl Direction {
         let Bounds { min, max } = field.scene.bounds;
         let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
         let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
-        is_directional.then(|| Self {
-            extent: std::array::from_fn(|axis| max[axis] - min[axis]),
-            brightness: has_room && is_logit,
-        })
+        let extent = std::array::from_fn(|axis| max[axis] - min[axis]);
+        is_directional.then(|| Self::new(extent, has_room && is_logit))
     }
 
     /// Channels that a level has for it: those of brightness, then those of anisotropy.

@@ -8,6 +8,14 @@ use mipvog_bake::unstable::model::grid::Bounds;
 
 use super::plain::{all_nodes, density, halved, index, next_level, sigmoid, trilinear};
 
+/// The light that reaches each node.
+pub struct Light {
+    /// Visibility.
+    pub seen: Vec<f64>,
+    /// Bent normals by axis.
+    pub bent: [Vec<f64>; 3],
+}
+
 /// The visibility of each node, in a box whose edges are `extent` intervals long: see the module
 /// docs of `levels::visibility`.
 pub fn visibility(
@@ -17,6 +25,17 @@ pub fn visibility(
     raw: &[f64],
     extent: [f64; 3],
 ) -> Vec<f64> {
+    light(nodes, domain, weights, raw, extent).seen
+}
+
+/// The same with bent normals.
+pub fn light(
+    nodes: [usize; 3],
+    domain: &AlphaDomain,
+    weights: &[f64],
+    raw: &[f64],
+    extent: [f64; 3],
+) -> Light {
     let activation = &domain.activation;
     let depth = |raw: &f64| density(*raw, activation) * f64::from(activation.interval);
     let mut depths: Vec<f64> = raw.iter().map(depth).collect();
@@ -33,13 +52,16 @@ pub fn visibility(
         depths = alphas.iter().map(|&alpha| optical_depth(domain, alpha)).collect();
     }
     let spacing = [0, 1, 2].map(|axis| extent[axis] / (coarse[axis] - 1) as f64);
-    let seen = visibility_past(coarse, &depths, spacing);
-    let interpolated = |at: [usize; 3]| {
-        let u = [0, 1, 2]
-            .map(|axis| at[axis] as f64 * (coarse[axis] - 1) as f64 / (nodes[axis] - 1) as f64);
-        trilinear(coarse, &seen, u)
+    let Light { seen, bent } = light_past(coarse, &depths, spacing);
+    let interpolated = |values: &[f64]| {
+        let at = |at: [usize; 3]| {
+            let u = [0, 1, 2]
+                .map(|axis| at[axis] as f64 * (coarse[axis] - 1) as f64 / (nodes[axis] - 1) as f64);
+            trilinear(coarse, values, u)
+        };
+        all_nodes(nodes).map(at).collect()
     };
-    all_nodes(nodes).map(interpolated).collect()
+    Light { seen: interpolated(&seen), bent: bent.map(|part| interpolated(&part)) }
 }
 
 /// True if a raw density has alpha 0.
@@ -52,28 +74,40 @@ fn optical_depth(domain: &AlphaDomain, alpha: f64) -> f64 {
     -(-alpha.min(1.0 - 1e-7)).ln_1p() / f64::from(domain.span)
 }
 
-/// The visibility of each node past the optical depths of all others.
-fn visibility_past(nodes: [usize; 3], depths: &[f64], spacing: [f64; 3]) -> Vec<f64> {
+/// The light that reaches each node past the optical depths of all others.
+fn light_past(nodes: [usize; 3], depths: &[f64], spacing: [f64; 3]) -> Light {
     let directions = all_nodes([3; 3]).map(|at| at.map(|i| i as isize - 1));
     let directions: Vec<_> = directions.filter(|&direction| direction != [0; 3]).collect();
-    let light = |at: [usize; 3], direction: [isize; 3]| {
-        let length = (0..3).map(|a| (direction[a] as f64 * spacing[a]).powi(2)).sum::<f64>().sqrt();
+    let way = |direction: [isize; 3]| [0, 1, 2].map(|a| direction[a] as f64 * spacing[a]);
+    let length = |way: [f64; 3]| way.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let transmittance = |at: [usize; 3], direction: [isize; 3]| {
         let (mut at, mut passed) = (at.map(|i| i as isize), 0.0);
         loop {
             at = [0, 1, 2].map(|axis| at[axis] + direction[axis]);
             let outside = (0..3).any(|axis| at[axis] < 0 || at[axis] >= nodes[axis] as isize);
             // e^-60 is nothing.
-            if outside || passed * length > 60.0 {
-                return (-passed * length).exp();
+            if outside || passed * length(way(direction)) > 60.0 {
+                return (-passed * length(way(direction))).exp();
             }
             passed += depths[index(nodes, at.map(|i| i as usize))];
         }
     };
-    let seen = |at: [usize; 3]| {
-        let sum: f64 = directions.iter().map(|&direction| light(at, direction)).sum();
-        (sum / directions.len() as f64).powi(2) + 1e-4
-    };
-    all_nodes(nodes).map(seen).collect()
+    let (mut seen, mut bent) = (Vec::new(), [(); 3].map(|()| Vec::new()));
+    for at in all_nodes(nodes) {
+        let light = directions.iter().map(|&direction| (direction, transmittance(at, direction)));
+        let light: Vec<_> = light.collect();
+        let count = directions.len() as f64;
+        let sum: f64 = light.iter().map(|(_, light)| light).sum();
+        seen.push((sum / count).powi(2) + 1e-4);
+        for (axis, bent) in bent.iter_mut().enumerate() {
+            let part = |&(direction, light): &([isize; 3], f64)| {
+                let way = way(direction);
+                light * way[axis] / length(way)
+            };
+            bent.push(light.iter().map(part).sum::<f64>() / count);
+        }
+    }
+    Light { seen, bent }
 }
 
 /// The lengths of the box's edges in intervals.

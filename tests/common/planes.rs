@@ -65,7 +65,9 @@ pub fn levels(channels: &[Vec<f32>], required: &RequiredNodes, content: Content)
     let stored = match &content {
         Content::Logits(range) => range.len(),
         Content::Alpha(_) => 1,
-        Content::Colors { .. } => channels.len(),
+        Content::Colors { direction, .. } => {
+            channels.len() + direction.map_or(0, |direction| direction.channels())
+        }
     };
     let level = |nodes: &Nodes| (0..stored).map(|_| Mutex::new(vec![0.0; nodes.count()])).collect();
     let sink =

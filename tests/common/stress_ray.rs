@@ -230,7 +230,7 @@ pub fn accumulated() -> Worst {
 pub fn level_blend() -> Worst {
     let mut worst = Worst::default();
     let nodes = [2, 2, 4096];
-    for filter in [Filter::RateTent, Filter::Coverage, Filter::Paper, Filter::Code] {
+    for filter in [Filter::Isotropic, Filter::Coverage, Filter::Paper, Filter::Code] {
         let mut scene = scene(nodes, |at| ((at[2] * 37 + at[0] * 5) % 101) as f32 * 0.2 - 8.0);
         scene.scene.march.stepsize = 0.5;
         scene.scene.march.voxel_size = 0.01;
