@@ -11,12 +11,13 @@ use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
 
 #[test]
 fn containers_keep_their_bytes() {
-    let cases: [(&str, &str, Filter, Bits); 9] = [
+    let cases: [(&str, &str, Filter, Bits); 10] = [
         ("tiny.code.mipvog", "tiny/fine_last.tar", Filter::Code, Bits::Integer(8)),
         ("tiny.paper.mipvog", "tiny/fine_last.tar", Filter::Paper, Bits::Integer(8)),
         ("tiny.12bit.mipvog", "tiny/fine_last.tar", Filter::Paper, Bits::Integer(12)),
         ("tiny.rate.mipvog", "tiny/fine_last.tar", Filter::RateTent, Bits::Integer(8)),
         ("tiny.rate.f16.mipvog", "tiny/fine_last.tar", Filter::RateTent, Bits::F16),
+        ("tiny.isotropic.mipvog", "tiny/fine_last.tar", Filter::Isotropic, Bits::Integer(8)),
         ("dvgo.coverage.mipvog", "dvgo/protocol2.tar", Filter::Coverage, Bits::Integer(12)),
         ("dvgo.mask.mipvog", "dvgo/protocol2.tar", Filter::Paper, Bits::Integer(8)),
         ("dvgo.f16.mipvog", "dvgo/protocol2.tar", Filter::Code, Bits::F16),

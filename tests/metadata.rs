@@ -23,7 +23,7 @@ type Case<T> = (&'static str, fn(&mut Metadata, T), &'static [T], &'static [T]);
 
 /// Metadata of a container with a network, features and several levels, each with density.
 fn sound() -> Metadata {
-    asset::container("tiny.rate.mipvog").metadata().clone()
+    asset::container("tiny.isotropic.mipvog").metadata().clone()
 }
 
 /// The key of the first thing that is wrong.

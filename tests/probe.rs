@@ -10,6 +10,7 @@ use mipvog_bake::unstable::base::limits::{Budget, Limits};
 use mipvog_bake::unstable::codec::container::Container;
 use mipvog_bake::unstable::input::tensor::{self, Row, Value, safetensors_header};
 use mipvog_bake::unstable::model::camera::turntable;
+use mipvog_bake::unstable::model::directional::color_from;
 use mipvog_bake::unstable::model::view_dependence::ViewDependence;
 use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
@@ -107,7 +108,6 @@ fn rays_see_what_pictures_show_and_points_hold_what_samples_do() {
             let position = position.map(f64::from);
             let sample = renderer.sample(position, level).expect("a sample");
             assert_eq!(found("density").1[i], sample.density);
-            let inside = [&sample.color[..], &sample.features].concat();
             let network = renderer
                 .view()
                 .view_dependence
@@ -116,9 +116,11 @@ fn rays_see_what_pictures_show_and_points_hold_what_samples_do() {
                 .expect("a network");
             for (j, direction) in directions.iter().enumerate() {
                 let direction = direction.map(f64::from);
+                let diffuse = color_from(sample.color, sample.directional, direction);
+                let inside = [&diffuse[..], &sample.features].concat();
                 let added = network.colors(&[direction], &[&inside])[0];
                 for channel in 0..3 {
-                    let want = sample.color[channel] + added[channel];
+                    let want = diffuse[channel] + added[channel];
                     assert!((colors[(i * 2 + j) * 3 + channel] - want).abs() < 1e-6);
                 }
             }

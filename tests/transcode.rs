@@ -21,7 +21,7 @@ fn a_container_packs_as_the_file_it_unpacks_to() {
     let errors = Changes { max_error: Some(0.03.into()), ..Changes::default() };
     let fewer = Changes { levels: Some(2), without_finest: 1, ..Changes::default() };
     let bits = Changes { bits: Some(Bits::Integer(5)), ..Changes::default() };
-    let small = Changes { max_bytes: Some(7000), ..Changes::default() };
+    let small = Changes { max_bytes: Some(8000), ..Changes::default() };
     let part = Changes {
         crop: Some(Bounds { min: [-9.0, -9.0, -9.0], max: [9.0, 9.0, 0.1] }),
         drop_islands: Some(20),

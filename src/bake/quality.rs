@@ -89,7 +89,8 @@ mod tests {
                 assert!(of(coarser) > of(finer) || of(finer) == Some(1.0));
             }
         }
-        assert_eq!(options("50", false).max_error, Some(MaxErrors::new(0.04, 0.036, 0.1)));
+        let doubled = MaxErrors::new(0.04, 0.036, 0.1).with_direction(0.08, 0.08);
+        assert_eq!(options("50", false).max_error, Some(doubled));
     }
 
     #[test]
