@@ -62,7 +62,7 @@ pub struct BakeOptions {
     /// Multiplies the rule's factor. Default: 1
     pub lod_scale: f32,
     /// Steps of a fit, at most, each of which moves all levels; only [`Filter::Fit`] takes any.
-    /// Default: 150
+    /// Default: 130
     pub fit_steps: usize,
     /// Seconds of a fit in all, at most; the result then depends on the machine. Default: no bound
     pub fit_seconds: Option<f64>,
@@ -113,7 +113,7 @@ impl Default for BakeOptions {
             zstd_level: DEFAULT_ZSTD_LEVEL,
             lod_rule: None,
             lod_scale: 1.0,
-            fit_steps: 150,
+            fit_steps: 130,
             fit_seconds: None,
             fit_cameras: Vec::new(),
             photographs: None,

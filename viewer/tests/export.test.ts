@@ -61,7 +61,7 @@ test("a folder opens from a plain server, in ranges where it has them", async ()
     };
     const { page, problems } = await newPage(browser);
     // Nothing more arrives before the first picture is there.
-    if (ranges) server.gate = 0.03 * bytes.length;
+    if (ranges) server.gate = 0.04 * bytes.length;
     await page.goto(`${server.origin}/`);
     await page.waitForFunction(() => window.__mipvog?.firstPicture);
     server.open(Infinity);

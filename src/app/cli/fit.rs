@@ -16,7 +16,7 @@ use crate::model::camera::{self, Camera};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Fit")]
 pub struct FitArguments {
-    /// Steps of `--filter fit`, at most, each of which moves all levels [default: 150]
+    /// Steps of `--filter fit`, at most, each of which moves all levels [default: 130]
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
     fit_steps: Option<u32>,
     /// Seconds of `--filter fit` in all, at most. Pictures of level 0 come first. The same bytes do
