@@ -92,7 +92,10 @@ function emptyRun(): Run {
   return { frames: 0, channels: 1, edge: 1, live: 0, residuals: none, starts: new Int32Array(0), modes: none, weights: [], bits: none };
 }
 
-for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.rate.filled", "tiny.fit.filled"]) {
+/** Files whose coarser levels look different from each side. */
+const WITH_SIDES = ["tiny.rate", "harmonics", "tiny.rate.filled", "tiny.fit.filled"];
+
+for (const name of [...WITH_SIDES, "tiny.12bit", "dvgo.f32"]) {
   test(`blocks of ${name} do not depend on where a share of them starts`, () => {
     const bytes = Uint8Array.from(readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));
     const header = readHeader(bytes);
@@ -113,7 +116,7 @@ for (const name of ["tiny.rate", "tiny.12bit", "dvgo.f32", "harmonics", "tiny.ra
       const joined = (bricks: Uint16Array[], quads: number) =>
         Array.from({ length: quads }, (_, quad) => bricks.flatMap((one) => Array.from(one.subarray((quad * one.length) / quads, ((quad + 1) * one.length) / quads)))).flat();
       assert.deepEqual(joined(parts.map(({ color }) => color), laidOut.quads), Array.from(whole.color));
-      assert.equal(whole.directional === null, !name.includes(".fit.") || level === 0);
+      assert.equal(whole.directional === null, !WITH_SIDES.includes(name) || level === 0);
       if (whole.directional) assert.deepEqual(joined(parts.map(({ directional }) => directional!), DIRECTIONAL_QUADS), Array.from(whole.directional));
       if (whole.density) assert.deepEqual(parts.flatMap(({ density }) => Array.from(density!)), Array.from(whole.density));
       assert.deepEqual(shares.marks, decoder.marks);
