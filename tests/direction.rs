@@ -80,7 +80,7 @@ fn brightness(mean: f64, [alpha, visible, bent, bright]: [f64; 4]) -> [f64; 2] {
 fn anisotropy(nodes: [usize; 3], alpha: &[f64], at: [usize; 3], density: f64) -> [f64; ANISOTROPY] {
     let spacing = [0, 1, 2].map(|axis| f64::from(EDGES[axis]) / (nodes[axis] - 1) as f64);
     let mean = spacing.iter().sum::<f64>() / 3.0;
-    let (mut sums, mut squares) = ([0.0; ANISOTROPY], 8e-4);
+    let (mut sums, mut squares) = ([0.0; ANISOTROPY], 0.01);
     for cell in all_nodes([2; 3]) {
         // The cell's lowest node.
         let low = [0, 1, 2].map(|axis| (at[axis] + cell[axis]).checked_sub(1));

@@ -1,7 +1,7 @@
 //! Anisotropy of coarser levels, from the way their alpha changes around a node.
 //!
 //! ```text
-//! a_m = v * (sum of |g|^2 Y_2m(g / |g|)) / (sum of |g|^2 + 8e-4)
+//! a_m = v * (sum of |g|^2 Y_2m(g / |g|)) / (sum of |g|^2 + 0.01)
 //! ```
 //!
 //! with the gradient `g` of alpha in the middle of each of the eight cells around the node, a
@@ -14,8 +14,8 @@ use multiversion::multiversion;
 
 use crate::model::anisotropy::{ANISOTROPY, of_tensor};
 
-/// Added to the sum of squared gradients.
-const FLAT: f32 = 8e-4;
+/// Added to the sum of squared gradients. Fog changes slowly, and hides as much from all sides.
+const FLAT: f32 = 0.01;
 /// Products of a gradient's parts: xx, yy, zz, xy, xz, yz.
 const PRODUCTS: usize = 6;
 
