@@ -10,6 +10,7 @@ use super::premultiply::RowBand;
 use super::{AlphaDomain, Visibility};
 use crate::base::error::Result;
 use crate::base::parallel;
+use crate::model::directional::DIRECTIONAL;
 use crate::model::field::ColorDomain;
 use crate::model::grid::NodeMask;
 
@@ -148,27 +149,26 @@ impl LevelStep<'_, '_> {
         })?;
         if let Some(VisibleColors { visibility, .. }) = visible_colors.filter(|_| brightness) {
             parallel::map_mut(&mut moment_outputs, |i, outputs| {
-                let diffuse = |channel: usize| premultiplied[i * colors + channel].as_deref();
-                let (Some(red), Some(green), Some(blue)) = (diffuse(0), diffuse(1), diffuse(2))
-                else {
-                    return Ok(());
-                };
-                let [mut means, mut bent, mut products] = [(); 3].map(|()| self.plane());
-                let all = band(i, 0..required.nodes().0[1]);
-                all.mean_color([red, green, blue], weight(i), &mut means);
+                let diffuse = [0, 1, 2].map(|channel| {
+                    premultiplied[i * colors + channel].as_deref().unwrap_or_default()
+                });
                 let alpha = weights[i][1].as_deref().unwrap_or_default();
-                let (plain, bright) = outputs.split_at_mut(MOMENTS / 2);
+                let mut means = self.plane();
+                band(i, 0..required.nodes().0[1]).mean_color(diffuse, weight(i), &mut means);
+                let (plain, bright) = outputs.split_at_mut(DIRECTIONAL);
                 for (axis, (plain, bright)) in plain.iter_mut().zip(bright).enumerate() {
                     let x = self.planes.start + i;
                     let sampler = visibility.bent_sampler(required.nodes(), x, axis);
+                    let (mut bent, mut products) = (self.plane(), self.plane());
                     filter.filter_plane(&readers[i], &mut bent, plain, |rows, bent| {
                         band(i, rows).multiply(&sampler, alpha, bent);
                     });
                     filter.filter_plane(&readers[i], &mut products, bright, |rows, products| {
                         band(i, rows).premultiply(ColorDomain::Linear, &means, &bent, products);
                     });
+                    pool.give([bent, products]);
                 }
-                pool.give([means, bent, products]);
+                pool.give([means]);
                 Ok(())
             })?;
         }
