@@ -28,7 +28,8 @@ def test_a_field_states_what_is_in_it(baked):
 
 def test_unpack_gives_the_levels_asked_for(baked):
     values = baked.unpack([1])
-    assert set(values) == {"level1.density", "level1.diffuse", "level1.occupied"}
+    names = {"level1.density", "level1.diffuse", "level1.anisotropy", "level1.occupied"}
+    assert set(values) == names
     assert values["level1.density"].shape == tuple(baked.levels[1]["dimensions"])
     assert baked.unpack(1).keys() == values.keys()
     with pytest.raises(mipvog_bake.Error, match="levels"):
