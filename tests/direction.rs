@@ -60,7 +60,7 @@ fn made(nodes: [usize; 3], channels: &[Vec<f32>], activation: Activation) -> Vec
         colors: ColorDomain::Logit,
         visibility,
         retained: whole.iter().collect(),
-        direction: Some(Direction::new(EDGES, true)),
+        direction: Some(Direction::new(EDGES, Some(0))),
     };
     let levels = levels(channels, &required, content).into_iter().skip(1);
     levels.map(|level| level[channels.len()..].to_vec()).collect()

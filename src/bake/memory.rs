@@ -142,8 +142,8 @@ impl Needs<'_> {
 
     /// Parts of bent normals along three axes.
     fn bent_normals(&self) -> u64 {
-        let brightness = self.direction().is_some_and(|direction| direction.brightness);
-        if brightness { self.visibility() * 3 / 2 } else { 0 }
+        let bends = self.direction().is_some_and(|direction| direction.moments.is_some());
+        if bends { self.visibility() * 3 / 2 } else { 0 }
     }
 
     fn visibility(&self) -> u64 {
@@ -158,30 +158,31 @@ impl Needs<'_> {
         let channels = 1 + self.field.color_channels() as u64;
         let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();
         let direction = self.direction();
-        let further = direction.map_or(0, |direction| direction.channels() as u64);
-        let brightness = direction.is_some_and(|direction| direction.brightness);
-        let moments = if brightness { MOMENTS as u64 } else { 0 };
-        let rising = channels + u64::from(premultiplies) + moments;
+        let further = |level| direction.map_or(0, |direction| direction.channels(level) as u64);
+        let moments_level = direction.and_then(|direction| direction.moments);
+        let moments = |is_there: bool| if is_there { MOMENTS as u64 } else { 0 };
+        let sums = channels + u64::from(premultiplies);
         let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
         let level_bytes = |level: usize| {
             // No level has more planes than these.
             let count = self.sizes[level].0[0] as u64;
-            let stored = channels + if level > 0 { further } else { 0 };
+            let stored = channels + if level > 0 { further(level) } else { 0 };
             // Planes at work in each thread; with alpha, also the weights of a slab's colours, and
             // its alpha and diffuse colours for moments of brightness.
             let at_work = match (premultiplies, level) {
                 (false, _) => self.threads,
-                (true, 0) if brightness => 5 * thickness + 3 * self.threads,
+                (true, 0) if moments_level == Some(0) => 5 * thickness + 3 * self.threads,
                 (true, 0) => thickness + 2 * self.threads,
                 (true, _) => (1 + stored) * self.threads,
             };
             // Half as long along y.
+            let rising = sums + moments(moments_level.is_some_and(|first| level >= first));
             let ring = rising * (thickness + self.window()).min(count).div_ceil(2);
             // A slab that waits for the plane after it, and the plane before it.
             let slab_planes = (1 + slabs) * thickness + 1;
-            let waiting =
-                if premultiplies && level > 0 { rising * slab_planes.min(count) } else { 0 };
+            let came = sums + moments(moments_level.is_some_and(|first| level > first));
+            let waiting = if premultiplies && level > 0 { came * slab_planes.min(count) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
             let codes = (slabs * thickness).min(count) * stored * plane / 4 * self.bytes_per_code();
             codes + (at_work + ring + waiting) * plane

@@ -72,8 +72,10 @@ pub fn metadata(
         encoding_over(options.bits, decode, &scene.activation, &range)
     };
     let anisotropy = direction.map(|_| over(Decode::Anisotropy, LARGEST_FUNCTION * most));
-    let directional = direction.filter(|direction| direction.brightness);
-    let directional = directional.map(|_| over(Decode::Directional, LARGEST_BRIGHTNESS));
+    let directional = |level: usize| {
+        let has_brightness = direction.is_some_and(|direction| direction.has_brightness(level));
+        has_brightness.then(|| over(Decode::Directional, LARGEST_BRIGHTNESS))
+    };
     let level = |(number, table): (usize, &Table)| LevelMetadata {
         dimensions: table.grid().nodes.0,
         block_size: options.block_size,
@@ -83,7 +85,7 @@ pub fn metadata(
         diffuse: Some(color.clone()),
         features: (own_features > 0).then(|| color.clone()),
         bands: bands.clone(),
-        directional: directional.clone().filter(|_| number > 0),
+        directional: directional(number),
         anisotropy: anisotropy.clone().filter(|_| number > 0),
     };
     Metadata {

@@ -27,14 +27,14 @@ pub(super) type RowsAround<'a> = [[Option<&'a [f32]>; 3]; 3];
 pub(super) struct StructureTensor {
     /// Mean distance of nodes over that along each axis.
     scale: [f32; 3],
-    /// Products, summed over the cells between a node of the row and the next one.
+    /// Products, summed over the cells of a span between a node of the row and the next one.
     cells: [Vec<f32>; PRODUCTS],
 }
 
 impl StructureTensor {
     /// For rows of `nz` nodes, at least 2.
     pub fn new(scale: [f32; 3], nz: usize) -> Self {
-        Self { scale, cells: [(); PRODUCTS].map(|()| vec![0.0; nz - 1]) }
+        Self { scale, cells: [(); PRODUCTS].map(|()| vec![0.0; nz + 1]) }
     }
 
     /// The anisotropy of the nodes `start..end` of the middle row, whose stored densities are
@@ -46,9 +46,13 @@ impl StructureTensor {
         density: &[f32],
         values: [&mut [f32]; ANISOTROPY],
     ) {
-        let (first, last) = (start.saturating_sub(1), end.min(self.cells[0].len()));
-        let mut cells = self.cells.each_mut().map(|cells| &mut cells[first..last]);
+        // Cells outside the grid count nothing.
+        let (first, last) = (start.saturating_sub(1), end.min(self.cells[0].len() - 2));
+        let count = end - start + 1;
+        let mut cells = self.cells.each_mut().map(|cells| &mut cells[..count]);
         cells.iter_mut().for_each(|cells| cells.fill(0.0));
+        let inside = 1 + first - start..1 + last - start;
+        let mut inner = cells.each_mut().map(|cells| &mut cells[inside.clone()]);
         for low in [0, 1] {
             for left in [0, 1] {
                 let corner = |x: usize, y: usize| rows[low + x][left + y];
@@ -56,24 +60,25 @@ impl StructureTensor {
                     (corner(0, 0), corner(0, 1), corner(1, 0), corner(1, 1))
                 {
                     let corners = [a, b, c, d].map(|row| &row[first..=last]);
-                    add_products(corners, self.scale, &mut cells);
+                    add_products(corners, self.scale, &mut inner);
                 }
             }
         }
-        let none = [0.0; PRODUCTS];
-        let [va, vb, vc, vd, ve] = values;
-        let out = va.iter_mut().zip(vb).zip(vc).zip(vd).zip(ve);
-        for (i, ((((a, b), c), d), e)) in out.enumerate() {
-            let cell = |number: Option<usize>| {
-                let inside = number.filter(|number| (first..last).contains(number));
-                inside.map_or(none, |number| cells.each_ref().map(|cells| cells[number - first]))
-            };
-            let node = start + i;
-            let (before, after) = (cell(node.checked_sub(1)), cell(Some(node)));
-            let tensor: [f32; PRODUCTS] = std::array::from_fn(|k| before[k] + after[k]);
-            let share = density[i] / (tensor[0] + tensor[1] + tensor[2] + FLAT);
-            [*a, *b, *c, *d, *e] = of_tensor(tensor).map(|value| value * share);
-        }
+        divide(cells.map(|cells| &*cells), density, values);
+    }
+}
+
+/// The anisotropy of nodes from the sums of products of the cells before and behind each.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn divide(cells: [&[f32]; PRODUCTS], density: &[f32], values: [&mut [f32]; ANISOTROPY]) {
+    let count = density.len();
+    let cells = cells.map(|cells| &cells[..count + 1]);
+    let [va, vb, vc, vd, ve] = values.map(|values| &mut values[..count]);
+    for i in 0..count {
+        let tensor = cells.map(|cells| cells[i] + cells[i + 1]);
+        let share = density[i] / (tensor[0] + tensor[1] + tensor[2] + FLAT);
+        let [a, b, c, d, e] = of_tensor(tensor).map(|value| value * share);
+        (va[i], vb[i], vc[i], vd[i], ve[i]) = (a, b, c, d, e);
     }
 }
 

@@ -7,7 +7,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::FilterDomain;
+use super::sizes::level_sizes;
+use super::{FilterDomain, OpticalDepthGrid};
 use super::anisotropy::{RowsAround, StructureTensor};
 use super::brightness::{MOMENTS, Sums, along_axis};
 use super::filter::LevelFilter;
@@ -23,14 +24,15 @@ use crate::model::grid::{Bounds, Nodes, row};
 pub struct Direction {
     /// Lengths of the box's edges.
     extent: [f32; 3],
-    /// True if levels have directional brightness. All have anisotropy.
-    pub brightness: bool,
+    /// The level of whose nodes moments of brightness are made: coarser levels have directional
+    /// brightness. All have anisotropy.
+    pub moments: Option<usize>,
 }
 
 impl Direction {
     /// Over a box whose edges have these lengths.
-    pub fn new(extent: [f32; 3], brightness: bool) -> Self {
-        Self { extent, brightness }
+    pub fn new(extent: [f32; 3], moments: Option<usize>) -> Self {
+        Self { extent, moments }
     }
 
     /// Of the levels that `filter` makes of `field`; none where they look the same from all sides.
@@ -45,12 +47,22 @@ impl Direction {
         let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
         let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
         let extent = std::array::from_fn(|axis| max[axis] - min[axis]);
-        is_directional.then(|| Self::new(extent, has_room && is_logit))
+        // Bent normals are interpolated from the level on which light is followed. Within a node of
+        // the level above one that is twice as fine, they hardly differ.
+        let sizes = level_sizes(field.scene.nodes, usize::MAX);
+        let moments = OpticalDepthGrid::level(&sizes).saturating_sub(1);
+        let moments = (has_room && is_logit).then_some(moments);
+        is_directional.then(|| Self::new(extent, moments))
     }
 
-    /// Channels that a level has for it: those of brightness, then those of anisotropy.
-    pub fn channels(&self) -> usize {
-        ANISOTROPY + if self.brightness { DIRECTIONAL } else { 0 }
+    /// True if `level` has directional brightness.
+    pub fn has_brightness(&self, level: usize) -> bool {
+        self.moments.is_some_and(|moments| level > moments)
+    }
+
+    /// Channels that a coarser level has for it: those of brightness, then those of anisotropy.
+    pub fn channels(&self, level: usize) -> usize {
+        ANISOTROPY + if self.has_brightness(level) { DIRECTIONAL } else { 0 }
     }
 
     /// The mean distance of neighbouring nodes over that along each axis.
@@ -70,8 +82,8 @@ pub(super) struct DirectionPlane {
 }
 
 impl DirectionPlane {
-    /// A plane of a level of `nodes`, made of planes of `pool`.
-    pub fn new(direction: Direction, nodes: Nodes, pool: &PlanePool) -> Self {
+    /// A plane of `level`, of `nodes`, made of planes of `pool`.
+    pub fn new(direction: Direction, level: usize, nodes: Nodes, pool: &PlanePool) -> Self {
         let Nodes([_, ny, nz]) = nodes;
         // Anisotropy of a node that is not shown would make it visible.
         let anisotropy = [(); ANISOTROPY].map(|()| {
@@ -80,7 +92,7 @@ impl DirectionPlane {
             plane
         });
         let brightness =
-            direction.brightness.then(|| [(); DIRECTIONAL].map(|()| pool.take(ny * nz)));
+            direction.has_brightness(level).then(|| [(); DIRECTIONAL].map(|()| pool.take(ny * nz)));
         let tensor = StructureTensor::new(direction.gradient_scale(nodes), nz);
         Self { tensor, brightness, anisotropy }
     }

@@ -25,7 +25,7 @@ pub(super) struct VisibleColors<'a> {
     /// The meaning of colours.
     pub colors: ColorDomain,
     /// True if moments of brightness go up too.
-    pub brightness: bool,
+    pub moments: bool,
 }
 
 /// Consecutive planes of one level.
@@ -75,8 +75,8 @@ impl LevelStep<'_, '_> {
     }
 
     /// Makes planes of level 0 and filters the alpha of density, the first channel. With
-    /// `visible_colors` also the visible alpha, all colours premultiplied by it, and the moments of
-    /// [`super::brightness`] where those are asked for.
+    /// `visible_colors` also the visible alpha, all colours premultiplied by it, and moments of
+    /// brightness where those are asked for.
     pub fn premultiplied(
         &self,
         domain: &AlphaDomain,
@@ -95,17 +95,13 @@ impl LevelStep<'_, '_> {
             rows,
         };
         let alphas = if visible_colors.is_some() { 2 } else { 1 };
-        let brightness = visible_colors.is_some_and(|visible| visible.brightness);
-        let moments = if brightness { MOMENTS } else { 0 };
-        let mut filtered = self.output_planes(alphas + colors + moments);
-        let [mut alpha_outputs, mut moment_outputs] = [const { Vec::new() }; 2];
-        let mut color_outputs = Vec::new();
+        let moments = visible_colors.filter(|visible| visible.moments);
+        let mut filtered = self.output_planes(alphas + colors);
+        let (mut alpha_outputs, mut color_outputs) = (Vec::new(), Vec::new());
         for plane in &mut filtered {
-            let (alpha, rest) = plane.split_at_mut(alphas);
-            let (color, moments) = rest.split_at_mut(colors);
+            let (alpha, color) = plane.split_at_mut(alphas);
             alpha_outputs.push(alpha);
             color_outputs.extend(color);
-            moment_outputs.push(moments);
         }
         // Of each plane the weight of colours, and alpha where it is still read.
         let weights = parallel::map_mut(&mut alpha_outputs, |i, outputs| {
@@ -124,7 +120,7 @@ impl LevelStep<'_, '_> {
             filter.filter_plane(&readers[i], &mut visible, output, |rows, visible| {
                 band(i, rows).multiply(&sampler, &alpha, visible);
             });
-            if brightness {
+            if moments.is_some() {
                 return Ok([Some(visible), Some(alpha)]);
             }
             pool.give([alpha]);
@@ -141,39 +137,62 @@ impl LevelStep<'_, '_> {
                 band(i, rows).premultiply(meaning, &color, weight(i), premultiplied);
             });
             pool.give([color]);
-            if brightness && channel <= 3 {
+            if moments.is_some() && channel <= 3 {
                 return Ok(Some(premultiplied));
             }
             pool.give([premultiplied]);
             Ok(None)
         })?;
-        if let Some(VisibleColors { visibility, .. }) = visible_colors.filter(|_| brightness) {
-            parallel::map_mut(&mut moment_outputs, |i, outputs| {
-                let diffuse = [0, 1, 2].map(|channel| {
-                    premultiplied[i * colors + channel].as_deref().unwrap_or_default()
-                });
-                let alpha = weights[i][1].as_deref().unwrap_or_default();
-                let mut means = self.plane();
-                band(i, 0..required.nodes().0[1]).mean_color(diffuse, weight(i), &mut means);
-                let (plain, bright) = outputs.split_at_mut(DIRECTIONAL);
-                for (axis, (plain, bright)) in plain.iter_mut().zip(bright).enumerate() {
-                    let x = self.planes.start + i;
-                    let sampler = visibility.bent_sampler(required.nodes(), x, axis);
-                    let (mut bent, mut products) = (self.plane(), self.plane());
-                    filter.filter_plane(&readers[i], &mut bent, plain, |rows, bent| {
-                        band(i, rows).multiply(&sampler, alpha, bent);
-                    });
-                    filter.filter_plane(&readers[i], &mut products, bright, |rows, products| {
-                        band(i, rows).premultiply(ColorDomain::Linear, &means, &bent, products);
-                    });
-                    pool.give([bent, products]);
-                }
-                pool.give([means]);
-                Ok(())
-            })?;
+        if let Some(VisibleColors { visibility, .. }) = moments {
+            let sums = |i: usize| {
+                let [visible, alpha] = [0, 1].map(|k| weights[i][k].as_deref());
+                let [red, green, blue] =
+                    [0, 1, 2].map(|channel| premultiplied[i * colors + channel].as_deref());
+                [alpha, visible, red, green, blue].map(Option::unwrap_or_default)
+            };
+            self.add_moments(visibility, sums, &mut filtered)?;
         }
         pool.give(premultiplied.into_iter().chain(weights.into_iter().flatten()).flatten());
         Ok(filtered)
+    }
+
+    /// Makes the moments of [`super::brightness`] of each plane, and adds them to the `filtered`
+    /// channels, filtered too. `sums(i)` are alpha, visible alpha and the three diffuse colours of
+    /// plane `i`, premultiplied.
+    pub fn add_moments<'s>(
+        &self,
+        visibility: &Visibility,
+        sums: impl Fn(usize) -> [&'s [f32]; 5] + Sync + Send,
+        filtered: &mut Filtered,
+    ) -> Result<()> {
+        let Some(filter) = self.filter else { return Ok(()) };
+        let (readers, nodes, pool) = (self.readers()?, self.required.nodes(), self.pool);
+        let mut moments = self.output_planes(MOMENTS);
+        parallel::map_mut(&mut moments, |i, outputs| {
+            let [alpha, visible, red, green, blue] = sums(i);
+            let x = self.planes.start + i;
+            let band = |rows| RowBand { required: self.required, read: &readers[i].read, x, rows };
+            let mut means = self.plane();
+            band(0..nodes.0[1]).mean_color([red, green, blue], visible, &mut means);
+            let (plain, bright) = outputs.split_at_mut(DIRECTIONAL);
+            for (axis, (plain, bright)) in plain.iter_mut().zip(bright).enumerate() {
+                let sampler = visibility.bent_sampler(nodes, x, axis);
+                let (mut bent, mut products) = (self.plane(), self.plane());
+                filter.filter_plane(&readers[i], &mut bent, plain, |rows, bent| {
+                    band(rows).multiply(&sampler, alpha, bent);
+                });
+                filter.filter_plane(&readers[i], &mut products, bright, |rows, products| {
+                    band(rows).premultiply(ColorDomain::Linear, &means, &bent, products);
+                });
+                pool.give([bent, products]);
+            }
+            pool.give([means]);
+            Ok(())
+        })?;
+        for (channels, moments) in filtered.iter_mut().zip(moments) {
+            channels.extend(moments);
+        }
+        Ok(())
     }
 
     /// Planes for filtered values of so many channels.

@@ -71,7 +71,7 @@ impl OpacitySearch<'_> {
     pub fn run(&self, progress: &dyn Progress) -> Result<Opacity> {
         let (domain, weights) = (self.domain(), self.filter.weights());
         let extent = extent_in_intervals(&self.planes.field().scene);
-        let bent = self.direction.is_some_and(|direction| direction.brightness);
+        let bent = self.direction.is_some_and(|direction| direction.moments.is_some());
         let depths = domain.filter(|_| self.sizes.len() > 1).map(|domain| {
             OpticalDepthGrid::new(domain, self.sizes, extent).with_bent_normals(bent)
         });

@@ -76,22 +76,21 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// Channels of filtered planes where level 0 has `channels`.
-    fn channels(&self, channels: usize) -> usize {
+    /// Channels of filtered planes of a coarser `level` where level 0 has `channels`.
+    fn channels(&self, level: usize, channels: usize) -> usize {
+        let has_moments = self.moments().is_some_and(|moments| level > moments);
         match self {
             Self::Logits(range) => range.len(),
             Self::Alpha(_) => 1,
-            Self::Colors { .. } => channels + 1 + if self.brightness() { MOMENTS } else { 0 },
+            Self::Colors { .. } => channels + 1 + if has_moments { MOMENTS } else { 0 },
         }
     }
 
-    /// True if moments of brightness go up.
-    fn brightness(&self) -> bool {
+    /// The level of whose nodes moments of brightness are made.
+    fn moments(&self) -> Option<usize> {
         match self {
-            Self::Colors { direction, .. } => {
-                direction.is_some_and(|direction| direction.brightness)
-            }
-            _ => false,
+            Self::Colors { direction, .. } => direction.and_then(|direction| direction.moments),
+            _ => None,
         }
     }
 }
@@ -205,8 +204,8 @@ impl<'a> Flow<'a> {
             Content::Logits(range) => step.as_they_are(range, read, |_, _, _| Ok(()))?,
             Content::Alpha(domain) => step.premultiplied(domain, None, read)?,
             Content::Colors { domain, colors, visibility, .. } => {
-                let brightness = content.brightness();
-                let colors = VisibleColors { visibility, colors: *colors, brightness };
+                let moments = content.moments() == Some(0);
+                let colors = VisibleColors { visibility, colors: *colors, moments };
                 step.premultiplied(domain, Some(colors), read)?
             }
         };
@@ -243,7 +242,13 @@ impl<'a> Flow<'a> {
                 None => self.sink.plane(Plane { level: next, x, channel, values }),
             };
             let all = 0..self.channels(next);
-            let filtered = self.step(next, made..end).as_they_are(&all, sum, show)?;
+            let step = self.step(next, made..end);
+            let mut filtered = step.as_they_are(&all, sum, show)?;
+            if let Some((visibility, finisher)) = self.moments_of(next) {
+                let kept: Vec<_> = (made..end).map(|x| finisher.kept(x)).collect();
+                let sums = |i: usize| std::array::from_fn(|channel| kept[i][channel].as_slice());
+                step.add_moments(visibility, sums, &mut filtered)?;
+            }
             self.feed(next, filtered);
             made = end;
             self.retire(level, made);
@@ -255,10 +260,22 @@ impl<'a> Flow<'a> {
         Ok(())
     }
 
+    /// What moments of brightness are made of, if they are made of the nodes of `level`.
+    fn moments_of(&self, level: usize) -> Option<(&'a Visibility, &'a LevelFinisher<'a>)> {
+        match &self.pyramid.content {
+            Content::Colors { visibility, .. }
+                if self.pyramid.content.moments() == Some(level) =>
+            {
+                Some(visibility).copied().zip(self.finishers[level].as_ref())
+            }
+            _ => None,
+        }
+    }
+
     /// Channels of a level's planes on their way up.
     fn channels(&self, level: usize) -> usize {
         let channels = self.pyramid.source.channels();
-        if level == 0 { channels } else { self.pyramid.content.channels(channels) }
+        if level == 0 { channels } else { self.pyramid.content.channels(level, channels) }
     }
 
     /// Planes of a level that are to be made.

@@ -69,8 +69,11 @@ impl<'a> LevelFinisher<'a> {
         Self { level, domain, colors, direction, retained, channels, waiting, pool }
     }
 
-    fn has_brightness(&self) -> bool {
-        self.direction.is_some_and(|direction| direction.brightness)
+    /// Sums of a plane: alpha, visible alpha, colours, and moments of brightness.
+    fn sums(&self) -> usize {
+        let has_brightness =
+            self.direction.is_some_and(|direction| direction.has_brightness(self.level));
+        1 + self.channels + if has_brightness { MOMENTS } else { 0 }
     }
 
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
@@ -81,10 +84,14 @@ impl<'a> LevelFinisher<'a> {
     pub fn keep(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
         let other = self.pool.take(plane.len());
         let kept = Arc::new(std::mem::replace(plane, other));
-        let all = 1 + self.channels + if self.has_brightness() { MOMENTS } else { 0 };
         let mut waiting = self.waiting();
-        let channels = waiting.planes.entry(x).or_insert_with(|| vec![Arc::default(); all]);
-        channels[channel] = kept;
+        let sums = waiting.planes.entry(x).or_insert_with(|| vec![Arc::default(); self.sums()]);
+        sums[channel] = kept;
+    }
+
+    /// The sums of a plane that was kept and is still read.
+    pub fn kept(&self, x: usize) -> Vec<Arc<Vec<f32>>> {
+        self.waiting().planes.get(&x).cloned().unwrap_or_default()
     }
 
     /// Is told that all of these planes were kept, and shows finished ones to `sink`.
@@ -120,7 +127,7 @@ impl<'a> LevelFinisher<'a> {
         let mut finished: Vec<_> = (0..self.channels).map(|_| self.pool.take(ny * nz)).collect();
         let nodes = self.retained.nodes();
         let mut direction =
-            self.direction.map(|direction| DirectionPlane::new(direction, nodes, &self.pool));
+            self.direction.map(|of| DirectionPlane::new(of, self.level, nodes, &self.pool));
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
         let mut means = vec![0.0; nz];
         for y in 0..ny {

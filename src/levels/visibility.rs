@@ -174,6 +174,9 @@ impl Visibility {
         let plane = |x: usize| values(x * size..(x + 1) * size);
         let at = linear_tap(x, nx, coarse_x);
         let on_plane: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
+        if nz == coarse_z {
+            return PlaneSampler { nodes, coarse_y, values: on_plane };
+        }
         let columns: Vec<LinearTap> = (0..nz).map(|z| linear_tap(z, nz, coarse_z)).collect();
         let mut values = Vec::with_capacity(coarse_y * nz);
         for row in on_plane.chunks_exact(coarse_z) {
@@ -200,13 +203,16 @@ impl PlaneSampler {
         let [_, ny, nz] = self.nodes.0;
         let (y, z) = (first / nz, first % nz);
         let at = linear_tap(y, ny, self.coarse_y);
-        let row = |y: usize| self.values[y * nz + z..][..values.len()].iter().copied();
-        multiply(values, mix(row(at.low), row(at.high), at.fraction), products);
+        let row = |y: usize| &self.values[y * nz + z..][..values.len()];
+        multiply_mixed(values, row(at.low), row(at.high), at.fraction, products);
     }
 }
 
-fn multiply(values: &[f32], by: impl Iterator<Item = f32>, products: &mut [f32]) {
-    for ((product, value), by) in products.iter_mut().zip(values).zip(by) {
+/// Multiplies `values` by `low` and `high`, mixed.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn multiply_mixed(values: &[f32], low: &[f32], high: &[f32], fraction: f32, products: &mut [f32]) {
+    let mixed = low.iter().zip(high).map(|(low, high)| low + (high - low) * fraction);
+    for ((product, value), by) in products.iter_mut().zip(values).zip(mixed) {
         *product = value * by;
     }
 }

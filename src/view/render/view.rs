@@ -87,7 +87,7 @@ impl View {
             finest: 0,
             view_dependence: field.view.clone(),
             color_domain: field.color_domain,
-            directional: direction.is_some_and(|direction| direction.brightness),
+            directional: direction.is_some_and(|direction| direction.moments.is_some()),
             anisotropic: direction.is_some(),
             free_space: field.free_space.clone(),
             features: field.color_channels().saturating_sub(3),

@@ -1,6 +1,5 @@
 //! A field as trained, in memory.
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::level::{Cell, Values, split};
@@ -220,9 +219,7 @@ fn fill<const C: usize>(
     let levels = values.iter_mut().map(Values::planes).collect();
     let pyramid =
         Pyramid { source: &pass, required: &required, content, slab: SLAB, pipelined: true };
-    let brightness = direction.is_some_and(|direction| direction.brightness);
-    let brightness = channels..channels + if brightness { DIRECTIONAL } else { 0 };
-    let sink = DenseSink { levels, brightness };
+    let sink = DenseSink { levels, channels, direction };
     pyramid.run(&sink, Step::Encode, &Silent)?;
     drop(pyramid);
     planes.accepted(pass.finish()?.nonfinite()).map(|_| ())
@@ -232,26 +229,29 @@ fn fill<const C: usize>(
 struct DenseSink<'a, const C: usize> {
     /// By level and plane.
     levels: Vec<Vec<Mutex<ArrayPlane<'a, C>>>>,
-    /// The channels of directional brightness. Those of anisotropy follow.
-    brightness: Range<usize>,
+    /// Channels of level 0. Those of directional brightness follow, then those of anisotropy.
+    channels: usize,
+    direction: Option<Direction>,
 }
 
 impl<const C: usize> PlaneSink for DenseSink<'_, C> {
     fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
         let mut plane = self.levels[level][x].lock().unwrap_or_else(PoisonError::into_inner);
         let ArrayPlane { density, color, anisotropy } = &mut *plane;
+        let has_brightness = self.direction.is_some_and(|of| of.has_brightness(level));
+        let brightness = self.channels..self.channels + if has_brightness { DIRECTIONAL } else { 0 };
         let lane = match density {
             Some(density) if channel == 0 => {
                 density.copy_from_slice(values);
                 return Ok(());
             }
-            _ if channel >= self.brightness.end => {
-                let number = channel - self.brightness.end;
+            _ if channel >= brightness.end => {
+                let number = channel - brightness.end;
                 anisotropy.iter_mut().zip(values).for_each(|(node, value)| node[number] = *value);
                 return Ok(());
             }
             // The last lanes.
-            _ if channel >= self.brightness.start => C - (self.brightness.end - channel),
+            _ if channel >= brightness.start => C - (brightness.end - channel),
             Some(_) => channel - 1,
             None => channel,
         };
