@@ -182,7 +182,8 @@ impl Needs<'_> {
             // A slab that waits for the plane after it, and the plane before it.
             let slab_planes = (1 + slabs) * thickness + 1;
             let came = sums + moments(moments_level.is_some_and(|first| level > first));
-            let waiting = if premultiplies && level > 0 { came * slab_planes.min(count) } else { 0 };
+            let waiting =
+                if premultiplies && level > 0 { came * slab_planes.min(count) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
             let codes = (slabs * thickness).min(count) * stored * plane / 4 * self.bytes_per_code();
             codes + (at_work + ring + waiting) * plane

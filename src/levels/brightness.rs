@@ -15,6 +15,10 @@
 //! 0.05 keeps faint nodes faint. The last factor turns colours into logits. The sums are filtered
 //! like alpha. The last of them is bounded by the two sums that the levels have already:
 //! `(sum of alpha v)^2 <= sum of alpha * sum of alpha v^2`.
+//!
+//! The fine nodes are those of the level [`super::Direction::moments`]: the level before the one on
+//! which light is followed, or level 0. If it is not level 0, its nodes have brightnesses `y` of
+//! their own, means over the nodes that they stand for.
 
 use multiversion::multiversion;
 

@@ -7,12 +7,12 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::sizes::level_sizes;
-use super::{FilterDomain, OpticalDepthGrid};
 use super::anisotropy::{RowsAround, StructureTensor};
 use super::brightness::{MOMENTS, Sums, along_axis};
 use super::filter::LevelFilter;
 use super::plane::PlanePool;
+use super::sizes::level_sizes;
+use super::{FilterDomain, OpticalDepthGrid};
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::DensityDomain;
 use crate::model::directional::{DIRECTIONAL, MOST_CHANNELS};
@@ -47,8 +47,8 @@ impl Direction {
         let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
         let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
         let extent = std::array::from_fn(|axis| max[axis] - min[axis]);
-        // Bent normals are interpolated from the level on which light is followed. Within a node of
-        // the level above one that is twice as fine, they hardly differ.
+        // Bent normals are interpolated from the level on which light is followed. They hardly differ
+        // between nodes of levels that are more than twice as fine.
         let sizes = level_sizes(field.scene.nodes, usize::MAX);
         let moments = OpticalDepthGrid::level(&sizes).saturating_sub(1);
         let moments = (has_room && is_logit).then_some(moments);

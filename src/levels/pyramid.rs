@@ -263,9 +263,7 @@ impl<'a> Flow<'a> {
     /// What moments of brightness are made of, if they are made of the nodes of `level`.
     fn moments_of(&self, level: usize) -> Option<(&'a Visibility, &'a LevelFinisher<'a>)> {
         match &self.pyramid.content {
-            Content::Colors { visibility, .. }
-                if self.pyramid.content.moments() == Some(level) =>
-            {
+            Content::Colors { visibility, .. } if self.pyramid.content.moments() == Some(level) => {
                 Some(visibility).copied().zip(self.finishers[level].as_ref())
             }
             _ => None,

@@ -62,16 +62,18 @@ impl PlaneSink for ArraySink {
 /// All levels of arrays.
 pub fn levels(channels: &[Vec<f32>], required: &RequiredNodes, content: Content) -> Vec<Channels> {
     let sizes: Vec<Nodes> = required.levels().iter().map(NodeMask::nodes).collect();
-    let stored = match &content {
+    let stored = |level: usize| match &content {
         Content::Logits(range) => range.len(),
         Content::Alpha(_) => 1,
         Content::Colors { direction, .. } => {
-            channels.len() + direction.map_or(0, |direction| direction.channels())
+            channels.len() + direction.map_or(0, |direction| direction.channels(level))
         }
     };
-    let level = |nodes: &Nodes| (0..stored).map(|_| Mutex::new(vec![0.0; nodes.count()])).collect();
-    let sink =
-        ArraySink { levels: sizes.iter().map(level).collect(), told: vec![0; sizes.len()].into() };
+    let level = |(level, nodes): (usize, &Nodes)| {
+        (0..stored(level)).map(|_| Mutex::new(vec![0.0; nodes.count()])).collect()
+    };
+    let told = Mutex::new(vec![0; sizes.len()]);
+    let sink = ArraySink { levels: sizes.iter().enumerate().map(level).collect(), told };
     let source = &ArraySource { channels, inside: required.level(0) };
     Pyramid { source, required, content, slab: 3, pipelined: true }
         .run(&sink, Step::Encode, &Silent)

@@ -239,7 +239,8 @@ impl<const C: usize> PlaneSink for DenseSink<'_, C> {
         let mut plane = self.levels[level][x].lock().unwrap_or_else(PoisonError::into_inner);
         let ArrayPlane { density, color, anisotropy } = &mut *plane;
         let has_brightness = self.direction.is_some_and(|of| of.has_brightness(level));
-        let brightness = self.channels..self.channels + if has_brightness { DIRECTIONAL } else { 0 };
+        let brightness =
+            self.channels..self.channels + if has_brightness { DIRECTIONAL } else { 0 };
         let lane = match density {
             Some(density) if channel == 0 => {
                 density.copy_from_slice(values);
