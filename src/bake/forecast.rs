@@ -86,7 +86,7 @@ pub fn forecast(
         options,
         visible: &visible,
         fitted: None,
-        pipelined: memory.is_none_or(|memory| memory.pipelined),
+        pipelined: memory.pipelined,
         is_window: true,
     };
     let packing = packing(options, options.max_error, &source, &visible, &importance, None);
@@ -118,10 +118,8 @@ pub fn forecast(
         level.stored_bytes = (whole[number] as f64 * bytes_per_node) as u64;
     }
     let output_bytes: u64 = levels.iter().map(|level| level.stored_bytes).sum();
-    let more_held = output_bytes.saturating_sub(held);
-    // Runs beyond the bound wait in a file.
-    let more_held =
-        memory.map_or(more_held, |memory| more_held.min(memory.run_bytes.saturating_sub(held)));
+    // Runs that find no room in memory wait in a file.
+    let more_held = output_bytes.min(memory.run_bytes).saturating_sub(held);
     // Inheritance holds the codes of level 0's colours as they are and as they will be.
     let color = metadata.levels.first().and_then(|level| level.encoding(Group::Diffuse));
     let code = color.map_or(0, |encoding| encoding.number.bytes());

@@ -1,11 +1,12 @@
-//! Bakes within a bound on memory.
+//! The memory of bakes, within a bound or without one.
 //!
 //! Everything that a bake holds at once follows from sizes and the number of threads, except the
 //! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their
 //! way through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
 //! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. If the
 //! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
-//! halves the planes. No byte of the output depends on either.
+//! halves the planes. No byte of the output depends on either. A bake without a bound keeps a fixed
+//! amount of runs in memory.
 //!
 //! Memory is that of the process as the operating system counts it, with the program itself.
 
@@ -32,6 +33,10 @@ const KEPT_SHARE: (u64, u64) = (1, 2);
 /// Frames that a thread keeps a share of, at most.
 const KEPT_BYTES: u64 = 8 << 20;
 
+/// Compressed runs that stay in memory if there is no bound. Writing the rest and reading it again
+/// costs less than a hundredth of a bake; memory for it could be half of a large scene's.
+const UNBOUNDED_RUN_BYTES: u64 = 64 << 20;
+
 /// The way in which a bake keeps to its bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryPlan {
@@ -42,10 +47,17 @@ pub struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// For a bake, if its options have a bound.
-    pub fn of_bake(field: &RadianceField, options: &BakeOptions) -> Result<Option<Self>> {
+    /// For a bake within its bound, or as fast as it goes if there is none.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::TooLittleMemory`] with the least bound that would do.
+    pub fn of_bake(field: &RadianceField, options: &BakeOptions) -> Result<Self> {
         let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
-        options.memory.map(|bound| Self::new(field, options, &sizes, bound)).transpose()
+        match options.memory {
+            Some(bound) => Self::new(field, options, &sizes, bound),
+            None => Ok(Self { pipelined: true, run_bytes: UNBOUNDED_RUN_BYTES }),
+        }
     }
 
     /// The least bound that a bake would keep to; none where its options allow no bound.
@@ -56,10 +68,6 @@ impl MemoryPlan {
     }
 
     /// For a bake with options whose bound is `bound`.
-    ///
-    /// # Errors
-    ///
-    /// [`ErrorKind::TooLittleMemory`] with the least bound that would do.
     fn new(
         field: &RadianceField,
         options: &BakeOptions,

@@ -68,16 +68,15 @@ pub fn bake(
         options,
         visible: &visible,
         fitted: fitted.as_ref(),
-        pipelined: memory.is_none_or(|memory| memory.pipelined),
+        pipelined: memory.pipelined,
         is_window: false,
     };
     let folder = output.folder();
     // A search holds the best container so far beside the one that it tries.
     let share = if options.max_bytes.is_some() { 2 } else { 1 };
     let mut pack = |max_errors: Option<MaxErrors>| {
-        let store = memory.map(|memory| RunStore::new(memory.run_bytes / share, &folder));
-        let store = store.transpose()?;
-        let packing = packing(options, max_errors, &source, &visible, &importance, store.as_ref());
+        let store = RunStore::new(memory.run_bytes / share, &folder);
+        let packing = packing(options, max_errors, &source, &visible, &importance, Some(&store));
         let mut metadata = metadata.clone();
         let (encoded, summary) =
             packing.run(&mut metadata, tables.clone(), &mut stages, progress)?;

@@ -1,6 +1,6 @@
 //! A place for compressed runs that wait until the coarsest level is there.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::base::bytes::Spill;
@@ -10,31 +10,48 @@ use crate::codec::container::CompressedRun;
 /// Memory for compressed runs, and a file for those that find no room in it.
 #[derive(Debug)]
 pub struct RunStore {
-    bytes_left: Mutex<u64>,
-    spill: Arc<Spill>,
+    /// The folder of the file.
+    folder: PathBuf,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    bytes_left: u64,
+    /// The file, once a run needs it.
+    spill: Option<Arc<Spill>>,
 }
 
 impl RunStore {
     /// For this many bytes in memory; other runs go to a nameless file on the disk of `folder`.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be made.
-    pub fn new(bytes: u64, folder: &Path) -> Result<Self> {
-        Ok(Self { bytes_left: Mutex::new(bytes), spill: Arc::new(Spill::new(folder)?) })
+    pub fn new(bytes: u64, folder: &Path) -> Self {
+        let state = State { bytes_left: bytes, spill: None };
+        Self { folder: folder.to_owned(), state: Mutex::new(state) }
     }
 
     /// Keeps a run.
     ///
     /// # Errors
     ///
-    /// The file cannot be written.
+    /// The file cannot be made or written.
     pub fn keep(&self, run: &mut CompressedRun) -> Result<()> {
-        let mut bytes_left = self.bytes_left.lock().unwrap_or_else(PoisonError::into_inner);
-        match bytes_left.checked_sub(run.length()) {
-            Some(rest) => *bytes_left = rest,
-            None => run.spill(&self.spill)?,
+        match self.spill_for(run.length())? {
+            Some(spill) => run.spill(&spill),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Counts a run of this many bytes. The file, if memory has no room for them.
+    fn spill_for(&self, bytes: u64) -> Result<Option<Arc<Spill>>> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(rest) = state.bytes_left.checked_sub(bytes) {
+            state.bytes_left = rest;
+            return Ok(None);
+        }
+        let spill = match state.spill.take() {
+            Some(spill) => spill,
+            None => Arc::new(Spill::new(&self.folder)?),
+        };
+        Ok(Some(Arc::clone(state.spill.insert(spill))))
     }
 }

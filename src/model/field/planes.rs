@@ -9,7 +9,7 @@ use crate::model::field::{Grid, RadianceField, Volume};
 use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
-const BRIDGED_BYTES: usize = 1024;
+const BRIDGED_BYTES: usize = 4096;
 
 /// Treatment of values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

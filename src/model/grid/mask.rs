@@ -29,11 +29,10 @@ impl NodeMask {
 
     /// Every node.
     pub fn full(nodes: Nodes) -> Self {
-        let mut mask = Self::empty(nodes);
-        for row in mask.bits.chunks_exact_mut(mask.words) {
-            row::set_between(row, 0, nodes.0[2]);
-        }
-        mask
+        let words = row::words(nodes);
+        let mut bits = vec![u64::MAX; nodes.0[0] * nodes.0[1] * words];
+        bits.chunks_exact_mut(words).for_each(|row| row::clear_from(row, nodes.0[2]));
+        Self { nodes, words, bits }
     }
 
     /// The nodes that are not in the set.
@@ -58,7 +57,11 @@ impl NodeMask {
         fill: impl Fn(usize, &mut [u64]) -> Result<()> + Sync + Send,
     ) -> Result<Self> {
         let mut mask = Self::empty(nodes);
-        parallel::map_mut(&mut mask.planes_mut(0), |x, rows| fill(x, rows))?;
+        parallel::map_mut(&mut mask.planes_mut(0), |x, rows| {
+            // Pages that are read before they are written are made twice, and all threads wait.
+            rows.fill(0);
+            fill(x, rows)
+        })?;
         Ok(mask)
     }
 
