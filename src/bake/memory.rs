@@ -34,7 +34,7 @@ const KEPT_SHARE: (u64, u64) = (1, 2);
 const KEPT_BYTES: u64 = 8 << 20;
 
 /// Compressed runs that stay in memory if there is no bound. Writing the rest and reading it again
-/// costs less than a hundredth of a bake; memory for it could be half of a large scene's.
+/// costs a fiftieth of a bake; memory for it would be a third of a large scene's.
 const UNBOUNDED_RUN_BYTES: u64 = 64 << 20;
 
 /// The way in which a bake keeps to its bound.

@@ -50,6 +50,8 @@ pub fn frames_per_run(shape: FrameShape) -> usize {
 pub struct CompressedRun {
     bytes: Held,
     length: u32,
+    /// CRC-32 of the bytes.
+    checksum: u32,
     stored: bool,
 }
 
@@ -73,7 +75,8 @@ impl CompressedRun {
         let stored = packed.len() >= run.bytes.len();
         let mut bytes = if stored { run.bytes } else { packed };
         bytes.shrink_to_fit();
-        Ok(Self { length: fits_u32(bytes.len())?, bytes: Held::InMemory(bytes), stored })
+        let (length, checksum) = (fits_u32(bytes.len())?, crc32fast::hash(&bytes));
+        Ok(Self { bytes: Held::InMemory(bytes), length, checksum, stored })
     }
 
     /// Bytes of the run.
@@ -161,14 +164,30 @@ impl EncodedAtlas {
 
     /// Calls `take` with the chunk's bytes, piece by piece.
     pub fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-        let mut head = Vec::new();
+        take(&self.head()?)?;
+        self.runs.iter().try_for_each(|run| take(&run.bytes()?))
+    }
+
+    /// Length and CRC-32 of the chunk, from those of its runs.
+    pub fn length_and_checksum(&self) -> Result<(u64, u32)> {
+        let head = self.head()?;
+        let mut sum = crc32fast::Hasher::new();
+        sum.update(&head);
+        for run in &self.runs {
+            sum.combine(&crc32fast::Hasher::new_with_initial_len(run.checksum, run.length()));
+        }
+        Ok((head.len() as u64 + self.bytes(), sum.finalize()))
+    }
+
+    /// The chunk's bytes before the runs.
+    fn head(&self) -> Result<Vec<u8>> {
+        let mut head = Vec::with_capacity(8 + 4 * self.runs.len());
         head.extend(self.frames_per_run.to_le_bytes());
         head.extend(fits_u32(self.runs.len())?.to_le_bytes());
         for run in &self.runs {
             head.extend((run.length | if run.stored { STORED } else { 0 }).to_le_bytes());
         }
-        take(&head)?;
-        self.runs.iter().try_for_each(|run| take(&run.bytes()?))
+        Ok(head)
     }
 }
 

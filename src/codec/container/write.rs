@@ -66,6 +66,13 @@ enum Content<'a> {
 }
 
 impl Content<'_> {
+    fn length_and_checksum(&self) -> Result<(u64, u32)> {
+        match self {
+            Self::Bytes(bytes) => Ok((bytes.len() as u64, crc32fast::hash(bytes))),
+            Self::Atlas(atlas) => atlas.length_and_checksum(),
+        }
+    }
+
     fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         match self {
             Self::Bytes(bytes) => take(bytes),
@@ -85,20 +92,9 @@ pub fn write(
     let mut entries = Vec::with_capacity(chunks.len());
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
     for chunk in &chunks {
-        let (mut sum, mut length) = (crc32fast::Hasher::new(), 0);
-        chunk.content.for_each_piece(|piece| {
-            sum.update(piece);
-            length += piece.len() as u64;
-            Ok(())
-        })?;
-        let entry = Entry {
-            kind: chunk.kind,
-            level: chunk.level,
-            offset,
-            length,
-            prefix: 0,
-            checksum: sum.finalize(),
-        };
+        let (length, checksum) = chunk.content.length_and_checksum()?;
+        let (kind, level) = (chunk.kind, chunk.level);
+        let entry = Entry { kind, level, offset, length, prefix: 0, checksum };
         offset = entry.padded_end();
         entries.push(entry);
     }
