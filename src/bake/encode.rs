@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::MaxErrors;
+use super::importance::LevelImportance;
 use super::run_store::RunStore;
 use crate::base::error::{Error, Place, Result};
 use crate::base::parallel;
@@ -40,12 +41,12 @@ pub struct EncodeOptions<'a> {
     pub importance: Option<Importance<'a>>,
 }
 
-/// Shares of nodes in pictures.
+/// How far colours may move by the importance of their nodes.
 #[derive(Debug, Clone, Copy)]
 pub struct Importance<'a> {
-    /// Of each node of the level, in units of their mean; z fastest.
-    pub by_node: &'a [f32],
-    /// Codes that colours may move by at the mean.
+    /// Of the level's nodes.
+    pub level: &'a LevelImportance,
+    /// Codes that colours may move by at a node of importance 1.
     pub coarseness: f32,
 }
 
@@ -252,7 +253,7 @@ impl Importance<'_> {
             let inside = [node / (edge * edge), node / edge % edge, node % edge];
             let [x, y, z] = [0, 1, 2].map(|axis| source.place[axis] * edge + inside[axis]);
             let has = x < sizes[0] && y < sizes[1] && z < sizes[2];
-            if has { self.by_node[(x * sizes[1] + y) * sizes[2] + z] } else { 0.0 }
+            if has { self.level.node(sizes, [x, y, z]) } else { 0.0 }
         };
         (0..edge.pow(3)).map(node_importance).collect()
     }

@@ -1,27 +1,33 @@
-//! Importance of each level's nodes to given cameras.
+//! Importance of each level's nodes to given cameras, or to viewers in the empty space nearby.
 //!
-//! Level 0's is measured ([`crate::view::render::camera_coverage`]). A camera that looks at level
-//! `k` is `2^k` times as far away, and its picture of that level is like one of level 0. So a
-//! coarser node is as important, against the mean of its level, as the finer nodes around it are
-//! against the mean of theirs. Each level's importance is therefore the one before it, averaged and
-//! resized as levels are, in units of its own mean again.
+//! That of one level is measured ([`crate::view::render::camera_coverage`],
+//! [`crate::levels::importance`]). A camera that looks at level `k` is `2^k` times as far away, and
+//! its picture of that level is like one of level 0. So a coarser node is as important, against the
+//! unit of its level, as the finer nodes around it are against the unit of theirs. Each coarser
+//! level's importance is therefore the one before it, averaged and resized as levels are, in a unit
+//! of its own again. Finer levels take the measured one between its nodes.
 
-use super::{BakeOptions, Importance};
+use std::sync::Arc;
+
+use super::BakeOptions;
 use crate::levels::Kernel;
+use crate::levels::importance::NodeImportance;
 use crate::levels::taps::AxisTaps;
+use crate::levels::visibility::{LinearTap, linear_tap};
 use crate::model::grid::Nodes;
 use crate::view::render::CameraCoverage;
 
-/// Of one level's nodes, z fastest.
+/// Of one level's nodes.
 #[derive(Debug)]
 pub struct LevelImportance {
-    /// Of squared errors of colours, in units of their mean over the nodes that have any.
-    color: Vec<f32>,
+    /// That of squared errors of colours, at nodes of this level or of a coarser one.
+    color: Arc<NodeImportance>,
 }
 
 impl LevelImportance {
-    /// Of every level, finest first; none where nothing depends on it.
-    pub fn of_levels(
+    /// Of every level to cameras, finest first; none where nothing depends on it. The unit is the
+    /// mean of a level's nodes that have any.
+    pub fn of_cameras(
         coverage: CameraCoverage,
         sizes: &[Nodes],
         options: &BakeOptions,
@@ -29,26 +35,66 @@ impl LevelImportance {
         if options.coarseness == 0.0 && options.fill_error.is_none() {
             return Vec::new();
         }
-        let mut levels = vec![Self { color: coverage.importance }];
-        for pair in sizes.windows(2) {
-            let color = levels.last().map(|finer| coarser(&finer.color, pair[0], pair[1]));
-            levels.extend(color.map(|color| Self { color }));
+        let finest = NodeImportance { nodes: sizes[0], values: coverage.importance };
+        Self::of_levels(finest, sizes, in_units_of_mean)
+    }
+
+    /// Of every level to viewers nearby, finest first, from the one that was measured.
+    pub fn of_nearby(measured: NodeImportance, sizes: &[Nodes]) -> Vec<Self> {
+        Self::of_levels(measured, sizes, NodeImportance::with_values)
+    }
+
+    fn of_levels(
+        measured: NodeImportance,
+        sizes: &[Nodes],
+        with_values: impl Fn(Nodes, Vec<f32>) -> NodeImportance,
+    ) -> Vec<Self> {
+        let mut color = Arc::new(measured);
+        let level = |&nodes: &Nodes| {
+            if nodes.count() < color.nodes.count() {
+                let values = coarser(&color.values, color.nodes, nodes);
+                color = Arc::new(with_values(nodes, values));
+            }
+            Self { color: Arc::clone(&color) }
+        };
+        sizes.iter().map(level).collect()
+    }
+
+    /// That of the node at a place of the level, which has so many nodes.
+    pub fn node(&self, nodes: [usize; 3], at: [usize; 3]) -> f32 {
+        let NodeImportance { nodes: Nodes(own), values } = &*self.color;
+        let value = |[x, y, z]: [usize; 3]| values[(x * own[1] + y) * own[2] + z];
+        if nodes == *own {
+            return value(at);
         }
-        levels
-    }
-
-    /// That of the node at a place of a level with so many nodes.
-    pub fn node(&self, sizes: [usize; 3], [x, y, z]: [usize; 3]) -> f32 {
-        self.color[(x * sizes[1] + y) * sizes[2] + z]
-    }
-
-    /// As encoders take it.
-    pub fn importance(&self, coarseness: f32) -> Importance<'_> {
-        Importance { by_node: &self.color, coarseness }
+        let taps: [LinearTap; 3] =
+            std::array::from_fn(|axis| linear_tap(at[axis], nodes[axis], own[axis]));
+        let mut sum = 0.0;
+        for corner in 0..8usize {
+            let high = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let weight = |axis: usize| match high[axis] {
+                0 => 1.0 - taps[axis].fraction,
+                _ => taps[axis].fraction,
+            };
+            let place = [0, 1, 2].map(|axis| [taps[axis].low, taps[axis].high][high[axis]]);
+            sum += weight(0) * weight(1) * weight(2) * value(place);
+        }
+        sum
     }
 }
 
-/// The importance of the next coarser level's nodes, in units of the mean of the values above 0.
+/// In units of the mean of the values above 0.
+fn in_units_of_mean(nodes: Nodes, mut values: Vec<f32>) -> NodeImportance {
+    let some = values.iter().filter(|&&value| value > 0.0);
+    let mean =
+        some.clone().map(|&value| f64::from(value)).sum::<f64>() / some.count().max(1) as f64;
+    if mean > 0.0 {
+        values.iter_mut().for_each(|value| *value = (f64::from(*value) / mean) as f32);
+    }
+    NodeImportance { nodes, values }
+}
+
+/// The importance of the next coarser level's nodes, in units of the finer one's.
 fn coarser(finer: &[f32], from: Nodes, to: Nodes) -> Vec<f32> {
     let mut values = finer.to_vec();
     let mut sizes = from.0;
@@ -69,12 +115,6 @@ fn coarser(finer: &[f32], from: Nodes, to: Nodes) -> Vec<f32> {
         }
         values = out;
         sizes[axis] = to.0[axis];
-    }
-    let some = values.iter().filter(|&&value| value > 0.0);
-    let mean =
-        some.clone().map(|&value| f64::from(value)).sum::<f64>() / some.count().max(1) as f64;
-    if mean > 0.0 {
-        values.iter_mut().for_each(|value| *value = (f64::from(*value) / mean) as f32);
     }
     values
 }

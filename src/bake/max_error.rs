@@ -68,6 +68,12 @@ impl MaxErrors {
         self
     }
 
+    /// Those that a level is held to: their [`level_share`].
+    #[must_use]
+    pub fn of_level(self, level: usize) -> Self {
+        if level < 2 { self } else { self.scaled(level_share(level)) }
+    }
+
     /// That of a group.
     pub fn of(&self, group: Group) -> f32 {
         self.by_group[group.index()]
@@ -120,6 +126,13 @@ impl MaxErrors {
     pub fn from_json(json: &Value) -> Option<Self> {
         json.as_f64().map(|error| (error as f32).into()).or_else(|| json.as_str()?.parse().ok())
     }
+}
+
+/// The share of errors that a level is held to: from level 2 on half of that of the level before. A
+/// far picture reads few nodes, so their errors do not cancel out. There are few such nodes, so
+/// more bits for them are few bytes.
+pub fn level_share(level: usize) -> f64 {
+    libm::exp2(1.0 - level.max(1) as f64)
 }
 
 impl From<f32> for MaxErrors {

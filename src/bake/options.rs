@@ -81,6 +81,10 @@ pub struct BakeOptions {
     /// [`seen_from`](Self::seen_from) as the mean node of their level; more at nodes that add less.
     /// 0 to 64. Default: 0
     pub coarseness: f32,
+    /// Codes by which colours may be moved at nodes of importance 1 to viewers in the empty space
+    /// around them ([`crate::levels::importance`]); more at less important ones. It counts where
+    /// `coarseness` is 0 and levels average alpha. 0 to 64. Default: 0
+    pub nearby_coarseness: f32,
     /// Largest error, in colour and features from 0 to 1, within which blocks inherit their colours
     /// from the next coarser level; the error of the codes comes on top. With
     /// [`seen_from`](Self::seen_from) it holds at nodes of mean importance, and is larger at less
@@ -119,6 +123,7 @@ impl Default for BakeOptions {
             photographs: None,
             min_weight: None,
             coarseness: 0.0,
+            nearby_coarseness: 0.0,
             fill_error: None,
             seen_from: Vec::new(),
             memory: None,
@@ -180,6 +185,16 @@ impl BakeOptions {
         self.min_weight.is_some() || self.coarseness > 0.0
     }
 
+    /// True if the result depends on the importance of nodes to viewers nearby.
+    pub(super) fn is_seen_nearby(&self) -> bool {
+        self.coarseness == 0.0 && self.nearby_coarseness > 0.0
+    }
+
+    /// Codes that colours may move by at a node of importance 1, to whomever.
+    pub(super) fn moved_codes(&self) -> f32 {
+        if self.is_seen_nearby() { self.nearby_coarseness } else { self.coarseness }
+    }
+
     /// True if a bake holds a whole level at once, so that no bound on memory is kept.
     pub(super) fn holds_level(&self) -> bool {
         self.filter.is_fitted() || self.sees() || self.fill_error.is_some()
@@ -232,12 +247,11 @@ impl BakeOptions {
         let is_share = |value: f32| value > 0.0 && value <= 1.0;
         let weight = self.min_weight.unwrap_or(1.0);
         Error::require_option(is_share(weight), "min_weight", weight, "above 0 and at most 1")?;
-        Error::require_option(
-            (0.0..=64.0).contains(&self.coarseness),
-            "coarseness",
-            self.coarseness,
-            "0 to 64",
-        )?;
+        for (name, codes) in
+            [("coarseness", self.coarseness), ("nearby_coarseness", self.nearby_coarseness)]
+        {
+            Error::require_option((0.0..=64.0).contains(&codes), name, codes, "0 to 64")?;
+        }
         let fill = self.fill_error.unwrap_or(1.0);
         Error::require_option(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
         let fits_rule = self.lod_rule.is_some() && self.filter.is_fitted();
@@ -301,6 +315,9 @@ impl BakeOptions {
         }
         if self.coarseness > 0.0 {
             options["coarseness"] = self.coarseness.into();
+        }
+        if self.is_seen_nearby() {
+            options["nearby_coarseness"] = self.nearby_coarseness.into();
         }
         if let Some(fill_error) = self.fill_error {
             options["fill_error"] = fill_error.into();

@@ -7,10 +7,11 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::LevelPlanes;
-use super::encode::{EncodeOptions, ErrorBound, LevelEncoder};
+use super::encode::{EncodeOptions, ErrorBound, Importance, LevelEncoder};
 use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
 use super::level_source::LevelSource;
+use super::max_error::level_share;
 use super::ranges::{EncodingChoice, RangeSink};
 use super::report::Stages;
 use super::run_store::RunStore;
@@ -31,9 +32,9 @@ pub struct Packing<'a> {
     pub choice: Option<EncodingChoice>,
     /// The bound that values are held to as they are encoded.
     pub bound: ErrorBound,
-    /// The importance of each level's nodes to given cameras; empty where all count alike.
+    /// The importance of each level's nodes; empty where all count alike.
     pub importance: &'a [LevelImportance],
-    /// Codes that colours may move by at nodes of mean importance.
+    /// Codes that colours may move by at nodes of importance 1.
     pub coarseness: f32,
     /// The blocks that may inherit their colours.
     pub inheritance: Option<Inheritance<'a>>,
@@ -77,7 +78,8 @@ impl Packing<'_> {
     fn encode_sink(&self, metadata: &Metadata, tables: Vec<Table>) -> EncodeSink<'_> {
         let levels = metadata.levels.iter().zip(self.retained.iter().copied()).zip(tables);
         let encoder = |(number, ((level, retained), table)): (usize, ((&LevelMetadata, _), _))| {
-            let importance = self.importance.get(number).filter(|_| self.coarseness > 0.0);
+            let coarseness = self.coarseness * level_share(number) as f32;
+            let importance = self.importance.get(number).filter(|_| coarseness > 0.0);
             let options = EncodeOptions {
                 level: number,
                 layout: metadata.layout(),
@@ -85,7 +87,7 @@ impl Packing<'_> {
                 zstd_level: self.zstd_level,
                 bound: self.bound,
                 store: self.store,
-                importance: importance.map(|level| level.importance(self.coarseness)),
+                importance: importance.map(|level| Importance { level, coarseness }),
             };
             let encodings = Group::ALL.map(|group| level.encoding(group));
             LevelEncoder::new(table, retained, encodings, options)

@@ -19,7 +19,7 @@ pub struct Prepared<'a> {
     pub sizes: Vec<Nodes>,
     /// The visible nodes.
     pub visible: Visible,
-    /// The importance of each level's nodes to given cameras; empty where all count alike.
+    /// The importance of each level's nodes; empty where all count alike.
     pub importance: Vec<LevelImportance>,
 }
 
@@ -38,8 +38,9 @@ impl<'a> Prepared<'a> {
         let filter = &*options.filter;
         let sizes = filter.level_sizes(field.scene.nodes, options.levels);
         let planes = visible::masked_planes(field, options.nonfinite)?;
+        let nearby = options.is_seen_nearby();
         let mut visible =
-            Visible::find(&planes, &sizes, filter, options.alpha_threshold, progress)?;
+            Visible::find(&planes, &sizes, filter, options.alpha_threshold, nearby, progress)?;
         stages.end("prune", visible.bytes_read);
         let mut importance = Vec::new();
         if options.sees() {
@@ -50,7 +51,11 @@ impl<'a> Prepared<'a> {
                 visible.keep_cells(&coverage.cells)?;
             }
             stages.end("expose", 0);
-            importance = LevelImportance::of_levels(coverage, &sizes, options);
+            importance = LevelImportance::of_cameras(coverage, &sizes, options);
+        }
+        let measured = visible.visibility.as_mut();
+        if let Some(nearby) = measured.and_then(|visibility| visibility.importance.take()) {
+            importance = LevelImportance::of_nearby(nearby, &sizes);
         }
         Ok(Self { planes, sizes, visible, importance })
     }

@@ -26,6 +26,9 @@ pub enum Preset {
 /// only through the network, which answers to them weakly: they may err by more.
 pub(super) const WEB_ERRORS: MaxErrors =
     MaxErrors::new(0.02, 0.018, 0.05).with_direction(0.04, 0.04);
+/// Codes that colours of `web` may move by at nodes of importance 1 to viewers nearby. Below 1 no
+/// code of a scene moves that is seen alike everywhere.
+pub(super) const WEB_NEARBY_COARSENESS: f32 = 0.4;
 
 impl Preset {
     /// Every preset.
@@ -60,7 +63,10 @@ impl Preset {
         let mut options = BakeOptions::default();
         match self {
             Self::Faithful => options.filter = Filter::Code.into(),
-            Self::Web => options.max_error = Some(WEB_ERRORS),
+            Self::Web => {
+                options.max_error = Some(WEB_ERRORS);
+                options.nearby_coarseness = WEB_NEARBY_COARSENESS;
+            }
             Self::Archive => options.bits = Bits::F32,
         }
         options

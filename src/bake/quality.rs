@@ -7,7 +7,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::BakeOptions;
-use super::preset::WEB_ERRORS;
+use super::preset::{WEB_ERRORS, WEB_NEARBY_COARSENESS};
 
 /// The quality with the errors of `web`.
 const WEB: f64 = 75.0;
@@ -39,6 +39,7 @@ impl Quality {
     pub fn apply(self, options: &mut BakeOptions, seen: bool) {
         let factor = libm::exp2((WEB - self.0) / DOUBLES_OVER);
         options.max_error = Some(WEB_ERRORS.scaled(factor));
+        options.nearby_coarseness = (f64::from(WEB_NEARBY_COARSENESS) * factor) as f32;
         if seen {
             let share = |at_web: f64| (at_web * factor).min(1.0) as f32;
             options.min_weight = Some(share(MIN_WEIGHT));

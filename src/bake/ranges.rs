@@ -34,13 +34,13 @@ impl EncodingChoice {
     fn encoding(
         self,
         planned: &Encoding,
-        group: Group,
+        (level, group): (usize, Group),
         activation: &Activation,
         range: &ValueRange,
     ) -> Option<Encoding> {
         match self {
             Self::Within { max_errors, only_fewer } => {
-                let error = max_errors.of(group);
+                let error = max_errors.of_level(level).of(group);
                 let found = encoding_within(error, planned.decode, activation, range);
                 (!only_fewer || found.bits < planned.bits).then_some(found)
             }
@@ -142,19 +142,20 @@ impl<'a> RangeSink<'a> {
     /// Replaces the encodings of the metadata's levels by those that are chosen.
     pub fn choose_encodings(self, choice: EncodingChoice, metadata: &mut Metadata) -> Result<()> {
         let activation = metadata.activation;
-        let mut tasks: Vec<(&mut Encoding, ValueRange, Group)> = Vec::new();
-        for (level, ranges) in metadata.levels.iter_mut().zip(self.levels) {
+        let mut tasks: Vec<(&mut Encoding, ValueRange, (usize, Group))> = Vec::new();
+        let levels = metadata.levels.iter_mut().zip(self.levels).enumerate();
+        for (number, (level, ranges)) in levels {
             let mut ranges = Group::ALL.into_iter().zip(ranges.ranges);
             for (group, encoding) in level.encodings_mut() {
                 let own = ranges.find(|(other, _)| *other == group);
                 if let Some(range) = own.and_then(|(_, range)| range) {
                     let range = range.into_inner().unwrap_or_else(PoisonError::into_inner);
-                    tasks.push((encoding, range, group));
+                    tasks.push((encoding, range, (number, group)));
                 }
             }
         }
-        parallel::map_mut(&mut tasks, |_, (encoding, range, group)| {
-            if let Some(found) = choice.encoding(encoding, *group, &activation, range) {
+        parallel::map_mut(&mut tasks, |_, (encoding, range, of)| {
+            if let Some(found) = choice.encoding(encoding, *of, &activation, range) {
                 **encoding = found;
             }
             Ok(())

@@ -165,7 +165,7 @@ pub(super) fn packing<'a>(
         },
         bound: ErrorBound::Proved,
         importance,
-        coarseness: options.coarseness,
+        coarseness: options.moved_codes(),
         inheritance: options.fill_error.map(|error| Inheritance { error, among: None }),
         zstd_level: options.zstd_level,
         store,

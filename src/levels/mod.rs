@@ -20,7 +20,8 @@
 //!
 //! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and
 //! from the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light
-//! can reach ([`transmittance`]); colours of coarser levels are weighted by it.
+//! can reach ([`transmittance`]); colours of coarser levels are weighted by it. [`importance`] says
+//! how much of it viewers nearby can see.
 
 pub mod alpha;
 pub mod anisotropy;
@@ -29,6 +30,7 @@ pub mod brightness;
 pub mod direction;
 pub mod filter;
 pub mod free_space;
+pub mod importance;
 pub mod kernel;
 pub mod level_rule;
 pub mod level_step;

@@ -46,6 +46,8 @@ pub struct OpacitySearch<'a> {
     pub filter: &'a dyn LevelFilter,
     /// What coarser levels show otherwise from each side.
     pub direction: Option<Direction>,
+    /// True if the importance of nodes to viewers nearby is measured beside visibility.
+    pub importance: bool,
     /// Raw density of the threshold at level 0, and alpha of it at coarser levels where alpha is
     /// averaged.
     pub thresholds: Vec<f32>,
@@ -73,7 +75,8 @@ impl OpacitySearch<'_> {
         let extent = extent_in_intervals(&self.planes.field().scene);
         let bent = self.direction.is_some_and(|direction| direction.moments.is_some());
         let depths = domain.filter(|_| self.sizes.len() > 1).map(|domain| {
-            OpticalDepthGrid::new(domain, self.sizes, extent).with_bent_normals(bent)
+            let grid = OpticalDepthGrid::new(domain, self.sizes, extent);
+            grid.with_bent_normals(bent).with_importance(self.importance)
         });
         let occupied = domain.map(|domain| (domain.empty_up_to(), self.empty_mask(0)));
         let mut bits = OpacityBits {

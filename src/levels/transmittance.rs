@@ -47,6 +47,9 @@ pub struct TransmittanceSweep<'a> {
     pub spacing: [f32; 3],
     /// Optical depth over one interval, z fastest.
     pub depths: &'a [f32],
+    /// The share of lost light that is there again behind an empty node, 0 to 1. It is 0 for light
+    /// that comes from outside the box alone. Else light comes from empty space in the box too.
+    pub recovery: f32,
 }
 
 impl TransmittanceSweep<'_> {
@@ -135,7 +138,7 @@ impl TransmittanceSweep<'_> {
                     match y.checked_add_signed(-dy).filter(|&from| from < ny) {
                         Some(from) => {
                             let from = from * nz..(from + 1) * nz;
-                            step(dz, &light[from.clone()], &through[from], next);
+                            step(dz, self.recovery, &light[from.clone()], &through[from], next);
                         }
                         None => next.fill(1.0),
                     }
@@ -177,7 +180,7 @@ impl TransmittanceSweep<'_> {
                     let y = if down { ny - 1 - y } else { y };
                     let row = y * nz..(y + 1) * nz;
                     plane.add(row.clone(), &light, outwards);
-                    step(dz, &light, &through[row], &mut next);
+                    step(dz, self.recovery, &light, &through[row], &mut next);
                     std::mem::swap(&mut light, &mut next);
                 }
             }
@@ -189,8 +192,8 @@ impl TransmittanceSweep<'_> {
             let through = &through[row.clone()];
             for z in 1..nz {
                 let opposite = nz - 1 - z;
-                up[z] = behind(up[z - 1], through[z - 1]);
-                down[opposite] = behind(down[opposite + 1], through[opposite + 1]);
+                up[z] = behind(up[z - 1], through[z - 1], self.recovery);
+                down[opposite] = behind(down[opposite + 1], through[opposite + 1], self.recovery);
             }
             // The way that enters nearer comes first, so that a mirrored grid has the same sums.
             let (near, far) = (row.start..row.start + nz.div_ceil(2), nz.div_ceil(2));
@@ -228,9 +231,9 @@ fn kind(dy: isize, dz: isize) -> usize {
     2 * usize::from(dy != 0) + usize::from(dz != 0)
 }
 
-/// The transmittances of the next row, `dz` nodes further along z; 1 where the ray enters there.
+/// The light of the next row, `dz` nodes further along z; 1 where the ray enters there.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn step(dz: isize, light: &[f32], through: &[f32], next: &mut [f32]) {
+fn step(dz: isize, recovery: f32, light: &[f32], through: &[f32], next: &mut [f32]) {
     let last = light.len() - 1;
     let (from, next) = match dz {
         0 => (0..last + 1, next),
@@ -244,7 +247,7 @@ fn step(dz: isize, light: &[f32], through: &[f32], next: &mut [f32]) {
         }
     };
     for ((next, light), through) in next.iter_mut().zip(&light[from.clone()]).zip(&through[from]) {
-        *next = behind(*light, *through);
+        *next = behind(*light, *through, recovery);
     }
 }
 
@@ -296,9 +299,11 @@ fn exponentials(depths: &[f32], length: f32, transmittances: &mut [f32]) {
     }
 }
 
-/// The transmittance behind a node that lets the share `through` through.
+/// The light behind a node that lets the share `through` through. The more of it a node lets
+/// through, the more lost light is there again behind it.
 #[inline(always)]
-fn behind(light: f32, through: f32) -> f32 {
-    let product = light * through;
-    if product > NEGLIGIBLE { product } else { 0.0 }
+fn behind(light: f32, through: f32, recovery: f32) -> f32 {
+    let (product, square) = (light * through, through * through);
+    let light = product + (1.0 - product) * recovery * (square * square);
+    if light > NEGLIGIBLE { light } else { 0.0 }
 }

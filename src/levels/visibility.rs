@@ -23,6 +23,7 @@ use std::sync::{Mutex, PoisonError};
 use multiversion::multiversion;
 
 use super::AlphaDomain;
+use super::importance::NodeImportance;
 use super::transmittance::{BentNormals, Light, NEGLIGIBLE, TransmittanceSweep};
 use crate::base::error::Result;
 use crate::model::activate::lanes;
@@ -46,6 +47,8 @@ pub struct OpticalDepthGrid {
     depths: Mutex<Vec<f32>>,
     /// True if bent normals are found too.
     bent: bool,
+    /// True if importance is found too.
+    importance: bool,
 }
 
 impl OpticalDepthGrid {
@@ -55,13 +58,19 @@ impl OpticalDepthGrid {
         let nodes = sizes[level];
         let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
         let depths = Mutex::new(vec![0.0; nodes.count()]);
-        Self { domain, level, nodes, spacing, depths, bent: false }
+        Self { domain, level, nodes, spacing, depths, bent: false, importance: false }
     }
 
     /// Finds bent normals too, if `bent`.
     #[must_use]
     pub fn with_bent_normals(self, bent: bool) -> Self {
         Self { bent, ..self }
+    }
+
+    /// Finds importance too, if `importance`.
+    #[must_use]
+    pub fn with_importance(self, importance: bool) -> Self {
+        Self { importance, ..self }
     }
 
     /// The level on which light is followed, of levels of `sizes`.
@@ -91,15 +100,17 @@ impl OpticalDepthGrid {
     ///
     /// None of its own.
     pub fn visibility(self) -> Result<Visibility> {
-        let Self { nodes, spacing, depths, bent, .. } = self;
+        let Self { nodes, spacing, depths, bent, importance, .. } = self;
         let depths = depths.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let light = TransmittanceSweep { nodes, spacing, depths: &depths }.run(bent)?;
+        let sweep = TransmittanceSweep { nodes, spacing, depths: &depths, recovery: 0.0 };
+        let importance = importance.then(|| NodeImportance::nearby(sweep)).transpose()?;
+        let light = sweep.run(bent)?;
         let Light { sums: mut shares, bent } = light;
         for share in &mut shares {
             let mean = *share / 26.0;
             *share = mean * mean + LEAST_VISIBILITY;
         }
-        Ok(Visibility { nodes, shares, bent })
+        Ok(Visibility { nodes, shares, bent, importance })
     }
 }
 
@@ -123,17 +134,23 @@ pub struct Visibility {
     nodes: Nodes,
     shares: Vec<f32>,
     bent: BentNormals,
+    /// Importance of the same nodes to viewers nearby, if it was asked for.
+    pub importance: Option<NodeImportance>,
 }
 
 /// The two nodes of a coarser axis that a node of a finer axis over the same length lies between.
 #[derive(Debug, Clone, Copy)]
-struct LinearTap {
-    low: usize,
-    high: usize,
-    fraction: f32,
+pub struct LinearTap {
+    /// The one before.
+    pub low: usize,
+    /// The one after; the same at the axis's end.
+    pub high: usize,
+    /// The way from one to the other, 0 to below 1.
+    pub fraction: f32,
 }
 
-fn linear_tap(node: usize, fine: usize, coarse: usize) -> LinearTap {
+/// Where node number `node` of `fine` ones lies among `coarse` ones.
+pub fn linear_tap(node: usize, fine: usize, coarse: usize) -> LinearTap {
     let numerator = node * (coarse - 1);
     let low = numerator / (fine - 1);
     let fraction = (numerator % (fine - 1)) as f32 / (fine - 1) as f32;

@@ -72,7 +72,8 @@ pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
 
 impl Visible {
     /// Finds the visible nodes of `sizes.len()` levels. `alpha_threshold` is opacity over one
-    /// interval, above 0 and below 1.
+    /// interval, above 0 and below 1. `importance` asks for the importance of nodes to viewers
+    /// nearby, where visibility is measured.
     ///
     /// # Errors
     ///
@@ -82,6 +83,7 @@ impl Visible {
         sizes: &[Nodes],
         filter: &dyn LevelFilter,
         alpha_threshold: f32,
+        importance: bool,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let field = planes.field();
@@ -96,7 +98,8 @@ impl Visible {
         };
         let thresholds = (0..filtered.len()).map(threshold).collect();
         let direction = Direction::of(filter, field);
-        let search = OpacitySearch { planes, sizes: filtered, filter, direction, thresholds };
+        let search =
+            OpacitySearch { planes, sizes: filtered, filter, direction, importance, thresholds };
         progress.begin(Step::Prune, (search.passes() * sizes[0].0[0]) as u64);
         let Opacity { opaque, occupied, visibility, nonfinite, checksums, bytes_read } =
             search.run(progress)?;
@@ -174,7 +177,9 @@ pub fn visibility(
     let sizes = &sizes[..=OpticalDepthGrid::level(sizes).max(1)];
     let thresholds = vec![f32::INFINITY; sizes.len()];
     let direction = Direction::of(filter, planes.field());
-    Ok(OpacitySearch { planes, sizes, filter, direction, thresholds }.run(&Silent)?.visibility)
+    let importance = false;
+    let search = OpacitySearch { planes, sizes, filter, direction, importance, thresholds };
+    Ok(search.run(&Silent)?.visibility)
 }
 
 /// The planes of a field with everything emptied that its free-space mask cannot reach.

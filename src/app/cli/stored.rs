@@ -102,6 +102,10 @@ impl StoredArguments {
             (options.bits, options.max_error) = (bits, None);
         }
         options.max_error = self.max_error.or(options.max_error);
+        if self.bits.is_some() || self.max_error.is_some() || self.fill_error.is_some() {
+            // An error that is asked for holds at every node.
+            options.nearby_coarseness = 0.0;
+        }
         options.max_bytes = self.max_bytes;
         options.alpha_threshold = self.alpha_threshold.unwrap_or(options.alpha_threshold);
         options.block_size = self.block_size.unwrap_or(options.block_size);

@@ -150,6 +150,7 @@ fn name(options: &BakeOptions) -> String {
         photographs,
         min_weight,
         coarseness,
+        nearby_coarseness,
         fill_error,
         // A sweep's own cameras.
         seen_from: _,
@@ -192,6 +193,9 @@ fn name(options: &BakeOptions) -> String {
     }
     if *coarseness > 0.0 {
         name += &format!("-i{coarseness:e}");
+    }
+    if *nearby_coarseness > 0.0 {
+        name += &format!("-n{nearby_coarseness:e}");
     }
     if let Some(error) = fill_error {
         name += &format!("-f{error:e}");
