@@ -72,8 +72,9 @@ fn holds(input: &Path, options: &[&str]) {
 #[test]
 fn a_trained_scene_bakes_within_its_bound() {
     let scene = fixture("trained/lego64/fine_last.tar");
-    let options: [&[&str]; 4] = [
+    let options: [&[&str]; 5] = [
         &[],
+        &["--preset", "web"],
         &["--bits", "f32"],
         &["--max-error", "0.01", "--block-size", "16"],
         &["--filter", "paper"],

@@ -139,7 +139,7 @@ impl Needs<'_> {
         // next level; each level a fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
         // Depths, transmittance and visibility; bent normals of both ways along x.
-        let light = 3 * self.visibility() + 2 * self.bent_normals();
+        let light = 3 * self.visibility() + 2 * self.bent_normals() + self.importance();
         planes * Self::plane(self.sizes[0]) * 4 / 3 + light
     }
 
@@ -152,6 +152,12 @@ impl Needs<'_> {
     fn bent_normals(&self) -> u64 {
         let bends = self.direction().is_some_and(|direction| direction.moments.is_some());
         if bends { self.visibility() * 3 / 2 } else { 0 }
+    }
+
+    /// Importance to viewers nearby: of the level on which light is followed and of coarser ones,
+    /// and what one level is averaged through.
+    fn importance(&self) -> u64 {
+        if self.options.is_seen_nearby() { 2 * self.visibility() } else { 0 }
     }
 
     fn visibility(&self) -> u64 {
@@ -200,6 +206,7 @@ impl Needs<'_> {
         levels.map(|level| level_bytes(level) + self.frames(level, channels)).sum::<u64>()
             + self.visibility()
             + self.bent_normals()
+            + self.importance()
     }
 
     /// Memory of the threads that compress runs at once: no more than there are runs.

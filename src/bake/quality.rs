@@ -1,7 +1,8 @@
 //! One number for how much pictures may lose, in place of several options.
 //!
 //! At 75 errors are those of the preset `web`. Each 25 less doubles them, each 25 more halves them.
-//! With cameras that the field is seen from, the options that use them grow by the same factor.
+//! So it is with the codes that colours may move by where viewers nearby see little. With cameras
+//! that the field is seen from, the options that use them grow by the same factor.
 
 use std::fmt;
 use std::str::FromStr;
@@ -34,7 +35,7 @@ const FILL_ERROR: f64 = 0.25;
 pub struct Quality(f64);
 
 impl Quality {
-    /// Sets the errors; where the field is `seen` from given cameras, also
+    /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from given cameras, also
     /// [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and [`BakeOptions::fill_error`].
     pub fn apply(self, options: &mut BakeOptions, seen: bool) {
         let factor = libm::exp2((WEB - self.0) / DOUBLES_OVER);
@@ -85,6 +86,7 @@ mod tests {
             let error = |of: &BakeOptions| of.max_error.expect("errors").of(Group::Density);
             assert!(error(coarser) > error(finer));
             assert!(coarser.coarseness > finer.coarseness);
+            assert!(coarser.nearby_coarseness > finer.nearby_coarseness);
             // Shares end at 1.
             for of in [|of: &BakeOptions| of.min_weight, |of: &BakeOptions| of.fill_error] {
                 assert!(of(coarser) > of(finer) || of(finer) == Some(1.0));
