@@ -58,7 +58,13 @@ fn holds(input: &Path, options: &[&str]) {
             assert!(peak <= bound, "{options:?}: {peak} of {bound}");
             // What is refused would not be kept by far. Of sixteen threads on few cores, some never
             // get any work, and never touch their memory: how many depends on the system.
-            let slack = if threads == "16" { 3.0 } else { 1.35 };
+            // Codes within an error are counted as two bytes, as how many bits they need is not
+            // known beforehand. Those of this preset need one.
+            let slack = match threads {
+                "16" => 3.0,
+                _ if options.contains(&"web") => 2.0,
+                _ => 1.35,
+            };
             let refused = least as f64 / peak as f64;
             assert!(refused < slack, "{options:?}: {least} asked for, {peak} taken");
             let bytes = std::fs::read(path("bound.mipvog")).expect("a container");

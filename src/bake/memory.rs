@@ -154,10 +154,9 @@ impl Needs<'_> {
         if bends { self.visibility() * 3 / 2 } else { 0 }
     }
 
-    /// Importance to viewers nearby: of the level on which light is followed and of coarser ones,
-    /// and what one level is averaged through.
+    /// Importance to viewers nearby, of the level on which light is followed and of coarser ones.
     fn importance(&self) -> u64 {
-        if self.options.is_seen_nearby() { 2 * self.visibility() } else { 0 }
+        if self.options.is_seen_nearby() { self.visibility() * 8 / 7 } else { 0 }
     }
 
     fn visibility(&self) -> u64 {
