@@ -62,7 +62,7 @@ impl NodeImportance {
         let mut planes: Vec<&mut [f32]> = self.values.chunks_mut(ny * nz).collect();
         parallel::map_mut(&mut planes, |_, plane| {
             let mut last = vec![0.0; nz];
-            plane.chunks_mut(nz).for_each(tent_along_row);
+            plane.chunks_mut(nz).for_each(|row| tent(row, 1, &mut [0.0]));
             tent(plane, nz, &mut last);
             Ok(())
         })?;
@@ -102,17 +102,8 @@ fn reflect(depths: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// The tent along a row; there is nothing beyond its ends.
-fn tent_along_row(row: &mut [f32]) {
-    let mut last = 0.0;
-    for z in 0..row.len() {
-        let (own, next) = (row[z], row.get(z + 1).copied().unwrap_or(0.0));
-        row[z] = 0.5 * own + 0.25 * (last + next);
-        last = own;
-    }
-}
-
-/// The tent along lines of which neighbours are `stride` apart. `last` are that many zeros.
+/// The tent along lines of which neighbours are `stride` apart; there is nothing beyond their ends.
+/// `last` are that many zeros.
 fn tent(values: &mut [f32], stride: usize, last: &mut [f32]) {
     for start in (0..values.len()).step_by(stride) {
         let (row, rest) = values[start..].split_at_mut(stride);
