@@ -7,7 +7,7 @@
 //! show, [`inherited_colors`] makes them from the
 //! next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back
 //! ([`write_run`], [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
-//! ([`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
+//! ([`modes`], [`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
 //! density far below the opacity threshold ([`crate::model::field::Activation::invisible_raw`]).
 
 mod block;
@@ -20,6 +20,7 @@ mod inherited_colors;
 mod lanes;
 mod least_squares;
 mod linear;
+mod modes;
 mod nearest;
 mod planes;
 mod predict;

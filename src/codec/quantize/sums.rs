@@ -8,7 +8,7 @@ use super::predict::{Channel, WEIGHTS, beyond, for_each_node, others, terms};
 /// Numbers of a lower triangle with a row for each weight and one for the predicted value.
 pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
 /// Of so many nodes, one is used to fit the weights.
-const SAMPLED: usize = 5;
+pub const SAMPLED: usize = 5;
 
 /// Sums over the live nodes of each block.
 #[derive(Debug, Clone)]

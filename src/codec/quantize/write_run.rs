@@ -3,15 +3,10 @@
 use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
 use super::lanes::{gather, spread};
-use super::least_squares;
-use super::predict::{self, Channel, Lanes, WEIGHTS};
-use super::sums::{self, PRODUCTS, Sums};
+use super::modes::Modes;
+use super::predict::{self, Channel, Lanes};
+use super::sums::{self, Sums};
 use crate::model::grid::row;
-
-/// Frames that a mode has at least, so that its weights and tables pay.
-const FRAMES_OF_A_MODE: usize = 24;
-/// Modes of a run at most.
-const MAX_MODES: usize = 8;
 
 /// Frames that are encoded together, lane by lane.
 struct Batch<T: Code, const L: usize> {
@@ -87,10 +82,11 @@ impl<T: Code, const L: usize> Encoder<T, L> {
                 (0..channels).map(sums).collect()
             })
             .collect();
-        let (modes, order) = self.modes(&sums);
-        let count = modes.iter().max().map_or(1, |&mode| mode + 1);
-        let weights = self.weights(&sums, &modes, count);
-        let mut bytes = vec![count];
+        let live_counts: Vec<usize> = self.live.iter().map(|live| count_live(live)).collect();
+        let Modes { of_frames: modes, weights } = Modes::of(self.shape, &live_counts, &sums);
+        let mut order: Vec<usize> = (0..self.frames).collect();
+        order.sort_by_key(|&frame| (modes[frame], frame));
+        let mut bytes = vec![weights.len() as u8];
         for mode_weights in &weights {
             for (channel, weights) in mode_weights.iter().enumerate() {
                 bytes.extend(weights[..terms(channel)].iter().map(|weight| weight.cast_unsigned()));
@@ -100,7 +96,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
         self.live.iter().for_each(|live| bytes.extend(live));
         let mut sections = vec![bytes.len()];
         let start = bytes.len();
-        let live: usize = (0..self.frames).map(|frame| self.live_count(frame)).sum();
+        let live: usize = live_counts.iter().sum();
         // More, so that bytes can be written before it is known whether they count.
         bytes.resize(start + live * channels * T::BYTES + 8, 0);
         let mut at = start;
@@ -136,46 +132,11 @@ impl<T: Code, const L: usize> Encoder<T, L> {
         bytes.truncate(at);
         RunBytes { bytes, sections }
     }
+}
 
-    /// The mode of each frame, and frames in the order of their modes.
-    fn modes(&self, sums: &[Vec<Sums<L>>]) -> (Vec<u8>, Vec<usize>) {
-        let activity = |frame: usize| {
-            let sizes: f64 = sums[frame / L].iter().map(|sums| sums.sizes[frame % L]).sum();
-            sizes / self.live_count(frame).max(1) as f64
-        };
-        let mut order: Vec<usize> = (0..self.frames).collect();
-        let activities: Vec<f64> = order.iter().map(|&frame| activity(frame)).collect();
-        order.sort_by(|&a, &b| activities[a].total_cmp(&activities[b]).then(a.cmp(&b)));
-        let count = (self.frames / FRAMES_OF_A_MODE).clamp(1, MAX_MODES);
-        let mut modes = vec![0; self.frames];
-        for (rank, &frame) in order.iter().enumerate() {
-            modes[frame] = (rank * count / self.frames) as u8;
-        }
-        order.sort_by_key(|&frame| (modes[frame], frame));
-        (modes, order)
-    }
-
-    /// The weights of each mode's channels.
-    fn weights(&self, sums: &[Vec<Sums<L>>], modes: &[u8], count: u8) -> Vec<Vec<[i8; WEIGHTS]>> {
-        let mut products = vec![vec![[0.0; PRODUCTS]; self.shape.channels]; usize::from(count)];
-        for (frame, &mode) in modes.iter().enumerate() {
-            for (total, sums) in products[usize::from(mode)].iter_mut().zip(&sums[frame / L]) {
-                for (total, lanes) in total.iter_mut().zip(&sums.products) {
-                    *total += lanes[frame % L];
-                }
-            }
-        }
-        let solved = |products: Vec<[f64; PRODUCTS]>| {
-            let all = products.iter().enumerate();
-            all.map(|(channel, products)| least_squares::weights(products, terms(channel)))
-                .collect()
-        };
-        products.into_iter().map(solved).collect()
-    }
-
-    fn live_count(&self, frame: usize) -> usize {
-        self.live[frame].iter().map(|bits| bits.count_ones() as usize).sum()
-    }
+/// Live nodes of a frame.
+fn count_live(bits: &[u8]) -> usize {
+    bits.iter().map(|bits| bits.count_ones() as usize).sum()
 }
 
 /// For each byte of live bits, which are set, lowest first.
