@@ -147,16 +147,39 @@ fn diffuse(field: &RadianceField, options: &BakeOptions) -> (Vec<f32>, f32, usiz
     (values, stated, bytes.len())
 }
 
+/// Matter with a surface, and most of it inside. Colours are noise.
+fn matter(nodes: [usize; 3]) -> (Vec<f32>, RadianceField) {
+    let mut random = Random::new(4);
+    let raw = |at: [usize; 3]| if at[0] < 3 || at[1] < 4 { -30.0 } else { 12.0 };
+    let raw: Vec<f32> = all_nodes(nodes).map(raw).collect();
+    let colors: Vec<f32> = (0..3 * raw.len()).map(|_| random.between(-2.0, 2.0)).collect();
+    let field = field(nodes, &raw, &colors);
+    (raw, field)
+}
+
+#[test]
+fn a_bound_on_bytes_moves_colors_in_place_of_longer_steps() {
+    let (_, field) = matter([24, 20, 22]);
+    let (_, _, whole) = diffuse(&field, &BakeOptions::default());
+    let step = |fill_error: Option<f32>| {
+        let mut options = BakeOptions::default();
+        options.max_bytes = Some(whole as u64 * 3 / 4);
+        options.fill_error = fill_error;
+        let bytes = baked_bytes(&field, &options).expect("a bake");
+        assert!(bytes.len() <= whole * 3 / 4);
+        let container = open_bytes(&bytes).expect("valid");
+        container.metadata().levels[0].diffuse.as_ref().expect("colours").step
+    };
+    // With an error of inherited colours, which holds at every node, none moves.
+    let (moved, still) = (step(None), step(Some(1e-6)));
+    assert!(moved < 0.9 * still, "{moved} {still}");
+}
+
 #[test]
 fn only_colors_of_nodes_of_little_importance_move() {
     // The second is longer than the level on which light is followed.
     for nodes in [[24, 20, 22], [40, 36, 170]] {
-        let mut random = Random::new(4);
-        // Matter with a surface, and most of it inside.
-        let raw = |at: [usize; 3]| if at[0] < 3 || at[1] < 4 { -30.0 } else { 12.0 };
-        let raw: Vec<f32> = all_nodes(nodes).map(raw).collect();
-        let colors: Vec<f32> = (0..3 * raw.len()).map(|_| random.between(-2.0, 2.0)).collect();
-        let field = field(nodes, &raw, &colors);
+        let (raw, field) = matter(nodes);
         let mut options = BakeOptions::default();
         options.bits = "4".parse().expect("bits");
         let (exact, _, plain_bytes) = diffuse(&field, &options);

@@ -9,7 +9,7 @@ use super::levels::FilteredLevels;
 use super::memory::MemoryPlan;
 use super::prepare::Prepared;
 use super::report::{Stages, level_reports, prune_reports};
-use super::run::packing;
+use super::run::{Precision, packing};
 use super::{BakeOptions, BakeReport, plan};
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
@@ -89,7 +89,7 @@ pub fn forecast(
         pipelined: memory.pipelined,
         is_window: true,
     };
-    let packing = packing(options, options.max_error, &source, &visible, &importance, None);
+    let packing = packing(options, Precision::of(options), &source, &visible, &importance, None);
     let (encoded, _) = packing.run(&mut metadata, part_tables, &mut stages, progress)?;
     let mut more_bytes_read = 0;
     for stage in &mut stages.list[measured..] {

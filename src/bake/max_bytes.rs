@@ -1,7 +1,7 @@
 //! The best quality that fits into a number of bytes.
 //!
 //! Quality is one number: the factor of the errors of `--preset web`, which divide bytes well
-//! between the groups. Factors go down by an eighth root of two from one to the next. The smallest
+//! between the groups, and of the codes that colours may move by. Factors go down by an eighth root of two from one to the next. The smallest
 //! that fits is found by halving the rest, so the result depends on nothing but the sizes. Where
 //! the coarsest error does not fit, the finest level is dropped, then the next.
 
@@ -10,7 +10,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::MaxErrors;
-use super::preset::WEB_ERRORS;
+use super::quality::errors_of;
 use crate::base::error::{Error, ErrorKind, Result};
 
 /// The largest factor: the error of opacity is then the largest that may be asked for.
@@ -23,6 +23,8 @@ const STEPS: usize = 128;
 pub struct Attempt<T> {
     /// Its bytes.
     pub bytes: u64,
+    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    pub nearby_coarseness: Option<f32>,
     /// Its parts.
     pub packed: T,
 }
@@ -34,6 +36,9 @@ pub struct Chosen {
     pub bytes: u64,
     /// Errors of the values; none where all fitted as they were.
     pub max_error: Option<MaxErrors>,
+    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nearby_coarseness: Option<f32>,
     /// Finest levels that had to be dropped.
     pub without_finest: usize,
 }
@@ -45,13 +50,17 @@ impl fmt::Display for Chosen {
             None => write!(f, "it fits as it is")?,
         }
         match self.without_finest {
-            0 => Ok(()),
-            count => write!(f, " and --without-finest {count}"),
+            0 => {}
+            count => write!(f, " and --without-finest {count}")?,
+        }
+        match self.nearby_coarseness {
+            Some(_) => write!(f, ", and colours that move where viewers nearby see little"),
+            None => Ok(()),
         }
     }
 }
 
-/// Finds the smallest errors with which `attempt(finest levels dropped, errors)` has at most
+/// Finds the smallest factor with which `attempt(finest levels dropped, factor)` has at most
 /// `max_bytes` bytes, of a container of so many levels.
 ///
 /// # Errors
@@ -60,11 +69,11 @@ impl fmt::Display for Chosen {
 pub fn search<T>(
     max_bytes: u64,
     levels: usize,
-    mut attempt: impl FnMut(usize, MaxErrors) -> Result<Attempt<T>>,
+    mut attempt: impl FnMut(usize, f64) -> Result<Attempt<T>>,
 ) -> Result<(T, Chosen)> {
     let mut least = u64::MAX;
     for dropped in 0..levels {
-        let coarsest = match attempt(dropped, errors(0)) {
+        let coarsest = match attempt(dropped, factor(0)) {
             // Some levels cannot be dropped: those that are left are too large.
             Err(error)
                 if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
@@ -80,23 +89,28 @@ pub fn search<T>(
         let (mut best, mut fits, mut too_large) = (coarsest, 0, STEPS + 1);
         while too_large - fits > 1 {
             let middle = (fits + too_large) / 2;
-            let tried = attempt(dropped, errors(middle))?;
+            let tried = attempt(dropped, factor(middle))?;
             if tried.bytes <= max_bytes {
                 (best, fits) = (tried, middle);
             } else {
                 too_large = middle;
             }
         }
-        let (bytes, max_error) = (best.bytes, Some(errors(fits)));
-        return Ok((best.packed, Chosen { bytes, max_error, without_finest: dropped }));
+        let chosen = Chosen {
+            bytes: best.bytes,
+            max_error: Some(errors_of(factor(fits))),
+            nearby_coarseness: best.nearby_coarseness,
+            without_finest: dropped,
+        };
+        return Ok((best.packed, chosen));
     }
     let expected = format!("at least {least}, the smallest container of this scene");
     Err(Error::invalid_option("max_bytes", max_bytes.to_string(), expected))
 }
 
-/// The errors of a step, coarsest first, with three digits.
-fn errors(step: usize) -> MaxErrors {
-    WEB_ERRORS.scaled(LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64))
+/// The factor of a step, the largest first.
+fn factor(step: usize) -> f64 {
+    LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64)
 }
 
 #[cfg(test)]
@@ -106,18 +120,18 @@ mod tests {
 
     #[test]
     fn errors_are_valid_and_fall() {
-        let all: Vec<MaxErrors> = (0..=STEPS).map(errors).collect();
+        let all: Vec<MaxErrors> = (0..=STEPS).map(|step| errors_of(factor(step))).collect();
         assert!(all.iter().all(|errors| errors.check().is_ok()));
         let diffuse = |errors: &MaxErrors| errors.of(Group::Diffuse);
         assert!(all.windows(2).all(|pair| diffuse(&pair[0]) > diffuse(&pair[1])));
-        assert!(all.contains(&errors(29)));
     }
 
     #[test]
     fn the_smallest_error_that_fits_is_found() {
-        let bytes = |dropped: usize, errors: MaxErrors| {
+        let bytes = |dropped: usize, factor: f64| {
+            let errors = errors_of(factor);
             let bytes = (100.0 / errors.of(Group::Diffuse)) as u64 >> (3 * dropped);
-            Ok(Attempt { bytes, packed: bytes })
+            Ok(Attempt { bytes, nearby_coarseness: None, packed: bytes })
         };
         for limit in [60, 500, 3000, 100_000] {
             let (bytes, chosen) = search(limit, 3, bytes).expect("fits");

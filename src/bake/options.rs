@@ -47,8 +47,8 @@ pub struct BakeOptions {
     /// that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
     pub max_error: Option<MaxErrors>,
     /// Bytes of the container, at most: the smallest errors with which it fits are found, whatever
-    /// `bits` and `max_error` say, and finest levels are dropped where none is large enough.
-    /// Default: no bound
+    /// `bits`, `max_error` and `nearby_coarseness` say, and finest levels are dropped where none is
+    /// large enough. Default: no bound
     pub max_bytes: Option<u64>,
     /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
     pub alpha_threshold: f32,
@@ -187,12 +187,12 @@ impl BakeOptions {
 
     /// True if the result depends on the importance of nodes to viewers nearby.
     pub(super) fn is_seen_nearby(&self) -> bool {
-        self.coarseness == 0.0 && self.nearby_coarseness > 0.0
-    }
-
-    /// Codes that colours may move by at a node of importance 1, to whomever.
-    pub(super) fn moved_codes(&self) -> f32 {
-        if self.is_seen_nearby() { self.nearby_coarseness } else { self.coarseness }
+        let is_moved = match self.max_bytes {
+            // An error of inherited colours that is asked for holds at every node.
+            Some(_) => self.fill_error.is_none(),
+            None => self.nearby_coarseness > 0.0,
+        };
+        self.coarseness == 0.0 && is_moved
     }
 
     /// True if a bake holds a whole level at once, so that no bound on memory is kept.
@@ -316,7 +316,7 @@ impl BakeOptions {
         if self.coarseness > 0.0 {
             options["coarseness"] = self.coarseness.into();
         }
-        if self.is_seen_nearby() {
+        if self.is_seen_nearby() && self.max_bytes.is_none() {
             options["nearby_coarseness"] = self.nearby_coarseness.into();
         }
         if let Some(fill_error) = self.fill_error {

@@ -7,8 +7,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::BakeOptions;
 use super::preset::{WEB_ERRORS, WEB_NEARBY_COARSENESS};
+use super::{BakeOptions, MaxErrors};
 
 /// The quality with the errors of `web`.
 const WEB: f64 = 75.0;
@@ -35,12 +35,13 @@ const FILL_ERROR: f64 = 0.25;
 pub struct Quality(f64);
 
 impl Quality {
-    /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from given cameras, also
-    /// [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and [`BakeOptions::fill_error`].
+    /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from given
+    /// cameras, also [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and
+    /// [`BakeOptions::fill_error`].
     pub fn apply(self, options: &mut BakeOptions, seen: bool) {
         let factor = libm::exp2((WEB - self.0) / DOUBLES_OVER);
-        options.max_error = Some(WEB_ERRORS.scaled(factor));
-        options.nearby_coarseness = (f64::from(WEB_NEARBY_COARSENESS) * factor) as f32;
+        options.max_error = Some(errors_of(factor));
+        options.nearby_coarseness = nearby_coarseness_of(factor);
         if seen {
             let share = |at_web: f64| (at_web * factor).min(1.0) as f32;
             options.min_weight = Some(share(MIN_WEIGHT));
@@ -48,6 +49,17 @@ impl Quality {
             options.coarseness = (COARSENESS * factor) as f32;
         }
     }
+}
+
+/// So many times the errors of `web`.
+pub(super) fn errors_of(factor: f64) -> MaxErrors {
+    WEB_ERRORS.scaled(factor)
+}
+
+/// So many times the codes that colours of `web` may move by at nodes of importance 1 to viewers
+/// nearby.
+pub(super) fn nearby_coarseness_of(factor: f64) -> f32 {
+    (f64::from(WEB_NEARBY_COARSENESS) * factor) as f32
 }
 
 impl FromStr for Quality {
@@ -69,7 +81,6 @@ impl fmt::Display for Quality {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::MaxErrors;
     use crate::model::baked::Group;
 
     fn options(quality: &str, seen: bool) -> BakeOptions {

@@ -18,6 +18,7 @@ use super::edit;
 use super::inherit::Inheritance;
 use super::max_bytes::{self, Attempt, Chosen};
 use super::pack::Packing;
+use super::quality::errors_of;
 use super::ranges::EncodingChoice;
 use super::report::{BakeReport, IslandReport, Stages, level_reports};
 use super::run::write;
@@ -191,14 +192,19 @@ impl Repacking<'_> {
     fn within(&mut self, edited: &Unpacked, bytes: u64) -> Result<(Packed, Chosen)> {
         let whole = self.attempt(edited, None)?;
         if whole.bytes <= bytes {
-            let chosen = Chosen { bytes: whole.bytes, max_error: None, without_finest: 0 };
+            let chosen = Chosen {
+                bytes: whole.bytes,
+                max_error: None,
+                nearby_coarseness: None,
+                without_finest: 0,
+            };
             return Ok((whole.packed, chosen));
         }
         let levels = edited.levels.len().min(self.changes.levels.unwrap_or(usize::MAX));
-        max_bytes::search(bytes, levels, |dropped, max_errors| {
+        max_bytes::search(bytes, levels, |dropped, factor| {
             let mut fewer = edited.clone();
             edit::drop_finest(&mut fewer, dropped)?;
-            self.attempt(&fewer, Some(max_errors))
+            self.attempt(&fewer, Some(errors_of(factor)))
         })
     }
 
@@ -219,7 +225,7 @@ impl Repacking<'_> {
         };
         let mut count = WriterSink::new(io::sink());
         container::write(&head, &packed.encoded, &mut count)?;
-        Ok(Attempt { bytes: count.length(), packed })
+        Ok(Attempt { bytes: count.length(), nearby_coarseness: None, packed })
     }
 }
 

@@ -10,6 +10,7 @@ use super::max_bytes::{self, Attempt};
 use super::memory::MemoryPlan;
 use super::pack::Packing;
 use super::prepare::Prepared;
+use super::quality::{errors_of, nearby_coarseness_of};
 use super::ranges::EncodingChoice;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
@@ -74,9 +75,9 @@ pub fn bake(
     let folder = output.folder();
     // A search holds the best container so far beside the one that it tries.
     let share = if options.max_bytes.is_some() { 2 } else { 1 };
-    let mut pack = |max_errors: Option<MaxErrors>| {
+    let mut pack = |precision: Precision| {
         let store = RunStore::new(memory.run_bytes / share, &folder);
-        let packing = packing(options, max_errors, &source, &visible, &importance, Some(&store));
+        let packing = packing(options, precision, &source, &visible, &importance, Some(&store));
         let mut metadata = metadata.clone();
         let (encoded, summary) =
             packing.run(&mut metadata, tables.clone(), &mut stages, progress)?;
@@ -95,19 +96,21 @@ pub fn bake(
     };
     let (packed, chosen) = match options.max_bytes {
         Some(bytes) => {
-            let (packed, chosen) = max_bytes::search(bytes, sizes.len(), |dropped, max_errors| {
-                let mut packed = pack(Some(max_errors))?;
+            let (packed, chosen) = max_bytes::search(bytes, sizes.len(), |dropped, factor| {
+                let precision = Precision::of_factor(factor, options);
+                let nearby_coarseness = options.is_seen_nearby().then_some(precision.moved_codes);
+                let mut packed = pack(precision)?;
                 if !packed.drop_finest(dropped)? {
-                    return Ok(Attempt { bytes: u64::MAX, packed });
+                    return Ok(Attempt { bytes: u64::MAX, nearby_coarseness, packed });
                 }
                 let mut count = WriterSink::new(std::io::sink());
                 let head = Head { metadata: &packed.metadata, ..head };
                 container::write(&head, &packed.encoded, &mut count)?;
-                Ok(Attempt { bytes: count.length(), packed })
+                Ok(Attempt { bytes: count.length(), nearby_coarseness, packed })
             })?;
             (packed, Some(chosen))
         }
-        None => (pack(options.max_error)?, None),
+        None => (pack(Precision::of(options))?, None),
     };
     let Packed { metadata, encoded, nonfinite_color } = packed;
     let nonfinite = visible.nonfinite.count + planes.accepted(nonfinite_color)?;
@@ -147,10 +150,39 @@ impl Packed {
     }
 }
 
-/// The packing of a trained field's levels, within an error where one is given.
+/// How much values may move.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Precision {
+    /// Errors of the values; none where bits count.
+    max_errors: Option<MaxErrors>,
+    /// Codes that colours may move by at nodes of importance 1.
+    moved_codes: f32,
+}
+
+impl Precision {
+    /// As the options state it.
+    pub fn of(options: &BakeOptions) -> Self {
+        let moved_codes = match options.is_seen_nearby() {
+            true => options.nearby_coarseness,
+            false => options.coarseness,
+        };
+        Self { max_errors: options.max_error, moved_codes }
+    }
+
+    /// So many times that of the preset `web`.
+    fn of_factor(factor: f64, options: &BakeOptions) -> Self {
+        let moved_codes = match options.is_seen_nearby() {
+            true => nearby_coarseness_of(factor),
+            false => options.coarseness,
+        };
+        Self { max_errors: Some(errors_of(factor)), moved_codes }
+    }
+}
+
+/// The packing of a trained field's levels.
 pub(super) fn packing<'a>(
     options: &BakeOptions,
-    max_errors: Option<MaxErrors>,
+    precision: Precision,
     source: &'a FilteredLevels<'a>,
     visible: &'a Visible,
     importance: &'a [LevelImportance],
@@ -159,13 +191,13 @@ pub(super) fn packing<'a>(
     Packing {
         source,
         retained: visible.retained(),
-        choice: match max_errors {
+        choice: match precision.max_errors {
             Some(max_errors) => Some(EncodingChoice::Within { max_errors, only_fewer: false }),
             None => source.is_laid_over_values().then_some(EncodingChoice::Laid(options.bits)),
         },
         bound: ErrorBound::Proved,
         importance,
-        coarseness: options.moved_codes(),
+        coarseness: precision.moved_codes,
         inheritance: options.fill_error.map(|error| Inheritance { error, among: None }),
         zstd_level: options.zstd_level,
         store,
