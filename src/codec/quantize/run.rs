@@ -7,10 +7,10 @@
 //!
 //! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has
 //! no residuals: don't-care nodes take that mean, and cost a bit for all channels together. Frames
-//! are sorted into modes by the distance of their codes from the mean; each mode has weights of its
-//! own, and its residuals lie together, so that an entropy coder can have a table for each. All of
-//! it follows from the codes alone: the same codes are the same bytes, and a writer need not know
-//! the retained nodes.
+//! are sorted into modes, each into the one in which it takes the fewest bits ([`super::modes`]).
+//! Each mode has weights of its own, and its residuals lie together, so that an entropy coder can
+//! have a table for each. All of it follows from the codes alone: the same codes are the same bytes,
+//! and a writer need not know the retained nodes.
 
 use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes};
