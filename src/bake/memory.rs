@@ -138,8 +138,8 @@ impl Needs<'_> {
         // A slab's amounts, the planes at work in each thread, and the planes that wait for the
         // next level; each level a fourth of the last.
         let planes = SLAB as u64 + 2 * self.threads + (SLAB as u64 + self.window()).div_ceil(2);
-        // Depths, transmittance and visibility; bent normals of both ways along x.
-        let light = 3 * self.visibility() + 2 * self.bent_normals() + self.importance();
+        // Depths and visibility, and bent normals.
+        let light = 2 * self.visibility() + self.bent_normals() + self.importance();
         planes * Self::plane(self.sizes[0]) * 4 / 3 + light
     }
 

@@ -16,7 +16,7 @@
 
 use multiversion::multiversion;
 
-use super::transmittance::TransmittanceSweep;
+use super::transmittance::{PlaneLight, TransmittanceSweep};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate::lanes;
@@ -42,14 +42,13 @@ impl NodeImportance {
     ///
     /// None of its own.
     pub fn nearby(sweep: TransmittanceSweep) -> Result<Self> {
-        let light = TransmittanceSweep { recovery: RECOVERY, ..sweep }.run(false)?;
-        let mut values = light.sums;
-        let size = sweep.nodes.0[1] * sweep.nodes.0[2];
-        let mut planes: Vec<&mut [f32]> = values.chunks_mut(size).collect();
-        parallel::map_mut(&mut planes, |x, plane| {
-            reflect(&sweep.depths[x * size..][..size], plane);
+        let mut light = TransmittanceSweep { recovery: RECOVERY, ..sweep }.run(false)?;
+        parallel::map_mut(&mut light, |x, PlaneLight { sums, .. }| {
+            reflect(&sweep.depths[x], sums);
             Ok(())
         })?;
+        let mut values = Vec::with_capacity(sweep.nodes.count());
+        light.into_iter().for_each(|plane| values.extend(plane.sums));
         let mut importance = Self { nodes: sweep.nodes, values };
         importance.spread()?;
         importance.set_unit();

@@ -3,10 +3,13 @@
 //! Planes are swept in order, once upwards and once downwards along x. A sweep carries the
 //! transmittance of nine directions from each plane to the next. The eight directions within planes
 //! follow plane by plane. So the working set stays in the caches, and the whole grid is read three
-//! times instead of once for each direction. Both sweeps run at the same time, and the terms of
-//! each sum have one order, so results do not depend on threads.
+//! times instead of once for each direction. Both sweeps run at the same time. The one that comes to
+//! a plane later adds to what the other left there, so all nodes have one set of sums. Adding two
+//! numbers has one result in either order, and all other terms of a sum have one order, so results
+//! do not depend on threads.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use multiversion::multiversion;
 
@@ -29,9 +32,9 @@ pub const BENT_ONE: f32 = 32767.0;
 /// Bent normals by axis: 16-bit integers, of which 32767 stands for 1.
 pub type BentNormals = [Vec<i16>; 3];
 
-/// The light that reaches nodes.
-#[derive(Debug)]
-pub struct Light {
+/// The light that reaches the nodes of a plane.
+#[derive(Debug, Default)]
+pub struct PlaneLight {
     /// The sum over all directions of each node's transmittance, 0 to 26.
     pub sums: Vec<f32>,
     /// Bent normals, if they were asked for; else empty.
@@ -45,41 +48,33 @@ pub struct TransmittanceSweep<'a> {
     pub nodes: Nodes,
     /// Intervals from a node to the next along each axis.
     pub spacing: [f32; 3],
-    /// Optical depth over one interval, z fastest.
-    pub depths: &'a [f32],
+    /// Optical depth over one interval by plane, z fastest.
+    pub depths: &'a [Vec<f32>],
     /// The share of lost light that is there again behind an empty node, 0 to 1. It is 0 for light
     /// that comes from outside the box alone. Else light comes from empty space in the box too.
     pub recovery: f32,
 }
 
 impl TransmittanceSweep<'_> {
-    /// Follows light to all nodes. `bent` asks for bent normals too.
+    /// Follows light to all nodes, plane by plane. `bent` asks for bent normals too.
     ///
     /// # Errors
     ///
     /// None of its own.
-    pub fn run(&self, bent: bool) -> Result<Light> {
-        let (mut up, down) =
-            parallel::join(|| self.along_x(false, bent), || self.along_x(true, bent));
-        let size = self.plane_size();
-        let [x, y, z] = up.bent.each_mut().map(|part| part.chunks_mut(size));
-        let mut bent_planes = x.zip(y.zip(z)).map(|(x, (y, z))| [x, y, z]);
-        let planes = up.sums.chunks_mut(size).zip(down.sums.chunks(size));
-        let mut planes: Vec<_> =
-            planes.map(|(sums, down)| (sums, down, bent_planes.next())).collect();
-        parallel::map_mut(&mut planes, |x, (sums, of_down, bent)| {
-            sums.iter_mut().zip(*of_down).for_each(|(sum, down)| *sum += down);
-            let mut plane = PlaneSums { sums, bent: self.bent_plane(bent.is_some()) };
-            self.within_plane(self.plane(x), &mut plane);
-            let Some(bent) = bent else { return Ok(()) };
-            for (axis, up) in bent.iter_mut().enumerate() {
-                let down = &down.bent[axis][x * size..][..size];
-                add_rounded(&plane.bent[axis], down, up);
-            }
+    pub fn run(&self, bent: bool) -> Result<Vec<PlaneLight>> {
+        let met: Vec<_> = self.depths.iter().map(|_| Mutex::new(None)).collect();
+        parallel::join(|| self.along_x(false, bent, &met), || self.along_x(true, bent, &met));
+        let plane = |met: Mutex<Option<_>>| {
+            met.into_inner().unwrap_or_else(PoisonError::into_inner).unwrap_or_default()
+        };
+        let mut planes: Vec<PlaneLight> = met.into_iter().map(plane).collect();
+        parallel::map_mut(&mut planes, |x, PlaneLight { sums, bent: all }| {
+            let mut plane = PlaneSums { sums, bent: self.bent_plane(bent) };
+            self.within_plane(&self.depths[x], &mut plane);
+            all.iter_mut().zip(&plane.bent).for_each(|(all, part)| add_rounded(part, all));
             Ok(())
         })?;
-        drop(planes);
-        Ok(up)
+        Ok(planes)
     }
 
     /// Zeros of a plane's bent normals; none where they are not asked for.
@@ -99,8 +94,10 @@ impl TransmittanceSweep<'_> {
         self.nodes.0[1] * self.nodes.0[2]
     }
 
-    fn plane(&self, x: usize) -> &[f32] {
-        &self.depths[x * self.plane_size()..][..self.plane_size()]
+    fn dark_plane(&self, bent: bool) -> PlaneLight {
+        let size = self.plane_size();
+        let bent = [(); 3].map(|()| vec![0; if bent { size } else { 0 }]);
+        PlaneLight { sums: vec![0.0; size], bent }
     }
 
     /// Transmittances from the nodes of a plane to neighbours that are one step away along the axes
@@ -111,14 +108,11 @@ impl TransmittanceSweep<'_> {
         exponentials(depths, (x + y + z).sqrt(), transmittances);
     }
 
-    /// The light along the nine directions up along x, or down.
-    fn along_x(&self, down: bool, bent: bool) -> Light {
+    /// Adds the light along the nine directions up along x, or down, to the planes of both ways.
+    fn along_x(&self, down: bool, bent: bool, met: &[Mutex<Option<PlaneLight>>]) {
         let [nx, ny, nz] = self.nodes.0;
         let size = self.plane_size();
-        let mut all = Light {
-            sums: vec![0.0; nx * size],
-            bent: [(); 3].map(|()| vec![0; if bent { nx * size } else { 0 }]),
-        };
+        let mut own = self.dark_plane(bent);
         let mut bent_plane = self.bent_plane(bent);
         // From outside to the plane, by direction.
         let mut light = [(); SIDEWAYS.len()].map(|()| vec![1.0; size]);
@@ -126,9 +120,9 @@ impl TransmittanceSweep<'_> {
         let mut next = vec![1.0; size];
         for x in 0..nx {
             let x = if down { nx - 1 - x } else { x };
-            let sums = &mut all.sums[x * size..][..size];
+            own.sums.fill(0.0);
             bent_plane.iter_mut().for_each(|part| part.fill(0.0));
-            let mut plane = PlaneSums { sums, bent: bent_plane };
+            let mut plane = PlaneSums { sums: &mut own.sums, bent: bent_plane };
             for ([dy, dz], light) in SIDEWAYS.into_iter().zip(&mut light) {
                 let through = &through[kind(dy, dz)];
                 let outwards = self.outwards([if down { -1 } else { 1 }, dy, dz]);
@@ -147,20 +141,21 @@ impl TransmittanceSweep<'_> {
                 std::mem::swap(light, &mut next);
             }
             bent_plane = plane.bent;
-            for (all, part) in all.bent.iter_mut().zip(&bent_plane) {
-                if let Some(all) = all.get_mut(x * size..(x + 1) * size) {
-                    round(part, all);
-                }
+            own.bent.iter_mut().zip(&bent_plane).for_each(|(own, part)| round(part, own));
+            let mut met = met[x].lock().unwrap_or_else(PoisonError::into_inner);
+            match &mut *met {
+                Some(other) => other.add(&own),
+                first => *first = Some(std::mem::replace(&mut own, self.dark_plane(bent))),
             }
+            drop(met);
             for (kind, through) in through.iter_mut().enumerate() {
                 self.node_transmittances(
-                    self.plane(x),
+                    &self.depths[x],
                     [true, kind & 2 > 0, kind & 1 > 0],
                     through,
                 );
             }
         }
-        all
     }
 
     /// Adds the transmittances along the eight directions within a plane.
@@ -203,6 +198,17 @@ impl TransmittanceSweep<'_> {
             plane.add(near, &down[..far], below);
             plane.add(far_row.clone(), &down[far..], below);
             plane.add(far_row, &up[far..], above);
+        }
+    }
+}
+
+impl PlaneLight {
+    /// Adds the light that comes the other way.
+    fn add(&mut self, other: &Self) {
+        add(&mut self.sums, &other.sums);
+        for (parts, others) in self.bent.iter_mut().zip(&other.bent) {
+            // Of nine directions of 26 each: no sum is too large.
+            parts.iter_mut().zip(others).for_each(|(part, other)| *part += other);
         }
     }
 }
@@ -274,12 +280,11 @@ fn round(sums: &[f32], parts: &mut [i16]) {
 }
 
 /// Parts of bent normals from sums over the directions within planes, and from the parts of those
-/// down and up along x, which are the `parts` so far.
+/// along x, which are the `parts` so far.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_rounded(sums: &[f32], down: &[i16], parts: &mut [i16]) {
-    for ((part, &down), sum) in parts.iter_mut().zip(down).zip(sums) {
-        let along_x = (i32::from(*part) + i32::from(down)) as f32;
-        *part = rounded(along_x + sum * (BENT_ONE / 26.0));
+fn add_rounded(sums: &[f32], parts: &mut [i16]) {
+    for (part, sum) in parts.iter_mut().zip(sums) {
+        *part = rounded(f32::from(*part) + sum * (BENT_ONE / 26.0));
     }
 }
 

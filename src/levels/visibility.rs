@@ -17,15 +17,15 @@
 //! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]
 //! collects that level's optical depths as it streams by.
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use multiversion::multiversion;
 
 use super::AlphaDomain;
 use super::importance::NodeImportance;
-use super::transmittance::{BentNormals, Light, NEGLIGIBLE, TransmittanceSweep};
+use super::transmittance::{BentNormals, NEGLIGIBLE, PlaneLight, TransmittanceSweep};
 use crate::base::error::Result;
+use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::field::{Activation, DensityFunction};
 use crate::model::grid::Nodes;
@@ -43,8 +43,8 @@ pub struct OpticalDepthGrid {
     nodes: Nodes,
     /// Intervals from a node to the next along each axis.
     spacing: [f32; 3],
-    /// Optical depth over one interval, z fastest.
-    depths: Mutex<Vec<f32>>,
+    /// Optical depth over one interval by plane, z fastest; empty before it is taken.
+    depths: Vec<Mutex<Vec<f32>>>,
     /// True if bent normals are found too.
     bent: bool,
     /// True if importance is found too.
@@ -57,7 +57,7 @@ impl OpticalDepthGrid {
         let level = Self::level(sizes);
         let nodes = sizes[level];
         let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
-        let depths = Mutex::new(vec![0.0; nodes.count()]);
+        let depths = (0..nodes.0[0]).map(|_| Mutex::default()).collect();
         Self { domain, level, nodes, spacing, depths, bent: false, importance: false }
     }
 
@@ -90,8 +90,7 @@ impl OpticalDepthGrid {
             0 => raw_optical_depths(&mut plane, &self.domain),
             _ => self.domain.optical_depths(values, &mut plane),
         }
-        let mut depths = self.depths.lock().unwrap_or_else(PoisonError::into_inner);
-        depths[x * values.len()..][..values.len()].copy_from_slice(&plane);
+        *self.depths[x].lock().unwrap_or_else(PoisonError::into_inner) = plane;
     }
 
     /// The visibility of all nodes, once every plane of the level was taken.
@@ -101,15 +100,22 @@ impl OpticalDepthGrid {
     /// None of its own.
     pub fn visibility(self) -> Result<Visibility> {
         let Self { nodes, spacing, depths, bent, importance, .. } = self;
-        let depths = depths.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let depths = depths.into_iter().map(|plane| {
+            let plane = plane.into_inner().unwrap_or_else(PoisonError::into_inner);
+            if plane.is_empty() { vec![0.0; nodes.0[1] * nodes.0[2]] } else { plane }
+        });
+        let depths: Vec<Vec<f32>> = depths.collect();
         let sweep = TransmittanceSweep { nodes, spacing, depths: &depths, recovery: 0.0 };
         let importance = importance.then(|| NodeImportance::nearby(sweep)).transpose()?;
-        let light = sweep.run(bent)?;
-        let Light { sums: mut shares, bent } = light;
-        for share in &mut shares {
-            let mean = *share / 26.0;
-            *share = mean * mean + LEAST_VISIBILITY;
-        }
+        let mut light = sweep.run(bent)?;
+        parallel::map_mut(&mut light, |_, PlaneLight { sums, .. }| {
+            for share in sums {
+                let mean = *share / 26.0;
+                *share = mean * mean + LEAST_VISIBILITY;
+            }
+            Ok(())
+        })?;
+        let (shares, bent) = light.into_iter().map(|plane| (plane.sums, plane.bent)).unzip();
         Ok(Visibility { nodes, shares, bent, importance })
     }
 }
@@ -132,8 +138,10 @@ fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
 #[derive(Debug)]
 pub struct Visibility {
     nodes: Nodes,
-    shares: Vec<f32>,
-    bent: BentNormals,
+    /// By plane, z fastest.
+    shares: Vec<Vec<f32>>,
+    /// By plane.
+    bent: Vec<BentNormals>,
     /// Importance of the same nodes to viewers nearby, if it was asked for.
     pub importance: Option<NodeImportance>,
 }
@@ -169,13 +177,13 @@ fn mix(
 impl Visibility {
     /// Visibility of plane `x` of a grid of `nodes` over the same box.
     pub fn sampler(&self, nodes: Nodes, x: usize) -> PlaneSampler {
-        self.sampler_of(nodes, x, |plane| self.shares[plane].iter().copied())
+        self.sampler_of(nodes, x, |x| self.shares[x].iter().copied())
     }
 
     /// Parts of the bent normals along `axis` times 32767, at plane `x` of a grid of `nodes` over
     /// the same box. Bent normals must have been found.
     pub fn bent_sampler(&self, nodes: Nodes, x: usize, axis: usize) -> PlaneSampler {
-        let part = |plane: Range<usize>| self.bent[axis][plane].iter().copied().map(f32::from);
+        let part = |x: usize| self.bent[x][axis].iter().copied().map(f32::from);
         self.sampler_of(nodes, x, part)
     }
 
@@ -183,14 +191,12 @@ impl Visibility {
         &self,
         nodes: Nodes,
         x: usize,
-        values: impl Fn(Range<usize>) -> I,
+        values: impl Fn(usize) -> I,
     ) -> PlaneSampler {
         let [nx, _, nz] = nodes.0;
         let [coarse_x, coarse_y, coarse_z] = self.nodes.0;
-        let size = coarse_y * coarse_z;
-        let plane = |x: usize| values(x * size..(x + 1) * size);
         let at = linear_tap(x, nx, coarse_x);
-        let on_plane: Vec<f32> = mix(plane(at.low), plane(at.high), at.fraction).collect();
+        let on_plane: Vec<f32> = mix(values(at.low), values(at.high), at.fraction).collect();
         if nz == coarse_z {
             return PlaneSampler { nodes, coarse_y, values: on_plane };
         }
