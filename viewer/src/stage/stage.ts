@@ -95,7 +95,7 @@ export class Stage {
     this.controls.update();
   }
 
-  /** Makes the shaders and the textures of an object that will be shown, without holding the page up. */
+  /** Makes the shaders and the textures of an object that will be shown, and the device's code, without holding the page up. */
   async prepare(object: Object3D): Promise<void> {
     // Whoever asks a device waits for its pictures, too: better before there are any. It can make textures while it compiles.
     this.upload(object);
@@ -109,6 +109,10 @@ export class Stage {
       if (gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost()) continue;
       throw new FieldError(`The device does not take the shader: ${gl.getProgramInfoLog(program)?.trim()}`, REMEDY.device);
     }
+    object.traverse((part) => {
+      if ("isRadianceField" in part) (part as RadianceField).warm(this.renderer);
+    });
+    await new Promise<void>((done) => whenDone(gl, done));
   }
 
   private programsOf(object: Object3D): Set<WebGLProgram> {

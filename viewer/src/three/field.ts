@@ -9,6 +9,7 @@ import {
   Data3DTexture,
   FloatType,
   GLSL3,
+  Matrix4,
   Mesh,
   NoBlending,
   NormalBlending,
@@ -155,9 +156,37 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return point && new Vector3(...point);
   }
 
+  /**
+   * Draws a pixel that nobody sees, from the middle of the box, with all that a draw may need. Devices make code in the first
+   * draw that needs it, and what is on the screen would wait for that.
+   */
+  warm(renderer: WebGLRenderer): void {
+    if (!this.metadata) return;
+    const camera = new PerspectiveCamera();
+    const middle = this.bounds.getCenter(new Vector3());
+    camera.matrixWorld.copy(this.matrixWorld).multiply(new Matrix4().setPosition(middle));
+    camera.matrixWorldInverse.copy(camera.matrixWorld).invert();
+    camera.matrixWorldAutoUpdate = camera.matrixAutoUpdate = false;
+    // With a stencil, as the depth buffers of canvases have: the code depends on it.
+    const target = new WebGLRenderTarget(1, 1, { stencilBuffer: true });
+    this.drawInto(target, renderer, camera, { finest: this.metadata.levels.length - 1, keepsRange: false, skips: false });
+    target.dispose();
+  }
+
   /** Four numbers a pixel of one kind of output. */
   private sample(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, shown: Partial<Shown>): Float32Array {
-    const target = new WebGLRenderTarget(width, height, { type: FloatType, depthBuffer: true });
+    const target = new WebGLRenderTarget(width, height, { type: FloatType });
+    const pixels = new Float32Array(4 * width * height);
+    this.material.blending = NoBlending;
+    this.drawInto(target, renderer, camera, shown);
+    this.material.blending = NormalBlending;
+    renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
+    target.dispose();
+    return pixels;
+  }
+
+  /** Draws the field alone into an empty target. */
+  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: PerspectiveCamera, shown: Partial<Shown>): void {
     const proxy = new Mesh(this.geometry, this.material);
     proxy.matrixWorld.copy(this.matrixWorld);
     proxy.matrixWorldAutoUpdate = proxy.matrixAutoUpdate = false;
@@ -169,18 +198,12 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     scene.matrixWorldAutoUpdate = false;
     scene.add(proxy);
     const [before, alpha] = [renderer.getRenderTarget(), renderer.getClearAlpha()];
-    this.material.blending = NoBlending;
     renderer.setRenderTarget(target);
     renderer.setClearAlpha(0);
     renderer.clear();
     renderer.render(scene, camera);
-    const pixels = new Float32Array(4 * width * height);
-    renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
     renderer.setRenderTarget(before);
     renderer.setClearAlpha(alpha);
-    this.material.blending = NormalBlending;
-    target.dispose();
-    return pixels;
   }
 
   /** Builds what does not depend on levels. */
@@ -212,7 +235,8 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry.setDrawRange(...NOTHING);
     if (!(camera as PerspectiveCamera).isPerspectiveCamera) return;
     this.upload(renderer);
-    const { file, finest, textures } = this.streamed;
+    const { file, textures } = this.streamed;
+    const finest = shown.finest ?? this.streamed.finest;
     if (!file || !textures || finest === null) return;
     for (const [name, handle] of Object.entries(textures)) {
       // A renderer, or one whose device came back, has not seen what it did not make.
