@@ -12,6 +12,10 @@ import { capture, CountingServer, launch, loseDevice, newPage, openOther, progra
 
 declare global {
   interface Window {
+    /** Of each draw of a field, whether it was to the canvas. */
+    isOnCanvas: boolean[];
+    /** Bits of red, alpha and depth, and samples, of the targets of these draws. */
+    targets: Set<string>;
     /** Of all contexts. */
     textures: Set<WebGLTexture>;
   }
@@ -269,6 +273,29 @@ test("the plugin in somebody's page leaves what it cannot open, and says so", as
   const given = await page.evaluate((address) => window.giveUp(address), server.offer("tiny.mipvog", bytes));
   for (const message of given) assert.match(message, /given up/);
   assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a field is drawn where nobody sees it before it is drawn on the canvas, in the same kind of target", async () => {
+  const { page } = await newPage(browser);
+  await page.addInitScript(() => {
+    const { prototype } = WebGL2RenderingContext;
+    const { drawElements } = prototype;
+    window.isOnCanvas = [];
+    // Of all that the page draws, fields alone have indices.
+    prototype.drawElements = function (...parameters) {
+      window.isOnCanvas.push(this.getParameter(this.FRAMEBUFFER_BINDING) === null);
+      const bits = [this.RED_BITS, this.ALPHA_BITS, this.DEPTH_BITS, this.SAMPLES].map((name) => this.getParameter(name) as number);
+      window.targets.add(bits.join());
+      drawElements.apply(this, parameters);
+    };
+    window.targets = new Set();
+  });
+  await page.goto(server.page("tiny.mipvog", bytes));
+  await ready(page);
+  const { isOnCanvas, targets } = await page.evaluate(() => ({ isOnCanvas: window.isOnCanvas, targets: [...window.targets] }));
+  assert.deepEqual([isOnCanvas[0], new Set(isOnCanvas.slice(1))], [false, new Set([true])]);
+  assert.equal(targets.length, 1, `red, alpha, depth and samples of targets: ${targets}`);
   await page.close();
 });
 
