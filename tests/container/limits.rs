@@ -1,0 +1,156 @@
+//! Every limit: a file that asks for as much is read, one that asks for one more is refused, with
+//! that limit's name.
+
+use crate::common;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::common::{fixture, folder};
+use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog_bake::unstable::base::error::{ErrorKind, Result};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::input;
+use mipvog_bake::unstable::input::SourceOptions;
+use mipvog_bake::unstable::model::baked::Group;
+
+fn read_scene(path: &Path, limits: &Limits) -> Result<()> {
+    input::open_with(path, &SourceOptions::default(), limits).map(|_| ())
+}
+
+fn read_container(path: &Path, limits: &Limits) -> Result<()> {
+    let file = Arc::new(SourceFile::open(path)?);
+    Container::open(file, limits)?.read().map(|_| ())
+}
+
+fn with(name: &str, count: u64) -> Limits {
+    let mut limits = Limits::default();
+    for (own, _, limit) in limits.named() {
+        if own == name {
+            *limit = count;
+        }
+    }
+    limits
+}
+
+/// The least value of a limit under which a file is read; one below, the limit is the error.
+fn least(name: &str, path: &Path, read: fn(&Path, &Limits) -> Result<()>) -> u64 {
+    let (mut refused, mut taken) = (0, 1 << 40);
+    read(path, &with(name, taken)).expect("a sound file");
+    while taken - refused > 1 {
+        let middle = refused + (taken - refused) / 2;
+        match read(path, &with(name, middle)) {
+            Ok(()) => taken = middle,
+            Err(_) => refused = middle,
+        }
+    }
+    let error = read(path, &with(name, taken - 1)).expect_err("one past the limit");
+    match error.kind() {
+        ErrorKind::OverLimit { asked, allowed, .. } => assert!(asked > allowed, "{name}: {error}"),
+        // Channels are announced by the metadata, whose values have a finding of their own.
+        _ => panic!("{name}: {error}"),
+    }
+    taken
+}
+
+#[test]
+fn limits_hold_at_their_value_and_one_past_it() {
+    let torch = fixture("trained/dvgo/protocol2.tar");
+    let flat = fixture("trained/dvgo/flat.safetensors");
+    let container = fixture("baked/dvgo.mask.mipvog");
+    let header = u64::from_le_bytes(
+        std::fs::read(&flat).expect("a file")[..8].try_into().expect("eight bytes"),
+    );
+    // 9 x 7 x 5 nodes of 7 channels.
+    assert_eq!(least("axis-nodes", &flat, read_scene), 9);
+    assert_eq!(least("nodes", &flat, read_scene), 9 * 7 * 5);
+    assert_eq!(least("channels", &flat, read_scene), 7);
+    assert_eq!(least("header-bytes", &flat, read_scene), header);
+    let entries = std::fs::read(&torch).expect("a file");
+    let count = entries.windows(4).filter(|bytes| bytes == b"PK\x01\x02").count() as u64;
+    assert_eq!(least("entries", &torch, read_scene), count);
+    assert!(least("pickle-objects", &torch, read_scene) > count);
+    let opened = Container::open(
+        Arc::new(SourceFile::open(&container).expect("a file")),
+        &Limits::default(),
+    );
+    let opened = opened.expect("a container");
+    assert_eq!(least("chunks", &container, read_container), opened.entries().len() as u64);
+    let levels = &opened.metadata().levels;
+    let blocks = levels.iter().map(|level| level.grid().total()).max().expect("levels") as u64;
+    assert_eq!(least("blocks", &container, read_container), blocks);
+    let codes: u64 = levels.iter().map(|level| level.blocks_stored as u64 * 8 * 512).sum();
+    // Codes of one byte of 8 channels in blocks of 8, and tables.
+    assert!(least("memory", &container, read_container) >= codes);
+    // None was forgotten.
+    assert_eq!(Limits::default().named().len(), 9);
+}
+
+/// A container under a limit of memory.
+fn opened(name: &str, memory: u64) -> Container {
+    let file = SourceFile::open(&fixture("baked").join(name)).expect("a file");
+    Container::open(Arc::new(file), &with("memory", memory)).expect("little is read")
+}
+
+/// The least memory under which something is read; a byte less is refused as too much.
+fn least_memory(name: &str, read: impl Fn(&Container) -> Result<()>, expected: usize) {
+    let expected = expected as u64;
+    read(&opened(name, expected)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let error = read(&opened(name, expected - 1)).expect_err("a byte too few");
+    assert!(matches!(error.kind(), ErrorKind::OverLimit { .. }), "{name}: {error}");
+}
+
+#[test]
+fn memory_is_counted_to_the_byte() {
+    for name in ["dvgo.mask.mipvog", "dvgo.f32.mipvog", "dvgo.coverage.mipvog", "tiny.code.mipvog"]
+    {
+        let container = opened(name, 1 << 30);
+        for (number, level) in container.metadata().levels.iter().enumerate() {
+            let chunk = |kind: &[u8; 4]| {
+                let mut entries = container.entries().iter();
+                let found = entries.find(|e| e.kind == *kind && e.level == Some(number as u32));
+                found.map_or(0, |entry| entry.length as usize)
+            };
+            // A table is inflated and then made of it. A chunk is held while it is decoded.
+            let mut held = 2 * level.grid().total();
+            let mut bytes = held + chunk(b"TABL");
+            for (group, kind) in Group::ALL.into_iter().zip([b"DENS", b"DIFF", b"FEAT"]) {
+                let Some(encoding) = level.encoding(group) else { continue };
+                let channels = group.channels(container.metadata().layout());
+                let frame = level.block_size.pow(3) * encoding.number.bytes() * channels;
+                held += level.blocks_stored * frame;
+                bytes = bytes.max(held + chunk(kind));
+            }
+            least_memory(name, |container| container.read_level(number).map(|_| ()), bytes);
+        }
+    }
+}
+
+#[test]
+#[cfg(feature = "cli")]
+fn limits_are_set_on_the_command_line() {
+    let folder = folder();
+    let run = |arguments: &[&str]| {
+        let mut command = common::program();
+        let output = command.current_dir(folder.path()).args(arguments).output().expect("starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let scene = fixture("trained/dvgo/flat.safetensors").display().to_string();
+    let container = fixture("baked/dvgo.mask.mipvog").display().to_string();
+    for (verb, file, output) in
+        [("bake", &scene, "x.mipvog"), ("unpack", &container, "x.safetensors")]
+    {
+        let arguments = [verb, file.as_str(), "-o", output];
+        let (code, message) = run(&[&arguments[..], &["--limit", "nodes=314"]].concat());
+        assert!(code == Some(6) && message.contains("see --limit"), "{message}");
+        assert!(!folder.path().join(output).exists());
+    }
+    let (code, message) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=100"]);
+    assert!(code == Some(6) && message.contains("see --limit"), "{message}");
+    let (code, _) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=1000000"]);
+    assert_eq!(code, Some(0));
+    for wrong in ["size=3", "nodes", "nodes=many"] {
+        let (code, message) = run(&["inspect", &container, "--limit", wrong]);
+        assert!(code == Some(2) && message.contains("expected"), "{message}");
+    }
+}

@@ -1,0 +1,245 @@
+//! Containers to other containers, without the checkpoint: bits, errors, levels, bytes.
+
+use crate::common;
+use crate::common::transcoded::{baked, changed, changed_bytes, difference, from_afar, picture};
+use crate::common::{baked_bytes, chunks, field, open_bytes, trained, unpack};
+use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog_bake::unstable::base::error::ErrorKind;
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::model::baked::{
+    FootprintNeighbour, Group, LevelMetadata, Metadata, StepRule,
+};
+use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog_bake::unstable::model::grid::Bounds;
+
+#[test]
+fn a_container_packs_as_the_file_it_unpacks_to() {
+    let scene = trained("tiny/fine_last.tar");
+    let errors = Changes { max_error: Some(0.03.into()), ..Changes::default() };
+    let fewer = Changes { levels: Some(2), without_finest: 1, ..Changes::default() };
+    let bits = Changes { bits: Some(Bits::Integer(5)), ..Changes::default() };
+    let small = Changes { max_bytes: Some(8000), ..Changes::default() };
+    let part = Changes {
+        crop: Some(Bounds { min: [-9.0, -9.0, -9.0], max: [9.0, 9.0, 0.1] }),
+        drop_islands: Some(20),
+        ..Changes::default()
+    };
+    for filled in [None, Some(0.08)] {
+        let container = baked(&scene, |options| {
+            (options.fill_error, options.block_size) = (filled, 4);
+        });
+        let unpacked = unpack(&container).expect("unpacks");
+        let file = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+        let direct = Unpacked::of_container(&container).expect("decodes");
+        assert_eq!(direct.digest, file.digest);
+        for changes in [&Changes::default(), &errors, &fewer, &bits, &small, &part] {
+            let again = common::packed(&file, changes).expect("packs");
+            assert!(again == common::packed(&direct, changes).expect("packs"), "{changes:?}");
+        }
+        // Without changes it is the same container, and level 0 is the same field.
+        let again = changed(&container, &Changes::default()).expect("packs");
+        assert_eq!(again.read().expect("valid").levels, container.read().expect("valid").levels);
+        let [a, b] = [&file, &direct].map(|input| {
+            let field = input.field().expect("readable").expect("densities");
+            baked_bytes(&field, &BakeOptions::default()).expect("a bake")
+        });
+        assert!(a == b);
+    }
+}
+
+#[test]
+fn pictures_from_afar_stay_without_the_finest_levels() {
+    let scene = trained("lego64/fine_last.tar");
+    // Footprints that read no level finer than the first one that stays.
+    let cases = [
+        (Filter::RateTent, 1, 6.0),
+        (Filter::RateTent, 2, 20.0),
+        (Filter::Fit, 1, 8.0),
+        (Filter::Paper, 1, 9.0),
+    ];
+    for (filter, count, rho) in cases {
+        for bits in [Bits::Integer(8), Bits::Integer(12), Bits::F16, Bits::F32] {
+            let container = baked(&scene, |options| {
+                (options.filter, options.bits, options.fit_steps) = (filter.into(), bits, 0);
+            });
+            let changes = Changes { without_finest: count, ..Changes::default() };
+            let fewer = changed(&container, &changes).expect("represented");
+            let (before, after) = (container.metadata(), fewer.metadata());
+            assert_eq!(after.levels.len(), before.levels.len() - count);
+            for (after, before) in after.levels.iter().zip(&before.levels[count..]) {
+                assert_eq!(after.dimensions, before.dimensions);
+                assert_eq!(after.blocks_stored, before.blocks_stored);
+            }
+            let camera = from_afar(before, rho);
+            let (old, new) = (picture(&container, &camera), picture(&fewer, &camera));
+            let seen: Vec<usize> = (0..24 * 24).filter(|&i| old.transmittance[i] < 0.9).collect();
+            assert!(!seen.is_empty());
+            let margin = count as f32 + 0.05;
+            let level = |i: usize| old.level[i] / (1.0 - old.transmittance[i]);
+            assert!(seen.iter().all(|&i| level(i) > margin), "{filter:?} {count}");
+            // Half floats of scaled values are others.
+            let most = if bits == Bits::F16 { 1e-3 } else { 2e-5 };
+            let moved = difference(&old, &new);
+            assert!(moved <= most, "{filter:?} {bits} {count}: {moved}");
+        }
+    }
+}
+
+#[test]
+fn rules_follow_the_levels_that_are_dropped() {
+    let scene = trained("lego64/fine_last.tar");
+    for filter in [Filter::RateTent, Filter::Paper] {
+        let container = baked(&scene, |options| options.filter = filter.into());
+        let changes = Changes { without_finest: 2, ..Changes::default() };
+        let fewer = changed(&container, &changes).expect("represented");
+        let (before, after) = (container.metadata(), fewer.metadata());
+        assert_eq!(after.march.voxel_size, 4.0 * before.march.voxel_size);
+        let step = |metadata: &Metadata| metadata.march.stepsize * metadata.march.voxel_size;
+        let times = if before.step_rule == StepRule::LevelOfDetail { 4.0 } else { 1.0 };
+        assert_eq!(step(after), times * step(before));
+        assert_eq!(after.activation.interval, times * before.activation.interval);
+        assert_eq!(after.alpha_threshold, before.alpha_threshold);
+        let (old, new) = (before.level_of_detail, after.level_of_detail);
+        assert_eq!((old.factor, old.neighbour), (new.factor, new.neighbour));
+        assert_eq!(new.neighbour, FootprintNeighbour::SameDistance);
+        // 64 nodes became 16.
+        assert!((new.bias - (old.bias - 2.0 + 2.0 * old.factor)).abs() < 1e-6);
+        for (after, before) in after.levels.iter().zip(&before.levels[2..]) {
+            let error = |level: &LevelMetadata| level.density.as_ref().expect("density").max_error;
+            assert!(error(after) >= times * error(before) && error(after) < 1.0);
+        }
+        // The file is one like any other: it unpacks, packs and loses levels again.
+        let unpacked = unpack(&fewer).expect("unpacks");
+        let file = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+        let again = open_bytes(&common::packed(&file, &Changes::default()).expect("packs"));
+        let again = again.expect("valid").read().expect("valid").levels;
+        assert_eq!(again, fewer.read().expect("valid").levels);
+        let once = Changes { without_finest: 1, ..Changes::default() };
+        let twice = changed(&changed(&container, &once).expect("one"), &once).expect("two");
+        assert_eq!(twice.read().expect("valid").levels, fewer.read().expect("valid").levels);
+        // Level 0 holds no logits any more where alpha was averaged.
+        let field = Unpacked::of_container(&fewer).expect("decodes").field();
+        assert_eq!(field.is_err(), filter == Filter::RateTent);
+    }
+}
+
+#[test]
+fn levels_that_cannot_go_are_refused() {
+    let scene = trained("lego64/fine_last.tar");
+    let flat = field([32, 32, 2], &[10.0; 2048], &[0.0; 3 * 2048]);
+    let refused = |scene: &RadianceField, filter: Filter, count: usize, words: &str| {
+        let container = baked(scene, |options| options.filter = filter.into());
+        let changes = Changes { without_finest: count, ..Changes::default() };
+        let error = changed(&container, &changes).expect_err("refused");
+        assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
+        assert!(error.to_string().contains(words), "{error}");
+    };
+    refused(&scene, Filter::RateTent, 5, "at most 4");
+    refused(&scene, Filter::Code, 1, "density from level 0");
+    refused(&scene, Filter::Coverage, 1, "opacity over one interval");
+    refused(&flat, Filter::Paper, 1, "axes shrink by different shares");
+}
+
+#[test]
+fn the_best_that_fits_is_found_and_always_the_same() {
+    let scene = trained("lego64/fine_last.tar");
+    let container = baked(&scene, |_| {});
+    let whole = container.file().length();
+    let with = |max_bytes| Changes { max_bytes: Some(max_bytes), ..Changes::default() };
+    // It fits as it is.
+    let same = changed(&container, &with(whole)).expect("fits");
+    assert_eq!(same.read().expect("valid").levels, container.read().expect("valid").levels);
+    for (share, levels) in [(0.9, 5), (0.6, 5), (0.1, 4)] {
+        let most = (whole as f64 * share) as u64;
+        let bytes = changed_bytes(&container, &with(most)).expect("fits");
+        assert!(bytes.len() as u64 <= most && bytes.len() as f64 > 0.85 * most as f64, "{share}");
+        let again = common::with_threads(3, || changed_bytes(&container, &with(most)));
+        assert!(bytes == again.expect("fits"));
+        assert_eq!(open_bytes(&bytes).expect("valid").metadata().levels.len(), levels);
+        // A bake finds its own, from the trained values.
+        let own = baked(&scene, |options| options.max_bytes = Some(most));
+        assert!(own.file().length() <= most && own.metadata().levels.len() == levels);
+    }
+    let error = changed(&container, &with(500)).expect_err("too little");
+    assert!(error.to_string().contains("option max_bytes: found 500"), "{error}");
+    let mut options = BakeOptions::default();
+    options.max_bytes = Some(500);
+    let error = baked_bytes(&scene, &options).expect_err("too little");
+    assert!(error.to_string().contains("the smallest container"), "{error}");
+}
+
+#[test]
+fn errors_add_up() {
+    let scene = trained("tiny/fine_last.tar");
+    let exact = baked(&scene, |options| options.bits = Bits::F32);
+    let coarse = baked(&scene, |options| options.bits = Bits::Integer(6));
+    let errors = MaxErrors::from(0.1);
+    let asked = [
+        Changes { bits: Some(Bits::F32), ..Changes::default() },
+        Changes { bits: Some(Bits::Integer(4)), ..Changes::default() },
+        Changes { max_error: Some(errors), ..Changes::default() },
+    ];
+    for changes in asked {
+        let twice = changed(&coarse, &changes).expect("packs");
+        let [got, want] = [&twice, &exact].map(|container| unpack(container).expect("unpacks"));
+        let activation = scene.scene.activation;
+        for (number, level) in twice.metadata().levels.iter().enumerate() {
+            let old = &coarse.metadata().levels[number];
+            let stored = want.occupied(number, level.dimensions, level.block_size);
+            for group in Group::ALL {
+                let Some(encoding) = level.encoding(group) else { continue };
+                let before = old.encoding(group).expect("the same groups");
+                assert!(encoding.max_error >= before.max_error, "{group:?}");
+                let [got, want] = [&got, &want].map(|all| all.level(number, group));
+                for (node, (got, want)) in got.into_iter().zip(want).enumerate() {
+                    let [got, want] = [got, want]
+                        .map(|value| encoding.decode.activated(value.into(), &activation));
+                    // Nodes that are kept exactly but not needed hold anything in the coarse one.
+                    let counts = stored[node % stored.len()] && group == Group::Density;
+                    let visible = got.max(want) > 1e-3;
+                    let bound = f64::from(encoding.max_error);
+                    assert!(!(counts && visible) || (got - want).abs() <= bound, "{group:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn unknown_ancillary_chunks_stay_with_their_levels() {
+    let scene = trained("tiny/fine_last.tar");
+    // The parts are put together as a container of version 1.0.
+    let options = BakeOptions::default().with_filter(Filter::Isotropic);
+    let bytes = baked_bytes(&scene, &options).expect("bakes");
+    let mut parts = chunks::chunks(&bytes);
+    let note = |level: Option<u32>, text: &str| chunks::Chunk {
+        kind: *b"note",
+        level,
+        bytes: text.as_bytes().to_vec(),
+    };
+    for (level, text) in [(None, "all"), (Some(0), "fine"), (Some(1), "half"), (Some(3), "last")] {
+        parts.push(note(level, text));
+    }
+    let container = open_bytes(&chunks::container(&parts)).expect("a container");
+    let notes = |changes: &Changes| {
+        let changed =
+            open_bytes(&changed_bytes(&container, changes).expect("packs")).expect("a container");
+        let others = changed.other_chunks().expect("sound");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let mut notes: Vec<_> =
+            others.iter().map(|chunk| (chunk.level, text(&chunk.bytes))).collect();
+        notes.sort();
+        notes
+    };
+    let all = [(None, "all"), (Some(0), "fine"), (Some(1), "half"), (Some(3), "last")];
+    let owned = |notes: &[(Option<u32>, &str)]| -> Vec<_> {
+        notes.iter().map(|&(level, text)| (level, text.to_owned())).collect()
+    };
+    assert_eq!(notes(&Changes::default()), owned(&all));
+    let fewer = Changes { without_finest: 1, ..Changes::default() };
+    assert_eq!(notes(&fewer), owned(&[(None, "all"), (Some(0), "half"), (Some(2), "last")]));
+    let two = Changes { levels: Some(2), ..Changes::default() };
+    assert_eq!(notes(&two), owned(&all[..3]));
+}

@@ -1,0 +1,17 @@
+//! Models that come in: what they show by their own rules, and what a bake makes of them.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod factors;
+mod grid_lies;
+mod grids;
+mod harmonics;
+mod long_rays;
+mod merf;
+mod ngp;
+mod small_models;
+mod snerg;
+mod source;
+mod tensor;
+mod vdb;

@@ -1,0 +1,199 @@
+//! MERF folders: what their core shows by the viewer's rules, and what a bake makes of it, held
+//! against float64 rules that are written from the description of the format alone.
+
+use crate::common;
+use std::path::Path;
+
+use crate::common::merf::small_merf;
+use crate::common::models::renderer;
+use crate::common::{Random, folder};
+use glam::DVec3;
+use mipvog_bake::unstable::bake::{BakeOptions, Baker};
+use mipvog_bake::unstable::base::error::{Error, ErrorKind};
+use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::container::Container;
+use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
+use mipvog_bake::unstable::model::camera::Ray;
+use mipvog_bake::unstable::model::trained_model::RayColor;
+use mipvog_bake::unstable::view::render::Renderer;
+
+fn core_alone() -> SourceOptions {
+    SourceOptions { drop_background: true, ..SourceOptions::default() }
+}
+
+fn open(path: &Path) -> Result<Source, Error> {
+    open_with(path, &core_alone(), &Limits::default())
+}
+
+/// Rays from all around, and from within, towards the ball.
+fn rays(count: usize) -> Vec<Ray> {
+    let mut random = Random::new(5);
+    let mut number = |reach: f32| f64::from(random.between(-reach, reach));
+    let rays = (0..count).map(|at| {
+        let out = DVec3::new(number(1.0), number(1.0), number(1.0)).normalize();
+        let aim = DVec3::new(number(0.6), number(0.6), number(0.6));
+        let origin = if at % 4 == 0 { 0.95 * out } else { 2.5 * out };
+        Ray { origin, direction: (aim - origin).normalize() }
+    });
+    rays.collect()
+}
+
+#[test]
+fn the_core_shows_what_its_viewer_shows() {
+    let scene = small_merf();
+    let rays = rays(400);
+    for release in [true, false] {
+        let here = folder();
+        scene.write(here.path(), release);
+        let source = open(here.path()).expect("a folder");
+        assert_eq!((source.family, source.field.scene.nodes.0), (Family::Merf, [34; 3]));
+        let light = renderer(&source).ray_colors(&rays, 0, &Silent).expect("rays");
+        let mut hits = 0;
+        for (ray, found) in rays.iter().zip(light) {
+            let (color, visible) = scene.ray(ray.origin.to_array(), ray.direction.to_array());
+            hits += usize::from(visible < 0.5);
+            let left = (f64::from(found.transmittance) - visible).abs();
+            let off = (0..3).map(|c| (f64::from(found.color[c]) - color[c]).abs());
+            let off = off.fold(0.0, f64::max);
+            assert!(left < 1e-5 && off < 1e-5, "{left} {off} {found:?} for {color:?} {visible}");
+        }
+        assert!(hits > 100, "{hits} rays hit the scene");
+    }
+}
+
+#[test]
+fn positions_have_the_density_of_their_sums() {
+    let (scene, here) = (small_merf(), folder());
+    scene.write(here.path(), true);
+    let model = renderer(&open(here.path()).expect("a folder"));
+    let (mut random, mut full) = (Random::new(8), 0);
+    for _ in 0..500 {
+        let at = [0; 3].map(|_| f64::from(random.between(-0.99, 0.99)));
+        let (found, expected) = (model.sample(at, 0).expect("inside").density, scene.density(at));
+        full += usize::from(expected > 0.1);
+        assert!((f64::from(found) - expected).abs() <= 1e-5 * expected, "{found} {expected}");
+    }
+    assert!(full > 50, "{full} positions with matter");
+}
+
+#[test]
+fn a_bake_is_near_its_folder() {
+    let (scene, here) = (small_merf(), folder());
+    scene.write(here.path(), true);
+    let source = open(here.path()).expect("a folder");
+    let mut options = BakeOptions::default();
+    (options.bits, options.levels) = (Bits::F32, Some(1));
+    let path = here.path().join("scene.mipvog");
+    Baker::new(options).to_file(&source, &path, false).expect("a bake");
+    let container = Container::open_path(&path, &Limits::default()).expect("a container");
+    let baked = Renderer::of_container(&container).expect("a field");
+    let rays = rays(2000);
+    let [own, seen] = [&renderer(&source), &baked]
+        .map(|field| field.ray_colors(&rays, 0, &Silent).expect("rays"));
+    let shown = |value: f32| f64::from(value.clamp(0.0, 1.0));
+    let off = |(own, seen): (&RayColor, &RayColor)| -> f64 {
+        let channels = own.color.into_iter().zip(seen.color);
+        channels.map(|(own, seen)| (shown(own) - shown(seen)).powi(2)).sum()
+    };
+    // Rays that meet matter: empty ones differ by what the network adds to the background.
+    let met = own.iter().zip(&seen).filter(|(own, _)| own.transmittance < 0.02);
+    let errors: Vec<f64> = met.map(off).collect();
+    assert!(errors.len() > 200, "{} rays meet matter", errors.len());
+    let psnr = -10.0 * (errors.iter().sum::<f64>() / (3 * errors.len()) as f64).log10();
+    eprintln!("baked against unbaked: {psnr:.2} dB");
+    assert!(psnr > 30.0, "{psnr}");
+}
+
+/// Writes the folder, breaks it, and tells the error of opening it and of reading all of it.
+fn broken(options: &SourceOptions, change: impl FnOnce(&Path)) -> Error {
+    let (scene, here) = (small_merf(), folder());
+    scene.write(here.path(), true);
+    change(here.path());
+    let read = open_with(here.path(), options, &Limits::default()).and_then(|source| {
+        let mut plane = vec![0.0; 34 * 34];
+        source.field.density.read_plane(0, 7, &mut plane, |_| {})
+    });
+    read.expect_err("a lie")
+}
+
+#[test]
+fn lies_are_found() {
+    use serde_json::json;
+    let with = |key: &str, value: serde_json::Value| {
+        broken(&core_alone(), |folder| {
+            let mut text = small_merf().parameters(true);
+            text[key] = value;
+            std::fs::write(folder.join("scene_params.json"), text.to_string()).expect("writable");
+        })
+    };
+    let malformed = |error: Error, says: &str| {
+        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+        assert!(error.to_string().contains(says), "{error} does not say {says}");
+    };
+    let unsupported = |error: Error, says: &str| {
+        assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
+        assert!(error.to_string().contains(says), "{error} does not say {says}");
+    };
+    unsupported(broken(&SourceOptions::default(), |_| {}), "--drop-background");
+    unsupported(with("triplane_voxel_size", json!(0.1)), "contracted space in 64 voxels");
+    unsupported(with("num_submodels", json!(25)), "SMERF");
+    unsupported(with("ndc", json!(true)), "normalised device coordinates");
+    malformed(with("triplane_resolution", json!(-4)), "-4");
+    malformed(with("sparse_grid_resolution", json!(40_000_000)), "1 to 65536");
+    malformed(with("data_block_size", json!(0)), "1 to 256");
+    malformed(with("data_block_size", json!(16)), "pixels");
+    malformed(with("range_density", json!([3, 3])), "a lower and a higher number");
+    malformed(with("range_features", json!([1, 2, 3])), "a lower and a higher number");
+    malformed(with("atlas_width", json!(45)), "36 x 36 pixels");
+    malformed(with("0_weights", json!([[1, 2], [3]])), "0_weights");
+    for name in ["occupancy_grid_8.png", "plane_features_2.png", "sparse_grid_features_011.png"] {
+        let missing = broken(&core_alone(), |folder| {
+            std::fs::remove_file(folder.join(name)).expect("it was there");
+        });
+        assert!(matches!(missing.kind(), ErrorKind::Io(_)), "{missing}");
+        assert!(missing.to_string().contains(name), "{missing}");
+        let damaged = broken(&core_alone(), |folder| {
+            let path = folder.join(name);
+            let mut bytes = std::fs::read(&path).expect("a file");
+            bytes[55] ^= 0x55;
+            std::fs::write(path, bytes).expect("writable");
+        });
+        malformed(damaged, name);
+    }
+    let outside = broken(&core_alone(), |folder| {
+        let picture = mipvog_bake::unstable::base::picture::png(4, 16, &[0, 0, 3].repeat(64));
+        std::fs::write(folder.join("sparse_grid_block_indices.png"), picture.expect("a PNG"))
+            .expect("writable");
+    });
+    malformed(outside, "block [0, 0, 3]");
+}
+
+#[cfg(feature = "cli")]
+#[test]
+fn verbs_take_a_folder() {
+    let (scene, here) = (small_merf(), folder());
+    let assets = here.path().join("assets");
+    std::fs::create_dir(&assets).expect("a folder");
+    scene.write(&assets, false);
+    let run = |arguments: &[&str]| {
+        let output = common::program().current_dir(here.path()).args(arguments).output();
+        output.expect("it runs")
+    };
+    let output = run(&["inspect", "assets", "--format", "json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    common::assert_schema("inspect", &report);
+    assert_eq!((&report["model"], &report["kind"]), (&"merf".into(), &"folder".into()));
+    for arguments in [
+        &["bake", "assets", "-o", "scene.mipvog"][..],
+        &["render", "assets", "--turntable", "1", "--size", "16x16", "-o", "pictures"],
+        &["compare", "assets", "scene.mipvog", "--turntable", "2", "--size", "24x24"],
+    ] {
+        let output = run(&[arguments, &["--drop-background"]].concat());
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{arguments:?}: {text}");
+    }
+    let output = run(&["bake", "assets", "-o", "other.mipvog"]);
+    assert_eq!(output.status.code(), Some(4), "a core is nothing that anybody asked for");
+}
