@@ -1,6 +1,8 @@
 //! MERF folders: what their core shows by the viewer's rules, and what a bake makes of it, held
 //! against float64 rules that are written from the description of the format alone.
 
+use super::lies::{malformed, unsupported};
+use super::shown::{baked, rays_see};
 use crate::common;
 use std::path::Path;
 
@@ -8,16 +10,12 @@ use crate::common::merf::small_merf;
 use crate::common::models::renderer;
 use crate::common::{Random, folder};
 use glam::DVec3;
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
 use mipvog_bake::unstable::model::trained_model::RayColor;
-use mipvog_bake::unstable::view::render::Renderer;
 
 fn core_alone() -> SourceOptions {
     SourceOptions { drop_background: true, ..SourceOptions::default() }
@@ -49,17 +47,7 @@ fn the_core_shows_what_its_viewer_shows() {
         scene.write(here.path(), release);
         let source = open(here.path()).expect("a folder");
         assert_eq!((source.family, source.field.scene.nodes.0), (Family::Merf, [34; 3]));
-        let light = renderer(&source).ray_colors(&rays, 0, &Silent).expect("rays");
-        let mut hits = 0;
-        for (ray, found) in rays.iter().zip(light) {
-            let (color, visible) = scene.ray(ray.origin.to_array(), ray.direction.to_array());
-            hits += usize::from(visible < 0.5);
-            let left = (f64::from(found.transmittance) - visible).abs();
-            let off = (0..3).map(|c| (f64::from(found.color[c]) - color[c]).abs());
-            let off = off.fold(0.0, f64::max);
-            assert!(left < 1e-5 && off < 1e-5, "{left} {off} {found:?} for {color:?} {visible}");
-        }
-        assert!(hits > 100, "{hits} rays hit the scene");
+        rays_see(&renderer(&source), &rays, |origin, direction| scene.ray(origin, direction));
     }
 }
 
@@ -83,12 +71,7 @@ fn a_bake_is_near_its_folder() {
     let (scene, here) = (small_merf(), folder());
     scene.write(here.path(), true);
     let source = open(here.path()).expect("a folder");
-    let mut options = BakeOptions::default();
-    (options.bits, options.levels) = (Bits::F32, Some(1));
-    let path = here.path().join("scene.mipvog");
-    Baker::new(options).to_file(&source, &path, false).expect("a bake");
-    let container = Container::open_path(&path, &Limits::default()).expect("a container");
-    let baked = Renderer::of_container(&container).expect("a field");
+    let baked = baked(&source);
     let rays = rays(2000);
     let [own, seen] = [&renderer(&source), &baked]
         .map(|field| field.ray_colors(&rays, 0, &Silent).expect("rays"));
@@ -127,14 +110,6 @@ fn lies_are_found() {
             text[key] = value;
             std::fs::write(folder.join("scene_params.json"), text.to_string()).expect("writable");
         })
-    };
-    let malformed = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
-    };
-    let unsupported = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
     };
     unsupported(broken(&SourceOptions::default(), |_| {}), "--drop-background");
     unsupported(with("triplane_voxel_size", json!(0.1)), "contracted space in 64 voxels");

@@ -1,6 +1,7 @@
 //! Instant-NGP and torch-ngp: small models written from the description of their formats alone, held
 //! against float64 rules.
 
+use super::lies::{malformed, unsupported};
 use crate::common;
 use std::path::Path;
 use std::sync::Arc;
@@ -261,14 +262,6 @@ fn with(path: &[&'static str], value: Pack) -> Error {
 #[test]
 fn lies_are_found() {
     use Pack::{Bool, Bytes, Float, Int, Raw, Text};
-    let malformed = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
-    };
-    let unsupported = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
-    };
     malformed(with(&["snapshot", "n_params"], Int(12345)), "12345");
     malformed(with(&["snapshot", "n_params"], Int(i64::MAX)), "for this configuration");
     malformed(with(&["encoding", "n_levels"], Int(1_000_000_000)), "1000000000 levels");

@@ -1,6 +1,8 @@
 //! SNeRG folders: what they show by the viewer's rules, and what a bake makes of them, held against
 //! float64 rules that are written from the description of the format alone.
 
+use super::lies::{malformed, unsupported};
+use super::shown::{baked, rays_see};
 use crate::common;
 use std::path::Path;
 
@@ -8,13 +10,10 @@ use crate::common::models::renderer;
 use crate::common::snerg::{SmallSnerg, small_snerg};
 use crate::common::{Random, folder};
 use glam::DVec3;
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
 use mipvog_bake::unstable::base::error::{Error, ErrorKind};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::picture;
 use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::{Family, Source, SourceOptions, ViewChoice};
 use mipvog_bake::unstable::input::{inspect, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
@@ -47,17 +46,7 @@ fn a_folder_shows_what_its_viewer_shows() {
     for path in [here.path().to_owned(), here.path().join("scene_params.json")] {
         let source = open(&path).expect("a folder");
         assert_eq!(source.family, Family::Snerg);
-        let light = renderer(&source).ray_colors(&rays, 0, &Silent).expect("rays");
-        let mut hits = 0;
-        for (ray, found) in rays.iter().zip(light) {
-            let (color, visible) = scene.ray(ray.origin.to_array(), ray.direction.to_array());
-            hits += usize::from(visible < 0.5);
-            let left = (f64::from(found.transmittance) - visible).abs();
-            let off = (0..3).map(|c| (f64::from(found.color[c]) - color[c]).abs());
-            let off = off.fold(0.0, f64::max);
-            assert!(left < 1e-5 && off < 1e-5, "{left} {off} {found:?} for {color:?} {visible}");
-        }
-        assert!(hits > 100, "{hits} rays hit the scene");
+        rays_see(&renderer(&source), &rays, |origin, direction| scene.ray(origin, direction));
     }
 }
 
@@ -96,12 +85,7 @@ fn a_bake_is_near_its_folder() {
     let (scene, here) = (small_snerg(), folder());
     scene.write(here.path());
     let source = open(here.path()).expect("a folder");
-    let mut options = BakeOptions::default();
-    (options.bits, options.levels) = (Bits::F32, Some(1));
-    let path = here.path().join("scene.mipvog");
-    Baker::new(options).to_file(&source, &path, false).expect("a bake");
-    let container = Container::open_path(&path, &Limits::default()).expect("a container");
-    let baked = Renderer::of_container(&container).expect("a field");
+    let baked = baked(&source);
     let rays = rays(&scene, 2000);
     let [own, seen] = [&renderer(&source), &baked]
         .map(|field| field.ray_colors(&rays, 0, &Silent).expect("rays"));
@@ -158,14 +142,6 @@ fn with(key: &str, value: serde_json::Value) -> Error {
 #[test]
 fn lies_are_found() {
     use serde_json::json;
-    let malformed = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
-    };
-    let unsupported = |error: Error, says: &str| {
-        assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
-        assert!(error.to_string().contains(says), "{error} does not say {says}");
-    };
     malformed(with("num_slices", json!(5)), "5 slices");
     malformed(with("atlas_depth", json!(20)), "4 slices");
     malformed(with("atlas_width", json!(32)), "24 x 64 pixels");
