@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
-use super::{LevelRule, MaxErrors};
+use super::{LevelRule, MaxErrors, option_rules};
 use crate::base::error::{Error, Result};
 use crate::codec::quantize::{Bits, planned_encoding};
+use crate::input::SourceOptions;
 use crate::model::baked::{Encoding, Metadata};
 use crate::model::field::{March, Scene};
 use crate::model::grid::Bounds;
@@ -45,15 +46,37 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// Checks that every change is in its range.
+    /// Checks that every change is in its range, for a container whose rays have this `march`.
     ///
     /// # Errors
     ///
     /// [`crate::base::error::ErrorKind::InvalidOption`].
-    pub fn check(&self) -> Result<()> {
-        let levels = self.levels.unwrap_or(1);
-        Error::require_option(levels >= 1, "levels", levels, "at least 1")?;
-        self.max_error.map_or(Ok(()), |max_error| max_error.check())
+    pub fn check(&self, march: &March) -> Result<()> {
+        self.bits.map_or(Ok(()), option_rules::bits)?;
+        self.levels.map_or(Ok(()), option_rules::levels)?;
+        self.zstd_level.map_or(Ok(()), option_rules::zstd_level)?;
+        self.lod_scale.map_or(Ok(()), option_rules::lod_scale)?;
+        self.max_error.map_or(Ok(()), |max_error| max_error.check())?;
+        let scene = SourceOptions {
+            near: self.near,
+            background: self.background,
+            color_threshold: self.color_threshold,
+            ..SourceOptions::default()
+        };
+        scene.check()?;
+        // One of the two may contradict the container's other one.
+        let near = self.near.unwrap_or(march.near);
+        let far = self.far.or(march.far).unwrap_or(f32::INFINITY);
+        let (option, found, expected) = match self.far {
+            Some(far) => ("far", far, format!("a distance beyond near, which is {near}")),
+            None => ("near", near, format!("a distance below far, which is {far}")),
+        };
+        Error::require_option(far > near, option, found, &expected)
+    }
+
+    /// Bits that were asked for, where no error or size is.
+    pub(super) fn fixed_bits(&self) -> Option<Bits> {
+        self.bits.filter(|_| self.max_error.is_none() && self.max_bytes.is_none())
     }
 
     /// Changes how rays are marched through a field.
@@ -70,7 +93,7 @@ impl Changes {
 
     /// Changes everything that metadata alone says: encodings by bits, the number of levels, rules.
     pub(super) fn apply(&self, metadata: &mut Metadata) {
-        if let Some(bits) = self.bits.filter(|_| self.max_error.is_none()) {
+        if let Some(bits) = self.fixed_bits() {
             for level in &mut metadata.levels {
                 for (_, encoding) in level.encodings_mut() {
                     change(
@@ -92,9 +115,8 @@ impl Changes {
 
     /// As provenance and reports name them.
     pub fn to_json(&self) -> Value {
-        let bits = self.bits.filter(|_| self.max_error.is_none());
         let mut changes = json!({
-            "bits": bits.map(|bits| bits.to_string()),
+            "bits": self.fixed_bits().map(|bits| bits.to_string()),
             "levels": self.levels,
             "zstd_level": self.zstd_level,
             "lod_scale": self.lod_scale,
@@ -106,7 +128,7 @@ impl Changes {
         if let Some(rule) = self.lod_rule {
             changes["lod_rule"] = rule.name().into();
         }
-        if let Some(max_error) = self.max_error {
+        if let Some(max_error) = self.max_error.filter(|_| self.max_bytes.is_none()) {
             changes["max_error"] = max_error.to_json();
         }
         if let Some(bytes) = self.max_bytes {

@@ -66,7 +66,7 @@ pub fn forecast(
     let whole: Vec<u64> = visible.levels.iter().map(|level| level.retained.count()).collect();
     let all_tables = plan::tables(&visible, options.block_size)?;
     let mut metadata = plan::metadata(field, options, &visible, &all_tables);
-    let pruned = prune_reports(&visible);
+    let pruned = prune_reports(&visible, 0);
     let starts = visible.levels.first().map_or([0; 2], |finest| window_starts(&finest.retained));
     for (number, level) in visible.levels.iter_mut().enumerate() {
         let nodes = level.retained.nodes();

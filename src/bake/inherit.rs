@@ -49,7 +49,8 @@ pub fn inherit_levels<'a>(
     let mut coarser: Option<BakedLevel> = None;
     for number in (0..encoded.len()).rev() {
         if !levels[number].has_integer_colors() {
-            break;
+            coarser = None;
+            continue;
         }
         let mut own = decode(&encoded[number], &levels[number], layout)?;
         if let (Some(coarser), Some(coarser_metadata)) = (&coarser, levels.get(number + 1)) {

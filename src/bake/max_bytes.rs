@@ -39,7 +39,7 @@ pub struct Chosen {
     /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearby_coarseness: Option<f32>,
-    /// Finest levels that had to be dropped.
+    /// Finest levels that had to be dropped, and those that were to be dropped anyway.
     pub without_finest: usize,
 }
 

@@ -20,6 +20,7 @@ use crate::codec::quantize::Bits;
 use crate::levels::brightness::MOMENTS;
 use crate::levels::pyramid::SLAB;
 use crate::levels::{Direction, OpticalDepthGrid};
+use crate::model::baked::Group;
 use crate::model::field::{Grid, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
@@ -32,6 +33,9 @@ const THREAD_BYTES: u64 = 400 << 10;
 const KEPT_SHARE: (u64, u64) = (1, 2);
 /// Frames that a thread keeps a share of, at most.
 const KEPT_BYTES: u64 = 8 << 20;
+
+/// Errors from here on take integers of 16 bits or fewer; smaller ones may take float32.
+const FEW_BITS_ERROR: f32 = 1.0 / 16_384.0;
 
 /// Compressed runs that stay in memory if there is no bound. Writing the rest and reading it again
 /// costs a fiftieth of a bake; memory for it would be a third of a large scene's.
@@ -198,7 +202,8 @@ impl Needs<'_> {
             let waiting =
                 if premultiplies && level > 0 { came * slab_planes.min(count) } else { 0 };
             let plane = Self::plane(self.sizes[level]);
-            let codes = (slabs * thickness).min(count) * stored * plane / 4 * self.bytes_per_code();
+            let bytes = self.bytes_per_code(level);
+            let codes = (slabs * thickness).min(count) * stored * plane / 4 * bytes;
             codes + (at_work + ring + waiting) * plane
         };
         let levels = 0..self.sizes.len();
@@ -219,11 +224,18 @@ impl Needs<'_> {
         self.threads.min(runs) * (THREAD_BYTES + kept)
     }
 
-    fn bytes_per_code(&self) -> u64 {
-        match (self.options.max_error, self.options.bits) {
-            (None, Bits::F32) => 4,
-            (None, Bits::Integer(..=8)) => 1,
-            _ => 2,
+    /// Of a level's codes, at most. A search for a number of bytes tries the smallest errors too.
+    fn bytes_per_code(&self, level: usize) -> u64 {
+        let options = self.options;
+        match (options.max_bytes, options.max_error, options.bits) {
+            (Some(_), ..) | (None, None, Bits::F32) => 4,
+            (None, None, Bits::Integer(..=8)) => 1,
+            (None, None, _) => 2,
+            (None, Some(errors), _) => {
+                let errors = errors.of_level(level);
+                let keep = Group::ALL.into_iter().all(|group| errors.of(group) >= FEW_BITS_ERROR);
+                if keep { 2 } else { 4 }
+            }
         }
     }
 
@@ -231,7 +243,7 @@ impl Needs<'_> {
     fn frames(&self, level: usize, channels: u64) -> u64 {
         let grid = BlockGrid { nodes: self.sizes[level], edge: self.options.block_size };
         // And a flag of each node, whether it counts.
-        let frame = (grid.edge as u64).pow(3) * (channels * self.bytes_per_code() + 1);
+        let frame = (grid.edge as u64).pow(3) * (channels * self.bytes_per_code(level) + 1);
         let [rows, by, bz] = grid.counts().map(|count| count as u64);
         let slab = by * bz * frame;
         (PENDING_BYTES as u64 + slab).min(rows * slab)

@@ -32,6 +32,7 @@ mod levels;
 mod max_bytes;
 mod max_error;
 mod memory;
+mod option_rules;
 mod options;
 mod origin;
 mod pack;

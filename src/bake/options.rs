@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{MaxErrors, Photographs};
+use super::{MaxErrors, Photographs, option_rules};
 use crate::base::bytes::hex;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -83,7 +83,7 @@ pub struct BakeOptions {
     pub coarseness: f32,
     /// Codes by which colours may be moved at nodes of importance 1 to viewers in the empty space
     /// around them ([`crate::levels::importance`]); more at less important ones. It counts where
-    /// `coarseness` is 0 and levels average alpha. 0 to 64. Default: 0
+    /// `coarseness` is 0, `fill_error` is none and levels average alpha. 0 to 64. Default: 0
     pub nearby_coarseness: f32,
     /// Largest error, in colour and features from 0 to 1, within which blocks inherit their colours
     /// from the next coarser level; the error of the codes comes on top. With
@@ -188,11 +188,11 @@ impl BakeOptions {
     /// True if the result depends on the importance of nodes to viewers nearby.
     pub(super) fn is_seen_nearby(&self) -> bool {
         let is_moved = match self.max_bytes {
-            // An error of inherited colours that is asked for holds at every node.
-            Some(_) => self.fill_error.is_none(),
+            Some(_) => true,
             None => self.nearby_coarseness > 0.0,
         };
-        self.coarseness == 0.0 && is_moved
+        // An error of inherited colours that is asked for holds at every node.
+        self.coarseness == 0.0 && self.fill_error.is_none() && is_moved
     }
 
     /// True if a bake holds a whole level at once, so that no bound on memory is kept.
@@ -213,13 +213,8 @@ impl BakeOptions {
     ///
     /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self) -> Result<()> {
-        let bits_fit = match self.bits {
-            Bits::Integer(bits) => (4..=16).contains(&bits),
-            Bits::F16 | Bits::F32 => true,
-        };
-        Error::require_option(bits_fit, "bits", self.bits, "4 to 16, f16 or f32")?;
-        let levels = self.levels.unwrap_or(1);
-        Error::require_option(levels >= 1, "levels", levels, "at least 1")?;
+        option_rules::bits(self.bits)?;
+        self.levels.map_or(Ok(()), option_rules::levels)?;
         let alpha = self.alpha_threshold;
         Error::require_option(
             (1e-9..1.0).contains(&alpha),
@@ -234,12 +229,7 @@ impl BakeOptions {
             block,
             "1 to 64",
         )?;
-        Error::require_option(
-            (1..=22).contains(&self.zstd_level),
-            "zstd_level",
-            self.zstd_level,
-            "1 to 22",
-        )?;
+        option_rules::zstd_level(self.zstd_level)?;
         let steps = self.fit_steps;
         Error::require_option(steps <= MAX_FIT_STEPS, "fit_steps", steps, "at most 100000")?;
         let seconds = self.fit_seconds.unwrap_or(1.0);
@@ -254,6 +244,16 @@ impl BakeOptions {
         }
         let fill = self.fill_error.unwrap_or(1.0);
         Error::require_option(is_share(fill), "fill_error", fill, "above 0 and at most 1")?;
+        let has_floats = matches!(self.bits, Bits::F16 | Bits::F32)
+            && self.max_error.is_none()
+            && self.max_bytes.is_none();
+        let moves =
+            [("fill_error", self.fill_error.is_some()), ("coarseness", self.coarseness > 0.0)];
+        for (name, is_asked) in moves {
+            let found = format!("a number beside {} bits", self.bits);
+            let expected = "none: only colours that are stored as integers move";
+            Error::require_option(!(has_floats && is_asked), name, found, expected)?;
+        }
         let fits_rule = self.lod_rule.is_some() && self.filter.is_fitted();
         Error::require_option(
             !fits_rule,
@@ -261,13 +261,7 @@ impl BakeOptions {
             "a rule",
             "none, because the fit finds its own rule",
         )?;
-        let scale = self.lod_scale;
-        Error::require_option(
-            scale > 0.0 && scale.is_finite(),
-            "lod_scale",
-            scale,
-            "a number above 0",
-        )?;
+        option_rules::lod_scale(self.lod_scale)?;
         Error::require_option(
             self.memory.is_none() || !self.holds_level(),
             "memory",

@@ -5,6 +5,7 @@ use sha2::{Digest, Sha256};
 
 use crate::base::bytes::hex;
 use crate::base::error::Result;
+use crate::codec::unpack::Unpacked;
 use crate::input::{Companion, Source};
 use crate::model::field::{Grid, RadianceField};
 
@@ -61,6 +62,12 @@ impl Origin {
             companions: Vec::new(),
             assumptions: Vec::new(),
         }
+    }
+
+    /// Of a container's levels, baked anew.
+    pub fn of_unpacked(unpacked: &Unpacked) -> Self {
+        let kind = CONTAINER.to_owned();
+        Self { kind, digest: unpacked.digest, ..Self::of_arrays() }
     }
 
     /// Of a trained input.
@@ -121,5 +128,72 @@ impl Origin {
             "options": options,
             "assumptions": self.assumptions,
         })
+    }
+}
+
+/// Kind of the input that a container is packed again from.
+const CONTAINER: &str = "unpacked container";
+
+/// The provenance of a container with `changes` to one whose provenance is `before`. It names the
+/// first input, and what was changed since in one flat list, the latest last: readers of JSON bound
+/// how deep it may nest.
+pub(super) fn provenance_of_changes(before: &Value, changes: &Value) -> Value {
+    let mut earlier = Vec::new();
+    let mut first = before;
+    while first["input"]["kind"] == CONTAINER
+        && let Some(inner) = first["input"].get("provenance")
+    {
+        earlier.push(json!({
+            "tool": first["tool"],
+            "version": first["version"],
+            "options": first["options"],
+        }));
+        let listed = first["earlier_changes"].as_array();
+        earlier.extend(listed.into_iter().flatten().rev().cloned());
+        first = inner;
+    }
+    earlier.reverse();
+    let mut provenance = json!({
+        "tool": env!("CARGO_PKG_NAME"),
+        "version": env!("CARGO_PKG_VERSION"),
+        "input": { "kind": CONTAINER, "provenance": first },
+        "options": changes,
+    });
+    if !earlier.is_empty() {
+        provenance["earlier_changes"] = earlier.into();
+    }
+    provenance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_stand_in_a_flat_list() {
+        let baked = json!({ "tool": "a", "input": { "kind": "checkpoint" }, "options": {} });
+        let mut provenance = baked.clone();
+        for number in 0..200 {
+            provenance = provenance_of_changes(&provenance, &json!({ "levels": number }));
+            assert_eq!(provenance["input"]["provenance"], baked);
+            assert_eq!(provenance["options"]["levels"], number);
+        }
+        let earlier = provenance["earlier_changes"].as_array().expect("a list");
+        let levels: Vec<&Value> =
+            earlier.iter().map(|change| &change["options"]["levels"]).collect();
+        assert_eq!(levels, (0..199).collect::<Vec<_>>());
+        // As 0.1 wrote them.
+        let nested = |inner: &Value, levels: i32| {
+            let input = json!({ "kind": CONTAINER, "provenance": inner });
+            json!({ "tool": "a", "version": "0", "input": input, "options": { "levels": levels } })
+        };
+        let nested = nested(&nested(&baked, 1), 2);
+        let flat = provenance_of_changes(&nested, &json!({ "levels": 3 }));
+        assert_eq!(flat["input"]["provenance"], baked);
+        let earlier = flat["earlier_changes"].as_array().expect("a list");
+        assert_eq!(
+            [&earlier[0], &earlier[1]].map(|e| e["options"]["levels"].as_i64()),
+            [Some(1), Some(2)]
+        );
     }
 }

@@ -3,12 +3,12 @@
 use super::BakeOptions;
 use super::importance::LevelImportance;
 use super::report::Stages;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::levels::{Visible, visible};
 use crate::model::field::{Planes, RadianceField};
 use crate::model::grid::Nodes;
-use crate::view::render::{Renderer, camera_coverage};
+use crate::view::render::{CameraCoverage, Renderer, camera_coverage};
 
 /// A field whose visible nodes are known.
 #[derive(Debug)]
@@ -28,7 +28,8 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     ///
-    /// Those of reading, and values that are not finite where those are refused.
+    /// Those of reading; values that are not finite where those are refused; cameras that see
+    /// nothing of a field that is not empty.
     pub fn new(
         field: &'a RadianceField,
         options: &BakeOptions,
@@ -47,6 +48,9 @@ impl<'a> Prepared<'a> {
             let unbaked = Renderer::trained(field, None, &options.limits)?;
             let least = options.min_weight.unwrap_or(1.0);
             let coverage = camera_coverage(&unbaked, &options.seen_from, least, progress)?;
+            if visible.levels[0].retained.count() > 0 {
+                require_sight(&coverage, options)?;
+            }
             if options.min_weight.is_some() {
                 visible.keep_cells(&coverage.cells)?;
             }
@@ -59,4 +63,18 @@ impl<'a> Prepared<'a> {
         }
         Ok(Self { planes, sizes, visible, importance })
     }
+}
+
+/// Refuses cameras and weights that would leave nothing of a field: they were meant for another one.
+fn require_sight(coverage: &CameraCoverage, options: &BakeOptions) -> Result<()> {
+    if coverage.importance.iter().all(|&importance| importance == 0.0) {
+        let found = match options.seen_from.len() {
+            0 => "no cameras".to_owned(),
+            count => format!("{count} cameras, none of which sees any matter"),
+        };
+        return Err(Error::invalid_option("seen_from", found, "cameras that see the scene"));
+    }
+    let weight = options.min_weight.unwrap_or(0.0);
+    let is_left = options.min_weight.is_none() || coverage.cells.count() > 0;
+    Error::require_option(is_left, "min_weight", weight, "less: no sample has so much weight")
 }

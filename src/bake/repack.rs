@@ -11,21 +11,22 @@
 
 use std::io;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::changes::Changes;
 use super::edit;
 use super::inherit::Inheritance;
 use super::max_bytes::{self, Attempt, Chosen};
+use super::origin::provenance_of_changes;
 use super::pack::Packing;
 use super::quality::errors_of;
 use super::ranges::EncodingChoice;
 use super::report::{BakeReport, IslandReport, Stages, level_reports};
 use super::run::write;
 use super::unpacked_levels::UnpackedLevels;
-use super::{ErrorBound, MaxErrors};
+use super::{ErrorBound, MaxErrors, option_rules};
 use crate::base::bytes::{ByteSink, WriterSink};
-use crate::base::error::Result;
+use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::codec::container::{self, EncodedLevel, Head, OtherChunk};
@@ -50,10 +51,15 @@ pub fn repack(
     output: &mut dyn ByteSink,
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
-    changes.check()?;
+    changes.check(&unpacked.metadata.march)?;
+    for level in &unpacked.metadata.levels {
+        level.grid().nodes.check_planes(level.block_size, limits, &Place::File)?;
+    }
     let mut stages = Stages::start();
     let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
+    // Provenance is what its writer says: a level that zstd lacks stands for none.
     let stated = stated.and_then(|level| i32::try_from(level).ok());
+    let stated = stated.filter(|&level| option_rules::zstd_level(level).is_ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
     let (edited, islands) = edited(unpacked, changes)?;
     if islands.is_some() || changes.crop.is_some() {
@@ -148,7 +154,7 @@ impl Repacking<'_> {
         let packing = Packing {
             source: &UnpackedLevels { levels, metadata: &edited.metadata },
             retained: stored.iter().collect(),
-            choice: match (max_errors, self.changes.bits) {
+            choice: match (max_errors, self.changes.fixed_bits()) {
                 (Some(max_errors), _) => {
                     Some(EncodingChoice::Within { max_errors, only_fewer: true })
                 }
@@ -180,12 +186,7 @@ impl Repacking<'_> {
         if unchanged {
             return unpacked.provenance.clone();
         }
-        json!({
-            "tool": env!("CARGO_PKG_NAME"),
-            "version": env!("CARGO_PKG_VERSION"),
-            "input": { "kind": "unpacked container", "provenance": unpacked.provenance },
-            "options": self.changes.to_json(),
-        })
+        provenance_of_changes(&unpacked.provenance, &self.changes.to_json())
     }
 
     /// The best container of at most so many bytes.
@@ -196,7 +197,7 @@ impl Repacking<'_> {
                 bytes: whole.bytes,
                 max_error: None,
                 nearby_coarseness: None,
-                without_finest: 0,
+                without_finest: self.changes.without_finest,
             };
             return Ok((whole.packed, chosen));
         }
@@ -205,6 +206,10 @@ impl Repacking<'_> {
             let mut fewer = edited.clone();
             edit::drop_finest(&mut fewer, dropped)?;
             self.attempt(&fewer, Some(errors_of(factor)))
+        })
+        .map(|(packed, chosen)| {
+            let without_finest = chosen.without_finest + self.changes.without_finest;
+            (packed, Chosen { without_finest, ..chosen })
         })
     }
 

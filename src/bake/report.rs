@@ -73,15 +73,18 @@ impl BakeReport {
 pub struct FitReport {
     /// The rule that the levels look best with.
     pub level_of_detail: LevelOfDetail,
-    /// From level 1 on.
+    /// Those that were fitted, fine to coarse.
     pub levels: Vec<FittedLevel>,
     /// True if it ended before its steps did, at its time limit or on request.
     pub cut_short: bool,
 }
 
-impl From<Fitted> for FitReport {
-    fn from(fitted: Fitted) -> Self {
-        let Fitted { level_of_detail, levels, cut_short, .. } = fitted;
+impl FitReport {
+    /// Of a container that lacks so many of the finest levels: the others are counted anew.
+    pub(super) fn without_finest(fitted: Fitted, dropped: usize) -> Self {
+        let Fitted { level_of_detail, mut levels, cut_short, .. } = fitted;
+        levels.retain(|fitted| fitted.level >= dropped);
+        levels.iter_mut().for_each(|fitted| fitted.level -= dropped);
         Self { level_of_detail, levels, cut_short }
     }
 }
@@ -120,7 +123,7 @@ pub struct LevelReport {
 pub struct GroupReport {
     /// Its name.
     pub group: &'static str,
-    /// Bits of a code: 4 to 16, f16 or f32; none where a forecast did not look at the level.
+    /// Bits of a code: 1 to 16, f16 or f32; none where a forecast did not look at the level.
     pub bits: Option<String>,
     /// Largest error at a retained node, by proof; none where a forecast did not look at the level.
     pub max_error: Option<f32>,
@@ -178,8 +181,8 @@ impl Stages {
     }
 }
 
-/// The nodes that were dropped of each level.
-pub(super) fn prune_reports(visible: &Visible) -> Vec<PruneReport> {
+/// The nodes that were dropped of each level, but for so many of the finest ones.
+pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneReport> {
     let report = |(level, visible): (usize, &VisibleLevel)| PruneReport {
         level,
         nodes: visible.retained.nodes().count() as u64,
@@ -187,7 +190,7 @@ pub(super) fn prune_reports(visible: &Visible) -> Vec<PruneReport> {
         masked_nodes: visible.masked_nodes,
         needed_nodes: visible.retained.count(),
     };
-    visible.levels.iter().enumerate().map(report).collect()
+    visible.levels.iter().skip(dropped).enumerate().map(report).collect()
 }
 
 /// The levels of a container, from its directory and metadata alone. Fine to coarse.

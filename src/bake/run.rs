@@ -16,7 +16,7 @@ use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
 use super::{BakeOptions, BakeReport, ErrorBound, FitReport, MaxErrors, Origin, edit, plan};
 use crate::base::bytes::{ByteSink, WriterSink};
-use crate::base::error::Result;
+use crate::base::error::{Place, Result};
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
@@ -41,6 +41,7 @@ pub fn bake(
 ) -> Result<BakeReport> {
     options.check()?;
     field.check()?;
+    field.scene.nodes.check_planes(options.block_size, &options.limits, &Place::File)?;
     let mut stages = Stages::start();
     let memory = MemoryPlan::of_bake(field, options)?;
     let Prepared { planes, sizes, mut visible, importance } =
@@ -98,7 +99,8 @@ pub fn bake(
         Some(bytes) => {
             let (packed, chosen) = max_bytes::search(bytes, sizes.len(), |dropped, factor| {
                 let precision = Precision::of_factor(factor, options);
-                let nearby_coarseness = options.is_seen_nearby().then_some(precision.moved_codes);
+                let is_moved = options.is_seen_nearby() && !importance.is_empty();
+                let nearby_coarseness = is_moved.then_some(precision.moved_codes);
                 let mut packed = pack(precision)?;
                 if !packed.drop_finest(dropped)? {
                     return Ok(Attempt { bytes: u64::MAX, nearby_coarseness, packed });
@@ -113,14 +115,15 @@ pub fn bake(
         None => (pack(Precision::of(options))?, None),
     };
     let Packed { metadata, encoded, nonfinite_color } = packed;
+    let dropped = chosen.as_ref().map_or(0, |chosen| chosen.without_finest);
     let nonfinite = visible.nonfinite.count + planes.accepted(nonfinite_color)?;
     let head = Head { metadata: &metadata, ..head };
     let entries = write(&head, &encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
         levels: level_reports(&metadata, &entries),
-        pruned: prune_reports(&visible),
-        fitted: fitted.map(FitReport::from),
+        pruned: prune_reports(&visible, dropped),
+        fitted: fitted.map(|fitted| FitReport::without_finest(fitted, dropped)),
         unchanged: false,
         free_space_stored: visible.mask_is_required,
         nonfinite_values: nonfinite,

@@ -3,9 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use tempfile::{Builder, TempDir};
-
-use crate::base::bytes::{ByteSink, Output, SourceFile, hex, remove_stale, sha256};
+use crate::base::bytes::{ByteSink, LinkedFolder, Output, SourceFile, hex, remove_stale, sha256};
 use crate::base::error::{Error, Result};
 
 /// Files that are being written.
@@ -115,17 +113,11 @@ impl WrittenFiles {
     /// # Errors
     ///
     /// Those of the operating system.
-    pub fn linked(&self) -> Result<TempDir> {
+    pub fn linked(&self) -> Result<LinkedFolder> {
         let beside = self.files.first().and_then(|(_, place)| place.parent());
-        let beside = beside.unwrap_or(Path::new("."));
-        let io = |error| Error::io(error, beside);
-        let folder = Builder::new().prefix(".mipvog-").tempdir_in(beside).map_err(io)?;
+        let mut folder = LinkedFolder::new(beside.unwrap_or(Path::new(".")))?;
         for (path, place) in &self.files {
-            let link = folder.path().join(path.file_name().unwrap_or_default());
-            // Some file systems have no links.
-            std::fs::hard_link(place, &link)
-                .or_else(|_| std::fs::copy(place, &link).map(drop))
-                .map_err(io)?;
+            folder.add(place, path.file_name().unwrap_or_default())?;
         }
         Ok(folder)
     }

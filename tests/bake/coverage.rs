@@ -4,7 +4,7 @@ use crate::common;
 use crate::common::plain_render::PlainField;
 use crate::common::rendered::finest_level;
 use crate::common::{Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use mipvog_bake::unstable::bake::{BakeOptions, Changes};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
@@ -266,6 +266,61 @@ fn bakes_keep_what_cameras_see() {
     // A ray meets a few samples, each of which may lose a thousandth.
     assert!(difference(&whole, &pruned, &camera) < 0.01);
     assert!(difference(&whole, &pruned, &from_side(1.0)) > 0.1, "the second wall is gone");
+}
+
+#[test]
+fn cameras_that_see_nothing_are_refused() {
+    let field = walls();
+    let away = Camera {
+        to_world: from_side(-1.0).to_world * DMat4::from_rotation_y(std::f64::consts::PI),
+        ..from_side(-1.0)
+    };
+    let refused = |cameras: &[Camera], change: fn(&mut BakeOptions)| {
+        let mut options = BakeOptions::default();
+        options.seen_from = cameras.to_vec();
+        change(&mut options);
+        baked_bytes(&field, &options).expect_err("nothing is seen").to_string()
+    };
+    for change in [
+        |options: &mut BakeOptions| options.coarseness = 1.0,
+        |options: &mut BakeOptions| options.min_weight = Some(0.1),
+    ] {
+        let error = refused(&[away.clone()], change);
+        assert!(error.contains("option seen_from: found 1 cameras, none of which sees"), "{error}");
+        assert!(refused(&[], change).contains("option seen_from: found no cameras"));
+    }
+    // No sample of fog has half of a pixel.
+    let mut options = BakeOptions::default();
+    options.seen_from = turntable(&fog().scene.bounds, 2, [24, 24]);
+    options.min_weight = Some(0.5);
+    let error = baked_bytes(&fog(), &options).expect_err("nothing is left").to_string();
+    assert!(error.contains("option min_weight: found 0.5, expected less"), "{error}");
+    // There is nothing to lose of an empty field.
+    let count = 8 * 8 * 8;
+    let empty = common::field([8, 8, 8], &vec![-40.0; count], &vec![0.0; 3 * count]);
+    let mut options = BakeOptions::default();
+    (options.seen_from, options.coarseness) = (vec![away], 1.0);
+    assert!(baked_bytes(&empty, &options).is_ok());
+}
+
+#[test]
+fn floats_do_not_move() {
+    for bits in ["f16", "f32"] {
+        for (change, name) in [
+            ((|options| options.coarseness = 1.0) as fn(&mut BakeOptions), "coarseness"),
+            (|options| options.fill_error = Some(0.1), "fill_error"),
+        ] {
+            let mut options = BakeOptions::default().with_bits(bits.parse().expect("bits"));
+            change(&mut options);
+            let error = options.check().expect_err("floats").to_string();
+            assert!(
+                error.contains(&format!("option {name}: found a number beside {bits} bits")),
+                "{error}"
+            );
+            options.max_bytes = Some(1000);
+            assert!(options.check().is_ok());
+        }
+    }
 }
 
 #[test]

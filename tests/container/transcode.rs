@@ -2,7 +2,9 @@
 
 use crate::common;
 use crate::common::transcoded::{baked, changed, changed_bytes, difference, from_afar, picture};
-use crate::common::{baked_bytes, chunks, field, open_bytes, trained, unpack};
+use crate::common::{
+    Random, baked_bytes, chunks, field, open_bytes, random_field, trained, unpack,
+};
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
@@ -42,7 +44,7 @@ fn a_container_packs_as_the_file_it_unpacks_to() {
         let again = changed(&container, &Changes::default()).expect("packs");
         assert_eq!(again.read().expect("valid").levels, container.read().expect("valid").levels);
         let [a, b] = [&file, &direct].map(|input| {
-            let field = input.field().expect("readable").expect("densities");
+            let field = input.field(&Limits::default()).expect("readable").expect("densities");
             baked_bytes(&field, &BakeOptions::default()).expect("a bake")
         });
         assert!(a == b);
@@ -120,7 +122,7 @@ fn rules_follow_the_levels_that_are_dropped() {
         let twice = changed(&changed(&container, &once).expect("one"), &once).expect("two");
         assert_eq!(twice.read().expect("valid").levels, fewer.read().expect("valid").levels);
         // Level 0 holds no logits any more where alpha was averaged.
-        let field = Unpacked::of_container(&fewer).expect("decodes").field();
+        let field = Unpacked::of_container(&fewer).expect("decodes").field(&Limits::default());
         assert_eq!(field.is_err(), filter == Filter::RateTent);
     }
 }
@@ -242,4 +244,65 @@ fn unknown_ancillary_chunks_stay_with_their_levels() {
     assert_eq!(notes(&fewer), owned(&[(None, "all"), (Some(0), "half"), (Some(2), "last")]));
     let two = Changes { levels: Some(2), ..Changes::default() };
     assert_eq!(notes(&two), owned(&all[..3]));
+}
+
+#[test]
+fn a_field_of_codes_takes_no_more_memory_than_is_allowed() {
+    let container = baked(&random_field(&mut Random::new(5), [9, 8, 7], 5), |_| {});
+    let unpacked = Unpacked::of_container(&container).expect("decodes");
+    // A density and five channels of colour, in float32.
+    let bytes = 6 * 9 * 8 * 7 * 4;
+    let allowed = |memory| {
+        let mut limits = Limits::default();
+        limits.memory = memory;
+        limits
+    };
+    assert!(unpacked.field(&allowed(bytes)).expect("allowed").is_some());
+    let error = unpacked.field(&allowed(bytes - 1)).expect_err("one byte short");
+    assert!(matches!(error.kind(), ErrorKind::OverLimit { .. }), "{error}");
+}
+
+#[test]
+fn changes_that_no_container_can_have_are_refused_by_name() {
+    let mut field = random_field(&mut Random::new(6), [9, 8, 7], 5);
+    (field.scene.march.near, field.scene.march.far) = (2.0, Some(6.0));
+    let unpacked = Unpacked::of_container(&baked(&field, |_| {})).expect("decodes");
+    let none = Changes::default;
+    let cases = [
+        (
+            Changes { far: Some(1.0), ..none() },
+            "option far: found 1, expected a distance beyond near, which is 2",
+        ),
+        (
+            Changes { near: Some(7.0), ..none() },
+            "option near: found 7, expected a distance below far, which is 6",
+        ),
+        (Changes { far: Some(f32::NAN), ..none() }, "option far"),
+        (Changes { near: Some(-1.0), ..none() }, "option near"),
+        (Changes { bits: Some(Bits::Integer(3)), ..none() }, "option bits"),
+        (Changes { zstd_level: Some(23), ..none() }, "option zstd_level"),
+        (Changes { lod_scale: Some(0.0), ..none() }, "option lod_scale"),
+        (Changes { color_threshold: Some(1.0), ..none() }, "option color_threshold"),
+        (Changes { background: Some([2.0; 3]), ..none() }, "option background"),
+    ];
+    for (changes, expected) in cases {
+        let error = common::packed(&unpacked, &changes).expect_err(expected);
+        assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+    let both = Changes { near: Some(0.5), far: Some(1.0), ..none() };
+    assert!(common::packed(&unpacked, &both).is_ok());
+}
+
+#[test]
+fn bits_count_for_nothing_beside_a_size() {
+    let container = baked(&random_field(&mut Random::new(7), [19, 18, 17], 5), |_| {});
+    let unpacked = Unpacked::of_container(&container).expect("decodes");
+    let size = Changes { max_bytes: Some(1 << 30), ..Changes::default() };
+    let plain = common::packed(&unpacked, &size).expect("packs");
+    for bits in [Bits::F32, Bits::Integer(4)] {
+        let both = Changes { bits: Some(bits), ..size.clone() };
+        assert!(common::packed(&unpacked, &both).expect("packs") == plain, "{bits}");
+        assert_eq!(both.to_json(), size.to_json());
+    }
 }

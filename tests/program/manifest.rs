@@ -233,6 +233,7 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
             "found option bits: an object",
         ),
         (sound, "found output x.mipvog of line 1 again"),
+        (r#"{"input": "a", "output": "./x.mipvog"}"#, "found output ./x.mipvog of line 1 again"),
         ("\u{1}\u{fe}", "no JSON"),
     ] {
         std::fs::write(here.join("in/bad.jsonl"), format!("{sound}\n\n{line}\n"))

@@ -42,7 +42,12 @@ fn the_program_bakes_its_own_files() {
         }
         assert!(read("b") == read("c") && read("b") == read("d"), "{options:?}");
     }
-    for ignored in [["--stepsize", "0.5"], ["--memory", "1G"], ["--turntable", "2"]] {
+    for ignored in [
+        ["--stepsize", "0.5"],
+        ["--memory", "1G"],
+        ["--turntable", "2"],
+        ["--require-view-psnr", "90"],
+    ] {
         let refused = run(here, &[&["bake", "a.mipvog", "-o", "x"][..], &ignored].concat());
         assert_eq!(refused.status.code(), Some(2), "{ignored:?}");
     }
@@ -65,6 +70,9 @@ fn transcoding_reports_as_a_bake_does() {
     assert_eq!(small["chosen"]["without_finest"], 1);
     assert_eq!(small["chosen"]["bytes"], small["output_bytes"]);
     assert_eq!(small["options"]["max_bytes"], 100_000);
+    // What was to be dropped anyway counts too: the options that are told make the same file.
+    let dropped = transcode(&["--max-bytes", "0.1MB", "--without-finest", "1"]);
+    assert_eq!(dropped["chosen"]["without_finest"], 1);
     let part = transcode(&["--crop=-1,-1,-1,1,1,0.2", "--drop-islands", "50"]);
     assert!(part["output_bytes"].as_u64() < Some(whole));
     assert!(part["islands"]["dropped"].as_u64() > Some(0));

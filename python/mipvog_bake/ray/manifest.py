@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 from typing import Any
 
 from .failure import MALFORMED, Failure
@@ -34,10 +35,12 @@ def check(manifest: str) -> int:
     """Reads all lines, keeps the names of the outputs, and gives the number of scenes."""
     outputs = set()
     for scene in read(manifest):
-        if scene.output in outputs:
+        # `./a` and `a` are one file.
+        plain = str(PurePosixPath(scene.output))
+        if plain in outputs:
             message = f"{manifest}: found the output {scene.output} twice, expected it once"
             raise Failure(message, MALFORMED)
-        outputs.add(scene.output)
+        outputs.add(plain)
     if not outputs:
         raise Failure(f"{manifest}: found no line, expected a scene a line", MALFORMED)
     return len(outputs)

@@ -17,7 +17,9 @@ _FORECAST_FROM = 16 << 20
 # What the program finds beside an input: settings of the scene, and the coarse checkpoint.
 _BESIDE = ("scene.toml", "scene.json", "args.json", "coarse_last.tar")
 # Options that name files to read.
-_INPUTS = ("cameras", "coarse", "fit_cameras")
+_INPUTS = ("cameras", "coarse", "fit_cameras", "mlp", "photographs")
+# Values of `mlp` that are no files.
+_WORDS = ("auto", "none")
 # Options that name files to write.
 _OUTPUTS = ("gltf", "depfile")
 
@@ -147,6 +149,8 @@ def _staged(source: str, folder: Path) -> Path:
 
 
 def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:
-    if name.replace("-", "_") not in _INPUTS or not isinstance(value, str):
+    option = name.replace("-", "_")
+    is_word = option == "mlp" and value in _WORDS
+    if option not in _INPUTS or not isinstance(value, str) or is_word:
         return value
     return str(_staged(store.below(job.folder, value), scratch / name))

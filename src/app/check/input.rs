@@ -52,7 +52,7 @@ pub fn check(
 
 /// Level 0 of an unpacked container.
 fn unpacked(tensors: &TensorFile, limits: &Limits) -> Result<RadianceField> {
-    let field = Unpacked::open(tensors, limits)?.field()?;
+    let field = Unpacked::open(tensors, limits)?.field(limits)?;
     field.ok_or_else(|| Error::malformed(Place::File, "no densities of level 0", "some"))
 }
 

@@ -283,7 +283,7 @@ impl Arguments {
     fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
         if let Some(container) = self.which.container(&self.field, limits)? {
             let file = container.file();
-            return file.read(0, file.length(), limits.memory);
+            return file.read_bounded(0, file.length(), "bytes of a container", limits.memory);
         }
         let options = self.scene.settings(&self.field, cameras, limits)?.options;
         let source = input::open_with(&stdin::resolve(&self.field)?, &options, limits)?;

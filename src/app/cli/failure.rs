@@ -31,9 +31,17 @@ pub(super) fn message(error: &Error) -> String {
     };
     named(&error.to_string()).replacen(
         &format!("option {option}: "),
-        &format!("--{}: ", option.replace('_', "-")),
+        &format!("--{}: ", flag(option)),
         1,
     )
+}
+
+/// The flag of an option of the library.
+fn flag(option: &str) -> String {
+    match option {
+        "seen_from" => "cameras".to_owned(),
+        _ => option.replace('_', "-"),
+    }
 }
 
 /// The remedy, by the names of options and verbs.

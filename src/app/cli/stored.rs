@@ -11,8 +11,7 @@ use crate::model::field::Nonfinite;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Size and error")]
 pub struct StoredArguments {
-    /// Filter of coarser levels: rate-tent, coverage, fit, code, paper, none, mean3, mean5, mean7,
-    /// gauss3, gauss5, gauss7 [default: rate-tent]
+    /// Filter of coarser levels [default: rate-tent]
     #[arg(long, value_name = "NAME", help_heading = "Levels")]
     pub filter: Option<Filter>,
     /// Levels in all, at most [default: down to 4 nodes along the longest axis]
@@ -102,7 +101,7 @@ impl StoredArguments {
             (options.bits, options.max_error) = (bits, None);
         }
         options.max_error = self.max_error.or(options.max_error);
-        if self.bits.is_some() || self.max_error.is_some() || self.fill_error.is_some() {
+        if self.bits.is_some() || self.max_error.is_some() {
             // An error that is asked for holds at every node.
             options.nearby_coarseness = 0.0;
         }

@@ -216,13 +216,24 @@ impl SourceFile {
 
     /// Reads `count` bytes of a header or table, which may be at most `allowed`.
     pub fn read(&self, offset: u64, count: u64, allowed: u64) -> Result<Vec<u8>> {
+        self.read_bounded(offset, count, "header bytes", allowed)
+    }
+
+    /// Reads `count` bytes of `what`, as an error names it, which may be at most `allowed`.
+    pub fn read_bounded(
+        &self,
+        offset: u64,
+        count: u64,
+        what: &'static str,
+        allowed: u64,
+    ) -> Result<Vec<u8>> {
         let place = Place::Offset(offset);
         let in_file = |error: Error| error.in_file(&self.path);
         if count > self.length.saturating_sub(offset) {
             let left = self.length.saturating_sub(offset);
             return Err(in_file(Error::new(ErrorKind::Truncated { wanted: count, left }, place)));
         }
-        limits::check("header bytes", count, allowed, &place).map_err(in_file)?;
+        limits::check(what, count, allowed, &place).map_err(in_file)?;
         let count = limits::product(&[count], "length", &place).map_err(in_file)?;
         let mut out = vec![0; count];
         self.read_into(offset, &mut out)?;

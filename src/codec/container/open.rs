@@ -127,7 +127,7 @@ impl Container {
             report(Finding { code: Code::ChunkMissing, error })?;
             return Ok(None);
         };
-        let bytes = chunk_bytes(&file, meta, limits.header_bytes, report)?;
+        let bytes = chunk_bytes(&file, meta, ("header bytes", limits.header_bytes), report)?;
         let metadata = bytes.map(|bytes| from_canonical::<Metadata>(&bytes, &meta.place()));
         let Some(metadata) = metadata else { return Ok(None) };
         let Some(metadata) = checked(metadata, Code::Metadata, report)? else { return Ok(None) };
@@ -182,7 +182,7 @@ impl Container {
 
     /// A chunk's bytes, held against their checksum.
     pub(super) fn chunk(&self, entry: &Entry, report: &mut Report) -> Result<Option<Vec<u8>>> {
-        chunk_bytes(&self.file, entry, self.limits.memory, report)
+        chunk_bytes(&self.file, entry, ("bytes of chunks", self.limits.memory), report)
     }
 
     /// Decodes a chunk's bytes, which the budget pays for as long as they are held.
@@ -223,14 +223,15 @@ fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<V
     read_directory(header, &bytes)
 }
 
-/// A chunk's bytes, held against their checksum.
+/// A chunk's bytes, held against their checksum; at most as many as `allowed` of what an error
+/// names.
 fn chunk_bytes(
     file: &SourceFile,
     entry: &Entry,
-    allowed: u64,
+    (what, allowed): (&'static str, u64),
     report: &mut Report,
 ) -> Result<Option<Vec<u8>>> {
-    let bytes = file.read(entry.offset, entry.length, allowed);
+    let bytes = file.read_bounded(entry.offset, entry.length, what, allowed);
     let Some(bytes) = checked(bytes, Code::ChunkBounds, report)? else { return Ok(None) };
     let found = crc32fast::hash(&bytes);
     if found == entry.checksum {

@@ -8,6 +8,7 @@ use super::planes::fill_plane;
 use super::tensors::digest_of_tensors;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{Budget, Limits};
 use crate::base::parallel;
 use crate::codec::container::{Container, OtherChunk};
 use crate::model::baked::{
@@ -93,8 +94,9 @@ impl Unpacked {
     /// # Errors
     ///
     /// [`ErrorKind::Unsupported`](crate::base::error::ErrorKind::Unsupported) where level 0 was a
-    /// coarser one, whose densities are no logits.
-    pub fn field(&self) -> Result<Option<RadianceField>> {
+    /// coarser one, whose densities are no logits; `OverLimit` where dense values take more memory
+    /// than `limits` allow.
+    pub fn field(&self, limits: &Limits) -> Result<Option<RadianceField>> {
         let metadata = &self.metadata;
         let (Some(finest), Some(stated)) = (self.levels.first(), metadata.levels.first()) else {
             return Ok(None);
@@ -104,7 +106,8 @@ impl Unpacked {
             let expected = "one with it, or the checkpoint, to bake anew";
             return Err(Error::unsupported(Place::File, found, expected));
         }
-        let volume = |group| finest.volume(group, stated, metadata.layout());
+        let mut budget = Budget::new(limits);
+        let mut volume = |group| finest.volume(group, stated, metadata.layout(), &mut budget);
         let Some(density) = volume(Group::Density)? else { return Ok(None) };
         let color: Result<Vec<Option<Volume>>> = Group::COLORS.into_iter().map(volume).collect();
         let scene = Scene {
@@ -195,6 +198,7 @@ impl UnpackedLevel {
         group: Group,
         stated: &LevelMetadata,
         layout: ColorLayout,
+        budget: &mut Budget,
     ) -> Result<Option<Volume>> {
         if let LevelValues::Volumes(volumes) = &self.values {
             return Ok(volumes[group.index()].clone());
@@ -203,17 +207,22 @@ impl UnpackedLevel {
         let nodes = self.table.grid().nodes;
         let [nx, ny, nz] = nodes.0;
         let channels = group.channels(layout);
-        let mut values = vec![0.0; channels * nodes.count()];
-        let mut planes: Vec<&mut [f32]> = values.chunks_exact_mut(ny * nz).collect();
+        let number = size_of::<f32>();
+        let (count, place) = (channels * nodes.count(), Place::Key(group.name().to_owned()));
+        let mut bytes = budget.zeroed::<u8>(count * number, "bytes of dense values", &place)?;
+        let mut planes: Vec<&mut [u8]> = bytes.chunks_exact_mut(ny * nz * number).collect();
         parallel::map_mut(&mut planes, |plane, out| {
-            self.read_plane((group, plane / nx), plane % nx, encoding.empty, out)
+            let mut values = vec![0.0; ny * nz];
+            self.read_plane((group, plane / nx), plane % nx, encoding.empty, &mut values)?;
+            let bytes = out.chunks_exact_mut(number).zip(values);
+            bytes.for_each(|(bytes, value)| bytes.copy_from_slice(&value.to_le_bytes()));
+            Ok(())
         })?;
-        let bytes: Arc<[u8]> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         Ok(Some(Volume {
             nodes,
             channels,
             element: Element::F32,
-            storage: Storage::Memory(bytes),
+            storage: Storage::Memory(bytes.into()),
             first: 0,
             strides: [nx * ny * nz, ny * nz, nz].map(|stride| stride as u64),
         }))

@@ -1,12 +1,18 @@
 //! Planes of a decoded level.
 
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::codec::container::Container;
 use crate::codec::quantize::decode_codes;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata};
 
-/// Refuses levels that a container does not have.
+/// Refuses levels that a container does not have, and one a slab of which takes too much memory.
 pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
+    for (number, level) in container.metadata().levels.iter().enumerate() {
+        if levels.is_empty() || levels.contains(&number) {
+            let place = Place::Key(format!("levels[{number}].dimensions"));
+            level.grid().nodes.check_planes(level.block_size, container.limits(), &place)?;
+        }
+    }
     let count = container.metadata().levels.len();
     match levels.iter().find(|&&level| level >= count) {
         None => Ok(()),

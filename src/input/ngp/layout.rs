@@ -77,7 +77,7 @@ impl Sizes {
     /// compute scales in float32.
     ///
     /// # Errors
-    /// `Malformed` for levels beyond 2^31 nodes.
+    /// `Malformed` for levels of 2^20 nodes along an axis or more.
     pub(super) fn layout(&self, log2_ratio: f32, place: &Place) -> Result<Layout> {
         self.check(place)?;
         let mut levels = Vec::new();

@@ -84,8 +84,9 @@ pub fn read_grid(
         value?.integer(key).map(i64::cast_unsigned)
     };
     let [start, blocks, end] = [number("start")?, number("blocks")?, number("end")?];
-    budget.spend(end.saturating_sub(start), "bytes of a grid", &place())?;
-    let bytes = file.file.read(start, end.saturating_sub(start), limits.memory)?;
+    let (length, what) = (end.saturating_sub(start), "bytes of a grid");
+    budget.spend(length, what, &place())?;
+    let bytes = file.file.read_bounded(start, length, what, limits.memory)?;
     let mut reader = ByteReader::new(&bytes, start);
     let compression = reader.u32()?;
     let metadata = read_metadata(&mut reader, limits)?;

@@ -163,7 +163,7 @@ impl NumberType {
 pub struct Encoding {
     /// Number type of codes.
     pub number: NumberType,
-    /// Bits that codes use: 4 to 16, or those of the float.
+    /// Bits that codes use: 1 to 16, or those of the float.
     pub bits: u32,
     /// Value of the middle code; 0 for floats.
     pub center: f32,

@@ -27,6 +27,18 @@ impl Nodes {
         Ok(Self(sizes.map(|size| size as usize)))
     }
 
+    /// Refuses a grid of which so many planes along x, as 4-byte values, take more memory than the
+    /// limits allow.
+    ///
+    /// # Errors
+    ///
+    /// `OverLimit`.
+    pub fn check_planes(self, count: usize, limits: &Limits, place: &Place) -> Result<()> {
+        let [_, ny, nz] = self.0;
+        let bytes = (4 * ny * nz) as u64 * count as u64;
+        limits::check("bytes of planes of a grid", bytes, limits.memory, place)
+    }
+
     /// Nodes in all.
     pub fn count(self) -> usize {
         self.0.iter().product()
@@ -115,6 +127,11 @@ mod tests {
         assert!(checked([0, 5, 5]).is_err());
         assert!(checked([1, 5, 5]).is_err());
         assert!(checked([u64::MAX, u64::MAX, 2]).is_err());
+        // Eight planes of 100 values are 3200 bytes.
+        for (memory, fits) in [(3199, false), (3200, true)] {
+            let limits = Limits { memory, ..Limits::default() };
+            assert_eq!(Nodes([50, 10, 10]).check_planes(8, &limits, &Place::File).is_ok(), fits);
+        }
     }
 
     #[test]

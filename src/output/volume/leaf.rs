@@ -32,6 +32,11 @@ impl Leaf {
         let (density, color) = (vec![0.0; POINTS], Vec::new());
         Self { at, matter: none, density, colored: none, color, features: Vec::new() }
     }
+
+    /// Bytes of a leaf with so many channels of features, once it has colours.
+    pub const fn bytes(features: usize) -> usize {
+        POINTS * size_of::<f32>() * (4 + features) + size_of::<Self>()
+    }
 }
 
 /// The place of a leaf's point in the leaf.

@@ -7,6 +7,7 @@
 //!    black at every surface.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use super::leaf::{Leaf, POINTS, SIDE, contains, insert, place_of, points};
 use super::mean_colors::MeanColors;
@@ -28,6 +29,10 @@ const DIRECTIONS: usize = 32;
 /// Steps of a mean colour from 0 to 1, display-referred. They are finer than those of the pictures
 /// that fields are trained on, and equal neighbours compress.
 const MEAN_STEPS: f64 = 511.0;
+
+/// The rank of a neighbour among [`neighbours`], nearest first, and its colour.
+type Neighbour = (u8, [f32; 3]);
+const NO_RANK: u8 = u8::MAX;
 
 /// The values that a volume is made of.
 #[derive(Debug, Clone, Copy)]
@@ -76,8 +81,7 @@ impl SparseVolume {
                 Ok((0..counts[2]).filter_map(leaf).collect::<Vec<_>>())
             })?;
             let slab: Vec<Leaf> = slab.into_iter().flatten().collect();
-            let bytes = slab.len() * (POINTS * 4 * (4 + features) + size_of::<Leaf>());
-            budget.spend(bytes as u64, "bytes of a volume", &Place::File)?;
+            spend(&mut budget, slab.len() * Leaf::bytes(features))?;
             leaves.extend(slab);
             progress.advance(Step::Encode, 1);
         }
@@ -153,12 +157,12 @@ impl SparseVolume {
         let by_place: HashMap<[i32; 3], usize> =
             self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
         let steps = neighbours();
-        let mut nearest: HashMap<[i32; 3], Vec<(usize, [f32; 3])>> = HashMap::new();
+        let mut nearest: HashMap<[i32; 3], Vec<Neighbour>> = HashMap::new();
         let counts = self.lattice.counts().map(|count| count as i32);
         for leaf in &self.leaves {
             for point in points(&leaf.matter) {
                 let own = place(leaf.at, point).map(|at| at as i32);
-                for (rank, step) in steps.iter().enumerate() {
+                for (rank, step) in (0..).zip(&steps) {
                     let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + step[axis]);
                     if (0..3).any(|axis| at[axis] < 0 || at[axis] >= counts[axis]) {
                         continue;
@@ -168,8 +172,16 @@ impl SparseVolume {
                     if there.is_some_and(|leaf| contains(&leaf.matter, inside)) {
                         continue;
                     }
-                    let places = nearest.entry(home);
-                    let places = places.or_insert_with(|| vec![(usize::MAX, [0.0; 3]); POINTS]);
+                    let places = match nearest.entry(home) {
+                        Entry::Occupied(there) => there.into_mut(),
+                        Entry::Vacant(free) => {
+                            spend(budget, POINTS * size_of::<Neighbour>())?;
+                            // Without a leaf of its own it gets one.
+                            let is_new = !by_place.contains_key(&home);
+                            spend(budget, if is_new { Leaf::bytes(self.features) } else { 0 })?;
+                            free.insert(vec![(NO_RANK, [0.0; 3]); POINTS])
+                        }
+                    };
                     if rank < places[inside].0 {
                         places[inside] = (rank, leaf.color[point]);
                     }
@@ -186,18 +198,20 @@ impl SparseVolume {
             });
             let leaf = &mut self.leaves[number];
             for (point, &(rank, color)) in places.iter().enumerate() {
-                if rank != usize::MAX {
+                if rank != NO_RANK {
                     insert(&mut leaf.colored, point);
                     leaf.color[point] = color;
                 }
             }
         }
-        let added = self.leaves.len() - by_place.len();
-        let bytes = added * (POINTS * 4 * (4 + self.features) + size_of::<Leaf>());
-        budget.spend(bytes as u64, "bytes of a volume", &Place::File)?;
         self.leaves.sort_by_key(|leaf| leaf.at);
         Ok(())
     }
+}
+
+/// Takes bytes from the budget of a volume.
+fn spend(budget: &mut Budget, bytes: usize) -> Result<()> {
+    budget.spend(bytes as u64, "bytes of a volume", &Place::File)
 }
 
 /// Steps to the 26 neighbours of a point, nearest first, and of equally near ones along z first.

@@ -24,9 +24,7 @@ pub fn bake_again(
     let asked = |given: bool| given || arguments.preset.is_some();
     let states_errors = stored.max_error.is_some() || stored.quality.is_some();
     let changes = Changes {
-        bits: asked(stored.bits.is_some())
-            .then_some(options.bits)
-            .filter(|_| options.max_error.is_none()),
+        bits: asked(stored.bits.is_some()).then_some(options.bits),
         max_error: options.max_error.filter(|_| asked(states_errors)),
         max_bytes: stored.max_bytes,
         zstd_level: asked(stored.zstd_level.is_some()).then_some(options.zstd_level),
@@ -46,20 +44,16 @@ pub fn bake_again(
         || (asked(stored.block_size.is_some())
             && metadata.levels.iter().any(|level| level.block_size != options.block_size));
     refuse_ignored(arguments, anew)?;
+    changes.check(&metadata.march)?;
     let inputs = vec![arguments.input.clone()];
     let view = ViewReport::of(metadata.view.as_ref());
     if anew {
-        let mut field = unpacked.field()?.ok_or_else(|| {
+        options.check()?;
+        let mut field = unpacked.field(&options.limits)?.ok_or_else(|| {
             Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
         })?;
         changes.apply_to_scene(&mut field.scene);
-        let origin = Origin {
-            kind: "unpacked container".to_owned(),
-            digest: unpacked.digest,
-            covers_values: false,
-            companions: Vec::new(),
-            assumptions: Vec::new(),
-        };
+        let origin = Origin::of_unpacked(unpacked);
         let report = bake(&field, options, &origin, output, bar)?;
         let resolved = options.to_json();
         return Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs });
@@ -79,6 +73,7 @@ fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
         ("--scene-scale, --view or another option of models", scene.reads_a_model()),
         ("--cameras or --turntable", arguments.gate.measures()?),
         ("--memory", stored.memory.is_some()),
+        ("--require-view-psnr", arguments.gate.required_view_psnr().is_some()),
         ("--fill-error", stored.fill_error.is_some() && !anew),
         ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
         (

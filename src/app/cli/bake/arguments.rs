@@ -154,7 +154,10 @@ impl Arguments {
                            --filter fit";
             return Err(Error::usage(message));
         }
-        options.check()?;
+        // Those of a container count only where it is baked anew, and are checked there.
+        if let Content::Trained(_) = content {
+            options.check()?;
+        }
         self.scene.source_options().check()?;
         if !measures && options.sees() {
             let message =

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::line::SceneLine;
 use super::options::OptionKind;
@@ -68,6 +68,11 @@ pub struct Manifest<'a> {
     pub scenes: u64,
 }
 
+/// A path without steps that lead nowhere: `./a` and `a` are one file.
+fn plain(path: &str) -> PathBuf {
+    Path::new(path).components().filter(|part| *part != Component::CurDir).collect()
+}
+
 impl<'a> Manifest<'a> {
     /// Reads every line once.
     ///
@@ -76,9 +81,9 @@ impl<'a> Manifest<'a> {
     /// output of a former line, or for a file without lines.
     pub fn open(path: &Path, known: &'a [OptionKind]) -> Result<Self> {
         let mut manifest = Self { lines: Lines::open(path)?, known, scenes: 0 };
-        let mut outputs: HashMap<String, u64> = HashMap::new();
+        let mut outputs: HashMap<PathBuf, u64> = HashMap::new();
         while let Some((number, line)) = manifest.next_scene()? {
-            if let Some(former) = outputs.insert(line.output.clone(), number) {
+            if let Some(former) = outputs.insert(plain(&line.output), number) {
                 let found = format!("output {} of line {former} again", line.output);
                 let error = Error::malformed(Place::Line(number), found, "an output of its own");
                 return Err(error.in_file(path));
