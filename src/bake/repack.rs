@@ -81,24 +81,15 @@ pub fn repack(
         }
         None => (repacking.pack(&edited, changes.max_error)?, None),
     };
-    let Packed { metadata, encoded, provenance, others } = packed;
-    let head = Head {
-        metadata: &metadata,
-        view_mlp: edited.view_mlp.as_ref(),
-        free_space: edited.free_space.as_ref(),
-        provenance: &provenance,
-        others: &others,
-        zstd_level,
-        limits,
-    };
-    let entries = write(&head, &encoded, output, &mut stages, progress)?;
+    let head = packed.head(&edited, zstd_level, limits);
+    let entries = write(&head, &packed.encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
-        levels: level_reports(&metadata, &entries),
+        levels: level_reports(&packed.metadata, &entries),
         pruned: Vec::new(),
         fitted: None,
         unchanged: false,
-        free_space_stored: metadata.free_space,
+        free_space_stored: packed.metadata.free_space,
         nonfinite_values: 0,
         chosen,
         islands,
@@ -138,6 +129,21 @@ struct Packed {
     others: Vec<OtherChunk>,
 }
 
+impl Packed {
+    /// The parts beside the levels; network and mask are those of `edited`.
+    fn head<'a>(&'a self, edited: &'a Unpacked, zstd_level: i32, limits: &'a Limits) -> Head<'a> {
+        Head {
+            metadata: &self.metadata,
+            view_mlp: edited.view_mlp.as_ref(),
+            free_space: edited.free_space.as_ref(),
+            provenance: &self.provenance,
+            others: &self.others,
+            zstd_level,
+            limits,
+        }
+    }
+}
+
 impl Repacking<'_> {
     /// Encodes all levels of `edited`, within an error where one is given.
     fn pack(&mut self, edited: &Unpacked, max_errors: Option<MaxErrors>) -> Result<Packed> {
@@ -171,22 +177,30 @@ impl Repacking<'_> {
         };
         let (encoded, _) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
         add_errors(&mut metadata, &edited.metadata);
-        let provenance = self.provenance(edited, &metadata);
         let others = edited.others.clone();
-        Ok(Packed { metadata, encoded, provenance, others })
+        let mut packed = Packed { metadata, encoded, provenance: Value::Null, others };
+        packed.provenance = match self.is_unchanged(edited, &packed)? {
+            true => self.unpacked.provenance.clone(),
+            false => provenance_of_changes(&self.unpacked.provenance, &self.changes.to_json()),
+        };
+        Ok(packed)
     }
 
-    /// That of the container, if it is the same one.
-    fn provenance(&self, edited: &Unpacked, metadata: &Metadata) -> Value {
+    /// True if it is the container that was there.
+    fn is_unchanged(&self, edited: &Unpacked, packed: &Packed) -> Result<bool> {
         let unpacked = self.unpacked;
-        let unchanged = *metadata == unpacked.metadata
+        let unchanged = packed.metadata == unpacked.metadata
             && !self.is_recompressed
             && edited.free_space == unpacked.free_space
             && self.changes.drop_islands.is_none();
-        if unchanged {
-            return unpacked.provenance.clone();
+        match unpacked.content.filter(|_| unchanged) {
+            // Dense arrays, and the network beside them, can be edited.
+            Some(content) => {
+                let head = packed.head(edited, self.zstd_level, self.limits);
+                Ok(container::content_checksum_of(&head, &packed.encoded)? == content)
+            }
+            None => Ok(unchanged),
         }
-        provenance_of_changes(&unpacked.provenance, &self.changes.to_json())
     }
 
     /// The best container of at most so many bytes.
@@ -219,15 +233,7 @@ impl Repacking<'_> {
         max_errors: Option<MaxErrors>,
     ) -> Result<Attempt<Packed>> {
         let packed = self.pack(edited, max_errors)?;
-        let head = Head {
-            metadata: &packed.metadata,
-            view_mlp: edited.view_mlp.as_ref(),
-            free_space: edited.free_space.as_ref(),
-            provenance: &packed.provenance,
-            others: &packed.others,
-            zstd_level: self.zstd_level,
-            limits: self.limits,
-        };
+        let head = packed.head(edited, self.zstd_level, self.limits);
         let mut count = WriterSink::new(io::sink());
         container::write(&head, &packed.encoded, &mut count)?;
         Ok(Attempt { bytes: count.length(), nearby_coarseness: None, packed })

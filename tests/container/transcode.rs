@@ -6,10 +6,11 @@ use crate::common::{
     Random, baked_bytes, chunks, field, open_bytes, random_field, trained, unpack,
 };
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog_bake::unstable::base::bytes::Storage;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
+use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
 use mipvog_bake::unstable::model::baked::{
     FootprintNeighbour, Group, LevelMetadata, Metadata, StepRule,
 };
@@ -305,4 +306,37 @@ fn bits_count_for_nothing_beside_a_size() {
         assert!(common::packed(&unpacked, &both).expect("packs") == plain, "{bits}");
         assert_eq!(both.to_json(), size.to_json());
     }
+}
+
+#[test]
+fn edited_arrays_do_not_pass_for_what_was_unpacked() {
+    let container = baked(&trained("tiny/fine_last.tar"), |_| {});
+    let unpacked = unpack(&container).expect("unpacks");
+    let open = || Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+    let provenance = |input: &Unpacked| {
+        let bytes = common::packed(input, &Changes::default()).expect("packs");
+        let again = open_bytes(&bytes).expect("valid");
+        assert_eq!(again.metadata(), container.metadata());
+        again.provenance().expect("JSON").expect("some")
+    };
+    let before = container.provenance().expect("JSON").expect("some");
+    assert_eq!(provenance(&open()), before);
+    // Red and green change places: every value still has a code.
+    let mut swapped = open();
+    let LevelValues::Volumes(volumes) = &mut swapped.levels[0].values else {
+        panic!("dense arrays");
+    };
+    let volume = volumes[Group::Diffuse.index()].as_mut().expect("colours");
+    let mut bytes = vec![0; volume.bytes() as usize];
+    volume.storage.read_into(volume.first, &mut bytes).expect("readable");
+    let channel = bytes.len() / 3;
+    let (red, others) = bytes.split_at_mut(channel);
+    red.swap_with_slice(&mut others[..channel]);
+    (volume.storage, volume.first) = (Storage::Memory(bytes.into()), 0);
+    let after = provenance(&swapped);
+    assert_eq!(after["input"]["kind"], "unpacked container");
+    assert_eq!(after["input"]["provenance"], before);
+    let mut trained_on = open();
+    trained_on.view_mlp.as_mut().expect("a network").layers[0].bias[0] += 1.0;
+    assert_eq!(provenance(&trained_on)["input"]["provenance"], before);
 }

@@ -85,6 +85,18 @@ pub struct Entry {
     pub checksum: u32,
 }
 
+/// CRC-32 over the checksums of all chunks that hold values: levels, network and mask. Two
+/// containers with the same metadata and the same sum hold the same values.
+pub fn content_checksum(entries: &[Entry]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    for entry in entries.iter().filter(|entry| entry.is_critical() && entry.kind != META) {
+        sum.update(&entry.kind);
+        sum.update(&entry.level.unwrap_or(NO_LEVEL).to_le_bytes());
+        sum.update(&entry.checksum.to_le_bytes());
+    }
+    sum.finalize()
+}
+
 impl Entry {
     /// True if a reader must understand the chunk.
     pub fn is_critical(&self) -> bool {

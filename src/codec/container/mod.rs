@@ -25,8 +25,9 @@ mod rules;
 mod runs;
 mod write;
 
+pub use layout::content_checksum;
 pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
 pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};
-pub use write::{EncodedLevel, Head, OtherChunk, write};
+pub use write::{EncodedLevel, Head, OtherChunk, content_checksum_of, write};

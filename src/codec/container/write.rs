@@ -3,7 +3,7 @@
 use super::json::to_canonical;
 use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
-    PROVENANCE, TABLE, VMLP,
+    PROVENANCE, TABLE, VMLP, content_checksum,
 };
 use super::rules::{check_metadata, level_prefix, required_features};
 use super::runs::{EncodedAtlas, compress};
@@ -89,25 +89,37 @@ pub fn write(
 ) -> Result<Vec<Entry>> {
     check(head)?;
     let chunks = chunks(head, levels)?;
+    let (entries, length) = directory(&chunks, head.metadata)?;
+    let features = required_features(head.metadata);
+    output.append(&Header::with_directory(features, length, &entries)?)?;
+    for chunk in &chunks {
+        chunk.content.for_each_piece(|piece| output.append(piece))?;
+        output.pad(ALIGNMENT)?;
+    }
+    Ok(entries)
+}
+
+/// The [`content_checksum`] of the container that [`write`] would write.
+pub fn content_checksum_of(head: &Head, levels: &[EncodedLevel]) -> Result<u32> {
+    let (entries, _) = directory(&chunks(head, levels)?, head.metadata)?;
+    Ok(content_checksum(&entries))
+}
+
+/// The entries of chunks in their order, and the bytes of the whole file.
+fn directory(chunks: &[Chunk], metadata: &Metadata) -> Result<(Vec<Entry>, u64)> {
     let mut entries = Vec::with_capacity(chunks.len());
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
-    for chunk in &chunks {
+    for chunk in chunks {
         let (length, checksum) = chunk.content.length_and_checksum()?;
         let (kind, level) = (chunk.kind, chunk.level);
         let entry = Entry { kind, level, offset, length, prefix: 0, checksum };
         offset = entry.padded_end();
         entries.push(entry);
     }
-    let prefix = |level| level_prefix(&entries, head.metadata, level, offset);
+    let prefix = |level| level_prefix(&entries, metadata, level, offset);
     let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
     entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
-    let features = required_features(head.metadata);
-    output.append(&Header::with_directory(features, offset, &entries)?)?;
-    for chunk in &chunks {
-        chunk.content.for_each_piece(|piece| output.append(piece))?;
-        output.pad(ALIGNMENT)?;
-    }
-    Ok(entries)
+    Ok((entries, offset))
 }
 
 /// Refuses everything that a reader would refuse: values of inputs and options meet here.

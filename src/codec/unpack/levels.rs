@@ -27,6 +27,9 @@ pub struct Unpacked {
     pub metadata: Metadata,
     /// The container's provenance; null where it has none.
     pub provenance: Json,
+    /// The [`content_checksum`](crate::codec::container::content_checksum) of the container, which
+    /// a file of dense arrays states: its values may have been edited since.
+    pub content: Option<u32>,
     /// Finest first.
     pub levels: Vec<UnpackedLevel>,
     /// View-dependent colour, if there is any.
@@ -81,6 +84,7 @@ impl Unpacked {
             levels: levels.collect(),
             metadata: field.metadata,
             provenance,
+            content: None,
             view_mlp: field.view_mlp,
             free_space: field.free_space,
             others: container.other_chunks()?,

@@ -2,7 +2,7 @@
 
 use serde_json::Value as Json;
 
-use super::tensors::tensor_name;
+use super::tensors::{CONTENT, tensor_name};
 use super::{LevelValues, Unpacked, UnpackedLevel};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -45,6 +45,8 @@ impl Unpacked {
             }
             _ => Json::Null,
         };
+        let content =
+            metadata_of(file, CONTENT).and_then(|text| u32::from_str_radix(text, 16).ok());
         let mut budget = Budget::new(limits);
         let mut levels = Vec::new();
         for (number, level) in metadata.levels.iter().enumerate() {
@@ -98,6 +100,7 @@ impl Unpacked {
         Ok(Self {
             metadata,
             provenance,
+            content,
             levels,
             view_mlp,
             free_space,

@@ -12,7 +12,8 @@
 //! | `free_space.map` | `[3,3]` f64 | its scale, shift and (threshold, 0, 0) |
 //!
 //! `__metadata__.mipvog` is the container's metadata, `__metadata__.mipvog_provenance` its
-//! provenance.
+//! provenance, and `__metadata__.mipvog_content` tells values that were edited from others: the
+//! [`content_checksum`], in hexadecimal digits.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -24,12 +25,15 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
-use crate::codec::container::Container;
 use crate::codec::container::json::to_canonical;
+use crate::codec::container::{Container, content_checksum};
 use crate::input::tensor::{self, Row, safetensors_header};
 use crate::model::baked::{BakedLevel, ColorLayout, Group, LevelMetadata, Metadata};
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
+
+/// The text of `__metadata__` that holds the checksum of the values.
+pub(super) const CONTENT: &str = "mipvog_content";
 
 /// The kind of file that tensors are written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -279,6 +283,7 @@ fn texts(container: &Container, metadata: &Metadata) -> Result<BTreeMap<&'static
     let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
     if let Some(provenance) = container.provenance()? {
         texts.insert("mipvog_provenance", to_canonical(&provenance)?);
+        texts.insert(CONTENT, format!("{:08x}", content_checksum(container.entries())));
     }
     Ok(texts)
 }
