@@ -9,6 +9,8 @@ RUN target=$(uname -m)-unknown-linux-musl \
     && cp "target/$target/release/mipvog-bake" /mipvog-bake
 
 FROM scratch
+# For inputs at https addresses.
+COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt
 COPY --from=build /mipvog-bake /mipvog-bake
 # Where inputs without a name are spooled.
 WORKDIR /tmp

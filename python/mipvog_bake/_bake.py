@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Optional, Union
 
-import numpy as np
-
-from . import _check, _native
+from . import _check, _native, _options
 from ._arrays import open_door
 from ._check import PathName
 from ._error import Error, by_arrays
@@ -22,8 +20,6 @@ from ._field import Field, Progress
 _MODEL_ERROR, _MODEL_THRESHOLD = "1e-4:1e-3:1e-3", 1e-4
 # Options that say how large errors may be.
 _PRECISION = ("bits", "max_error", "max_bytes", "quality", "preset")
-# Options of the program that a function has no use for.
-_NONE_OF = ("help", "version", "output", "format", "quiet", "verbose", "color")
 
 
 def bake(
@@ -43,7 +39,7 @@ def bake(
     `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. An option that is None or
     False is not given. A field of `from_model` has `alpha_threshold=1e-4`, and
     `max_error="1e-4:1e-3:1e-3"` unless `bits`, `quality` or `max_bytes` is given; a `preset` sets
-    both.
+    both. The options that a field was opened with count too.
 
     `progress` is called with the step and the share of the work that is done, 0 to 1, on the thread
     that called; what it raises ends the work. True shows a bar of tqdm where that is installed,
@@ -54,7 +50,9 @@ def bake(
             options["max_error"] = _MODEL_ERROR
         if options.get("preset") is None:
             options.setdefault("alpha_threshold", _MODEL_THRESHOLD)
-    arguments = ["bake", "--quiet", "--progress=never", *_arguments(options)]
+    if isinstance(input, Field):
+        options = {**input._options, **options}
+    arguments = ["bake", "--quiet", "--progress=never", *_options.words("bake", options)]
     arguments.append(f"--output={_check.path('output', output)}")
     arrays, colors = None, ""
     if isinstance(input, Field) and input._arrays is not None:
@@ -64,7 +62,7 @@ def bake(
     if arrays is not None:
         source = "-"
     else:
-        source = input._path or "" if isinstance(input, Field) else _path(input)
+        source = input._path or "" if isinstance(input, Field) else _source(input)
     arguments += ["--", source]
     with _shown(progress) as callback:
         try:
@@ -78,49 +76,11 @@ def bake(
     return report
 
 
-def _path(input: Any) -> str:
-    expected = "expected a path, a Field or arrays by name"
+def _source(input: Any) -> str:
     if not isinstance(input, (str, bytes, os.PathLike)):
-        raise Error(f"input: found {type(input).__name__}, {expected}")
-    path = _check.path("input", input)
-    if path == "-":
-        raise Error(f"input: found the standard input, {expected}")
-    return path
-
-
-def _arguments(options: Mapping[str, Any]) -> Iterator[str]:
-    again = dict(_native.option_names("bake"))
-    for name, value in options.items():
-        option = name.replace("_", "-")
-        if option in _NONE_OF:
-            raise Error(f"found option {name}, expected one that a function has a use for")
-        # The parser refuses a name that it does not know, whatever its value.
-        if option in again and (value is None or value is False):
-            continue
-        if value is True:
-            yield f"--{option}"
-        elif again.get(option):
-            for one in _several(value):
-                yield f"--{option}={one}"
-        elif isinstance(value, (list, tuple, np.ndarray)):
-            yield f"--{option}={','.join(_word(one) for one in value)}"
-        else:
-            yield f"--{option}={_word(value)}"
-
-
-def _several(value: Any) -> Iterator[str]:
-    if isinstance(value, Mapping):
-        yield from (f"{key}={_word(one)}" for key, one in value.items())
-    elif isinstance(value, (list, tuple)):
-        yield from map(_word, value)
-    else:
-        yield _word(value)
-
-
-def _word(value: Any) -> str:
-    if isinstance(value, (np.generic, np.ndarray)):
-        value = value.item()
-    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+        found = type(input).__name__
+        raise Error(f"input: found {found}, expected a path, a Field or arrays by name")
+    return _options.source("input", input)
 
 
 @contextmanager

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _check, _native
+from . import _check, _native, _options
 from ._check import PathName
 from ._error import Error
 
@@ -44,8 +45,11 @@ class Field:
         arrays: Optional[_native.Arrays] = None,
         report: Optional[dict[str, Any]] = None,
         colors: str = "sh",
+        options: Optional[dict[str, Any]] = None,
     ) -> None:
         self._native = native
+        # What it was opened with.
+        self._options = options or {}
         self._path = path
         self._arrays = arrays
         self._description: dict[str, Any] = json.loads(native.description())
@@ -185,10 +189,20 @@ class Field:
         return _native.png(_SHOWN, _SHOWN, values.tobytes())
 
 
-def open(path: PathName) -> Field:
-    """Opens a container, a glTF asset with one, or anything that can be baked."""
-    name = _check.path("path", path)
-    return Field(_native.NativeField.open(name), path=os.path.abspath(name))
+def open(path: PathName, **options: Any) -> Field:
+    """Opens a container, a glTF asset with one, or anything that can be baked.
+
+    Options are those of scenes that the program has, with underscores: `stepsize=0.5`, `near=2`,
+    `mlp="none"`, `drop_background=True`, `field=1` for another field of an asset. Settings that
+    lie beside a trained input, such as `scene.toml`, count as they do for the program. A setting
+    that nothing states is assumed, with a warning.
+    """
+    name = _options.source("path", path)
+    native = _native.NativeField.open([*_options.words("open", options), "--", name])
+    field = Field(native, path=name if "://" in name else os.path.abspath(name), options=options)
+    for assumption in field._description["assumptions"]:
+        warnings.warn(assumption, stacklevel=2)
+    return field
 
 
 def _level(level: Optional[int]) -> int:

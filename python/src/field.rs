@@ -1,19 +1,18 @@
 //! A field that is open: a container, or a trained input that is not baked yet.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
+use mipvog_bake::unstable::app::cli::OpenField;
 use mipvog_bake::unstable::bake::level_reports;
-use mipvog_bake::unstable::base::bytes::SourceFile;
 use mipvog_bake::unstable::base::error::{Error, Result};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::codec::container::{Container, is_container};
 use mipvog_bake::unstable::codec::unpack::read_tensors;
-use mipvog_bake::unstable::input::{self, Source, SourceOptions, tensor};
+use mipvog_bake::unstable::input::{self, SourceOptions, tensor};
 use mipvog_bake::unstable::model::camera::{self, Camera, Ray};
-use mipvog_bake::unstable::output::gltf::asset::{Asset, is_asset};
 use mipvog_bake::unstable::view::overview;
 use mipvog_bake::unstable::view::render::{FrameOptions, Renderer, render};
 use numpy::{PyArray1, PyReadonlyArray2};
@@ -22,7 +21,7 @@ use pyo3::types::PyBytes;
 use serde_json::{Value, json};
 
 use crate::arrays::Arrays;
-use crate::error::raised;
+use crate::error::{exception, raised};
 use crate::watch::{Watch, watched};
 
 /// Flat values of a picture or of rays, whose shape Python gives back.
@@ -33,19 +32,14 @@ type PyTensor<'py> = (String, &'static str, Vec<usize>, Bound<'py, PyArray1<u8>>
 /// An open field.
 #[pyclass(frozen, module = "mipvog_bake._native")]
 pub struct NativeField {
-    content: Content,
+    open: OpenField,
     /// The values in memory, once something looked at them.
     renderer: Mutex<Option<Arc<Renderer>>>,
 }
 
-enum Content {
-    Baked(Box<Container>),
-    Trained(Box<Source>),
-}
-
 impl NativeField {
-    fn new(content: Content) -> Self {
-        Self { content, renderer: Mutex::default() }
+    fn new(open: OpenField) -> Self {
+        Self { open, renderer: Mutex::default() }
     }
 
     fn renderer(&self) -> Result<Arc<Renderer>> {
@@ -53,61 +47,42 @@ impl NativeField {
         if let Some(renderer) = &*kept {
             return Ok(Arc::clone(renderer));
         }
-        let renderer = Arc::new(match &self.content {
-            Content::Baked(container) => Renderer::of_container(container)?,
-            Content::Trained(source) => Renderer::of_source(source, None, &Limits::default())?,
-        });
+        let renderer = Arc::new(self.open.renderer()?);
         *kept = Some(Arc::clone(&renderer));
         Ok(renderer)
     }
 
     /// Dimensions, box, levels and metadata.
     fn describe(&self) -> Result<Value> {
-        Ok(match &self.content {
-            Content::Baked(container) => {
-                let metadata = container.metadata();
-                json!({
-                    "model": "baked",
-                    "dimensions": metadata.levels.first().map(|level| level.dimensions),
-                    "bounds": metadata.bounds,
-                    "levels": level_reports(metadata, container.entries()),
-                    "metadata": metadata,
-                    "provenance": container.provenance()?,
-                })
-            }
-            Content::Trained(source) => {
-                let scene = &source.field.scene;
-                json!({
-                    "model": source.family,
-                    "dimensions": scene.nodes.0,
-                    "bounds": scene.bounds,
-                    "levels": [{ "level": 0, "dimensions": scene.nodes.0 }],
-                    "metadata": {
-                        "activation": scene.activation,
-                        "march": scene.march,
-                        "background": scene.background,
-                    },
-                    "provenance": null,
-                })
-            }
-        })
+        if let Some(container) = self.open.container() {
+            let metadata = container.metadata();
+            return Ok(json!({
+                "model": "baked",
+                "dimensions": metadata.levels.first().map(|level| level.dimensions),
+                "bounds": metadata.bounds,
+                "levels": level_reports(metadata, container.entries()),
+                "metadata": metadata,
+                "provenance": container.provenance()?,
+                "assumptions": [],
+            }));
+        }
+        let source = self.open.source();
+        let scene = source.map(|source| &source.field.scene);
+        let assumptions = source.into_iter().flat_map(|source| &source.assumptions);
+        Ok(json!({
+            "model": source.map(|source| source.family),
+            "dimensions": scene.map(|scene| scene.nodes.0),
+            "bounds": scene.map(|scene| scene.bounds),
+            "levels": [{ "level": 0, "dimensions": scene.map(|scene| scene.nodes.0) }],
+            "metadata": scene.map(|scene| json!({
+                "activation": scene.activation,
+                "march": scene.march,
+                "background": scene.background,
+            })),
+            "provenance": null,
+            "assumptions": assumptions.map(|found| &found.message).collect::<Vec<_>>(),
+        }))
     }
-}
-
-/// Opens a container, the first field of a glTF asset, or anything that can be baked.
-fn open(path: &Path) -> Result<Content> {
-    let limits = Limits::default();
-    let resolved = input::file_of(path);
-    let file = Arc::new(SourceFile::open(&resolved)?);
-    if is_container(&file) {
-        return Ok(Content::Baked(Box::new(Container::open(file, &limits)?)));
-    }
-    if is_asset(&file) {
-        let container = Asset::open(file, &limits)?.open_field(0)?;
-        return Ok(Content::Baked(Box::new(container)));
-    }
-    let source = input::open_with(&resolved, &SourceOptions::default(), &limits)?;
-    Ok(Content::Trained(Box::new(source)))
 }
 
 /// The camera that Python describes: the text of a camera file, or its path; the overview without.
@@ -131,11 +106,11 @@ fn camera(
 
 #[pymethods]
 impl NativeField {
-    /// Opens a file.
+    /// Opens what the arguments name: options of a field, then a path.
     #[staticmethod]
-    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let content = watched(py, None, |_| open(&path).map_err(|error| error.in_file(&path)))?;
-        content.map(Self::new).map_err(|error| raised(py, &error))
+    fn open(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<Self> {
+        let open = watched(py, None, |_| OpenField::new(arguments))?;
+        open.map(Self::new).map_err(|failure| exception(py, &failure))
     }
 
     /// A field of arrays.
@@ -150,7 +125,7 @@ impl NativeField {
             Ok(source)
         })?;
         let source = source.map_err(|error| raised(py, &error))?;
-        Ok(Self::new(Content::Trained(Box::new(source))))
+        Ok(Self::new(OpenField::of_source(source)))
     }
 
     /// Dimensions, box, levels and metadata as JSON.
@@ -160,9 +135,9 @@ impl NativeField {
 
     /// The tensors of some levels, all if none is given.
     fn unpack<'py>(&self, py: Python<'py>, levels: Vec<usize>) -> PyResult<Vec<PyTensor<'py>>> {
-        let found = watched(py, None, |watch| match &self.content {
-            Content::Baked(container) => read_tensors(container, &levels, &**watch),
-            Content::Trained(_) => Err(Error::usage(
+        let found = watched(py, None, |watch| match self.open.container() {
+            Some(container) => read_tensors(container, &levels, &**watch),
+            None => Err(Error::usage(
                 "unpack() takes a container apart, and this field is not baked: bake it first",
             )),
         })?;

@@ -1,13 +1,18 @@
 """Open fields: shapes, values and pictures."""
 
 import pickle
+import shutil
 import struct
+import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import BOX, ball, camera, open_door
 
 import mipvog_bake
+
+TINY = Path(__file__).parents[2] / "fixtures/trained/tiny/fine_last.tar"
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +124,56 @@ def test_errors_survive_pickling():
     copy = pickle.loads(pickle.dumps(error))
     assert (copy.kind, copy.file, copy.place, copy.exit_code) == ("malformed", "f", "p", 3)
     assert str(copy) == "found a, expected b\nhelp: mend it"
+
+
+def test_settings_of_an_unbaked_field_are_those_of_the_program(tmp_path):
+    trained = tmp_path / "fine_last.tar"
+    shutil.copy(TINY, trained)
+
+    def opened(**options):
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            field = mipvog_bake.open(trained, **options)
+        return field, " ".join(str(warning.message) for warning in found)
+
+    field, assumed = opened()
+    assert "step length" in assumed and "coarse checkpoint" in assumed
+    assert field.metadata["march"]["near"] == 0
+    (tmp_path / "scene.toml").write_text("stepsize = 0.25\nnear = 0.5\n", encoding="utf-8")
+    field, assumed = opened()
+    assert "step length" not in assumed
+    assert field.metadata["march"]["near"] == 0.5
+    assert field.metadata["march"]["stepsize"] == 0.25
+    field, _ = opened(near=1, background="black", mlp="none")
+    assert field.metadata["march"]["near"] == 1
+    assert field.metadata["background"] == [0, 0, 0]
+    # A bake of the field has what it was opened with, and options of its own.
+    report = mipvog_bake.bake(field, tmp_path / "a.mipvog", near=2)
+    found = {setting["name"]: setting["value"] for setting in report["settings"]}
+    assert found["near"] == 2 and found["background"] == [0, 0, 0]
+    baked = mipvog_bake.open(tmp_path / "a.mipvog", background=(1, 0, 0))
+    assert np.allclose(baked.probe([[9, 9, 9]], [[1, 0, 0]])[0], [1, 0, 0])
+    for options, words in [
+        ({"mlp": "none"}, "belong to trained inputs"),
+        ({"near": -1}, "near: found -1"),
+        ({"nothing": 1}, "nothing"),
+        ({"field": 1}, "glTF asset"),
+    ]:
+        with pytest.raises(mipvog_bake.Error, match=words):
+            mipvog_bake.open(tmp_path / "a.mipvog", **options)
+
+
+def test_addresses_need_a_permission_each_time():
+    for open_or_bake in (
+        lambda **options: mipvog_bake.open("https://[::1]:1/a.mipvog", **options),
+        lambda **options: mipvog_bake.bake("https://[::1]:1/a.tar", "never.mipvog", **options),
+    ):
+        with pytest.raises(mipvog_bake.Error, match="allow") as refused:
+            open_or_bake()
+        assert refused.value.kind == "usage"
+        # Nobody answers there.
+        with pytest.raises(mipvog_bake.Error) as unanswered:
+            open_or_bake(allow_network=True)
+        assert unanswered.value.kind == "io"
+        with pytest.raises(mipvog_bake.Error, match="allow"):
+            open_or_bake()

@@ -4,6 +4,8 @@ use clap::{Args, ValueEnum};
 
 use super::values;
 use super::watcher::SharedWatcher;
+#[cfg(feature = "network")]
+use crate::base::bytes::NetworkPermit;
 use crate::base::limits::Limits;
 
 /// Options that all verbs share.
@@ -43,6 +45,16 @@ pub(super) struct Common {
 }
 
 impl Common {
+    /// Lets inputs be fetched as long as it lives, if that was asked for.
+    #[cfg(feature = "network")]
+    pub(super) fn network_permit(&self) -> Option<NetworkPermit> {
+        self.allow_network.then(NetworkPermit::new)
+    }
+
+    /// Nothing is fetched without the feature.
+    #[cfg(not(feature = "network"))]
+    pub(super) fn network_permit(&self) {}
+
     /// Limits on the sizes that files may ask for.
     pub(super) fn limits(&self) -> Limits {
         let mut limits = Limits::default();

@@ -99,10 +99,14 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
         rule.bound.map_or_else(String::new, |bound| format!(", at most {bound}"))
     )
     .ok();
-    match &report.mlp {
-        Some(widths) => writeln!(text, "  view network {widths:?}").ok(),
-        None => writeln!(text, "  no view network").ok(),
+    let view = match (&report.mlp, metadata.view.as_ref().and_then(ViewMetadata::harmonics)) {
+        (Some(widths), _) => format!("view network {widths:?}"),
+        (None, Some(harmonics)) => {
+            format!("spherical harmonics of degree {}", harmonics.degree)
+        }
+        (None, None) => "colours that do not depend on the view".to_owned(),
     };
+    writeln!(text, "  {view}").ok();
     if !report.levels_missing.is_empty() {
         let missing = &report.levels_missing;
         writeln!(text, "  the file ends early: levels {missing:?} are missing").ok();
@@ -113,8 +117,8 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
 /// Explains the columns of [`levels_text`].
 pub(super) const LEGEND: &str = "  \
   prefix: bytes from the start of the file that show this level and all coarser ones\n  \
-  density, diffuse, features: bits of a code, and the largest error of opacity over one step or \
-  of colour (0 to 1)\n";
+  density and the others: bits of a code, and the largest error of opacity over one step or of \
+  colour (0 to 1)\n";
 
 /// The tool, the input and the filter that made a container.
 fn origin_text(provenance: &Value) -> Option<String> {

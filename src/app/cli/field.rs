@@ -124,19 +124,16 @@ impl SceneArguments {
     }
 
     /// A baked field, rendered by the rules that the user overrides.
-    fn open_baked(
+    pub(super) fn open_baked(
         &self,
         field: &BakedField,
         filter: Option<Filter>,
         limits: &Limits,
     ) -> Result<Renderer> {
-        self.source_options().check()?;
-        if filter.is_some() || self.reads_a_model() {
-            let message = "--filter, --coarse, --mlp, --scene-scale, --view, --resolution and \
-                           --drop-background belong to trained inputs; a container states these \
-                           itself";
-            return Err(Error::usage(message));
+        if filter.is_some() {
+            return Err(Error::usage("--filter belongs to trained inputs"));
         }
+        self.check_container()?;
         let mut renderer = Renderer::baked(field, limits)?;
         self.override_container(&mut renderer);
         if let Some(stepsize) = self.stepsize {
@@ -146,6 +143,18 @@ impl SceneArguments {
             })?;
         }
         Ok(renderer)
+    }
+
+    /// Refuses settings that no container takes.
+    pub(super) fn check_container(&self) -> Result<()> {
+        self.source_options().check()?;
+        match self.reads_a_model() {
+            false => Ok(()),
+            true => Err(Error::usage(
+                "--coarse, --mlp, --scene-scale, --view, --resolution and --drop-background belong \
+                 to trained inputs; a container states these itself",
+            )),
+        }
     }
 
     fn override_container(&self, field: &mut Renderer) {

@@ -25,6 +25,7 @@ mod inputs;
 mod inspect;
 mod interrupt;
 mod manifest;
+mod open;
 mod outcome;
 mod output;
 mod paint;
@@ -51,5 +52,6 @@ mod viewpoints;
 mod watcher;
 
 pub use call::{Call, Failure};
+pub use open::OpenField;
 pub use program::{call, main, main_of, option_names};
 pub use watcher::{SharedWatcher, Watcher};

@@ -15,8 +15,8 @@ use super::outcome::{Outcome, print, say};
 use super::output::STANDARD_STREAM;
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, export, inspect, interrupt, manifest, probe, render,
-    report, stdin, sweep, transcode, unpack, validate, view,
+    attach, bake, compare, detach, document, export, inspect, interrupt, manifest, open, probe,
+    render, report, stdin, sweep, transcode, unpack, validate, view,
 };
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
@@ -24,6 +24,8 @@ use crate::base::parallel;
 
 /// Arguments that name files to write. Every other argument that names a file is an input.
 const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
+/// What opens a field, which is no verb.
+const OPEN: &str = "open";
 
 /// Bakes trained radiance fields into sparse, quantized, coarse-to-fine assets.
 #[derive(Debug, Parser)]
@@ -90,10 +92,6 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
     };
     let common = &cli.common;
     interrupt::watch();
-    #[cfg(feature = "network")]
-    if common.allow_network {
-        crate::base::bytes::allow_network();
-    }
     let names = FileNames::of(&matches);
     let printed = outcome(&cli, &names).and_then(|outcome| {
         let Some(outcome) = outcome else { return Ok(0) };
@@ -136,15 +134,18 @@ pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> 
     }
 }
 
-/// The long names of a verb's options, and whether one can be given again.
+/// The long names of a verb's options, or of those of [`OpenField`](super::OpenField) under `open`,
+/// and whether one can be given again.
 pub fn option_names(verb: &str) -> Vec<(String, bool)> {
-    let program = Cli::command();
-    let Some(own) = program.find_subcommand(verb) else { return Vec::new() };
+    let (program, field) = (Cli::command(), open::command());
+    let own = if verb == OPEN { Some(&field) } else { program.find_subcommand(verb) };
+    let Some(own) = own else { return Vec::new() };
     let kinds = own.get_arguments().chain(program.get_arguments()).filter_map(OptionKind::of);
     kinds.map(|kind| (kind.name, kind.again)).collect()
 }
 
 fn outcome(cli: &Cli, names: &FileNames) -> Result<Option<Outcome>> {
+    let _permit = cli.common.network_permit();
     names.check()?;
     parallel::with_threads(cli.common.threads.into(), || run(&cli.verb, &cli.common))?
 }

@@ -58,7 +58,7 @@ struct OpenFile {
 }
 
 impl SourceFile {
-    /// Opens a regular file, or one at an address where that is [allowed](super::allow_network).
+    /// Opens a regular file, or one at an address where [that is allowed](super::NetworkPermit).
     pub fn open(path: &Path) -> Result<Self> {
         #[cfg(feature = "network")]
         if let Some(address) = super::address::address(path) {

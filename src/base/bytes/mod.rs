@@ -30,7 +30,7 @@ pub use output::Output;
 pub use provisional::Provisional;
 pub use reader::ByteReader;
 #[cfg(feature = "network")]
-pub use remote::allow_network;
+pub use remote::NetworkPermit;
 pub use sink::{ByteSink, WriterSink};
 pub use spill::Spill;
 pub use stale::remove as remove_stale;

@@ -1,6 +1,6 @@
 //! Files at addresses, read by ranges.
 //!
-//! Nothing is fetched unless [`allow_network`] was called: a name on a command line, or within a
+//! Nothing is fetched unless there is a [`NetworkPermit`]: a name on a command line, or within a
 //! file, asks nobody for anything by itself. `https` alone is read; `http` where it stays on this
 //! machine.
 //!
@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::address::shown;
@@ -27,11 +27,25 @@ const KEPT: usize = 512;
 /// Reads that may go on elsewhere at the same time: a channel of a grid each.
 const STREAMS: usize = 32;
 
-static ALLOWED: AtomicBool = AtomicBool::new(false);
+static PERMITS: AtomicUsize = AtomicUsize::new(0);
 
-/// Lets this process fetch inputs that are addresses.
-pub fn allow_network() {
-    ALLOWED.store(true, Ordering::Relaxed);
+/// Lets this process open inputs that are addresses, as long as it lives.
+#[derive(Debug)]
+pub struct NetworkPermit(());
+
+impl NetworkPermit {
+    /// A new one, beside those that there are.
+    #[expect(clippy::new_without_default, reason = "a permit is given on purpose")]
+    pub fn new() -> Self {
+        PERMITS.fetch_add(1, Ordering::Relaxed);
+        Self(())
+    }
+}
+
+impl Drop for NetworkPermit {
+    fn drop(&mut self) {
+        PERMITS.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 /// A file of a server.
@@ -93,7 +107,7 @@ impl RemoteFile {
     /// # Errors
     /// `Usage` unless fetching is allowed, `Io` where the server does not answer with the file.
     pub fn open(address: &str) -> Result<Self> {
-        if !ALLOWED.load(Ordering::Relaxed) {
+        if PERMITS.load(Ordering::Relaxed) == 0 {
             let message = "the input is an address, and nothing is fetched unasked: pass \
                            --allow-network";
             return Err(Error::usage(message).in_file(&shown(address)));
