@@ -1,12 +1,14 @@
 //! A bake from a trained field to a container.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 
 use super::fit::{FitOptions, Fitted, fit};
 use super::importance::LevelImportance;
 use super::inherit::Inheritance;
 use super::levels::FilteredLevels;
-use super::max_bytes::{self, Attempt};
+use super::max_bytes::{self, Attempt, Chosen};
 use super::memory::MemoryPlan;
 use super::pack::Packing;
 use super::prepare::Prepared;
@@ -21,7 +23,7 @@ use crate::base::progress::{Progress, Step};
 use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
 use crate::codec::quantize::Bits;
 use crate::levels::Visible;
-use crate::model::baked::Metadata;
+use crate::model::baked::{Metadata, Table};
 use crate::model::field::{NonfiniteCount, RadianceField};
 use crate::view::render::TrainedLevels;
 
@@ -73,16 +75,20 @@ pub fn bake(
         pipelined: memory.pipelined,
         is_window: false,
     };
-    let folder = output.folder();
     // A search holds the best container so far beside the one that it tries.
     let share = if options.max_bytes.is_some() { 2 } else { 1 };
-    let mut pack = |precision: Precision| {
-        let store = RunStore::new(memory.run_bytes / share, &folder);
-        let packing = packing(options, precision, &source, &visible, &importance, Some(&store));
-        let mut metadata = metadata.clone();
-        let (encoded, summary) =
-            packing.run(&mut metadata, tables.clone(), &mut stages, progress)?;
-        Ok(Packed { metadata, encoded, nonfinite_color: summary.nonfinite_color })
+    let folder = output.folder();
+    let mut packer = Packer {
+        options,
+        source: &source,
+        visible: &visible,
+        importance: &importance,
+        metadata: &metadata,
+        tables: &tables,
+        run_bytes: memory.run_bytes / share,
+        folder: &folder,
+        stages: &mut stages,
+        progress,
     };
     let digest = origin.digest(field, &visible.density_checksums)?;
     let provenance = origin.provenance(&digest, resolved(options, fitted.as_ref()));
@@ -97,22 +103,10 @@ pub fn bake(
     };
     let (packed, chosen) = match options.max_bytes {
         Some(bytes) => {
-            let (packed, chosen) = max_bytes::search(bytes, sizes.len(), |dropped, factor| {
-                let precision = Precision::of_factor(factor, options);
-                let is_moved = options.is_seen_nearby() && !importance.is_empty();
-                let nearby_coarseness = is_moved.then_some(precision.moved_codes);
-                let mut packed = pack(precision)?;
-                if !packed.drop_finest(dropped)? {
-                    return Ok(Attempt { bytes: u64::MAX, nearby_coarseness, packed });
-                }
-                let mut count = WriterSink::new(std::io::sink());
-                let head = Head { metadata: &packed.metadata, ..head };
-                container::write(&head, &packed.encoded, &mut count)?;
-                Ok(Attempt { bytes: count.length(), nearby_coarseness, packed })
-            })?;
+            let (packed, chosen) = packer.within(bytes, &head)?;
             (packed, Some(chosen))
         }
-        None => (pack(Precision::of(options))?, None),
+        None => (packer.pack(Precision::of(options))?, None),
     };
     let Packed { metadata, encoded, nonfinite_color } = packed;
     let dropped = chosen.as_ref().map_or(0, |chosen| chosen.without_finest);
@@ -131,6 +125,51 @@ pub fn bake(
         islands: None,
         stages: stages.list,
     })
+}
+
+/// Everything about a container that does not depend on errors.
+struct Packer<'a> {
+    options: &'a BakeOptions,
+    source: &'a FilteredLevels<'a>,
+    visible: &'a Visible,
+    importance: &'a [LevelImportance],
+    metadata: &'a Metadata,
+    tables: &'a [Table],
+    /// Bytes of compressed runs that may stay in memory; the others wait in `folder`.
+    run_bytes: u64,
+    folder: &'a Path,
+    stages: &'a mut Stages,
+    progress: &'a dyn Progress,
+}
+
+impl Packer<'_> {
+    /// Encodes all levels.
+    fn pack(&mut self, precision: Precision) -> Result<Packed> {
+        let store = RunStore::new(self.run_bytes, self.folder);
+        let Self { options, source, visible, importance, .. } = *self;
+        let packing = packing(options, precision, source, visible, importance, Some(&store));
+        let mut metadata = self.metadata.clone();
+        let tables = self.tables.to_vec();
+        let (encoded, summary) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
+        Ok(Packed { metadata, encoded, nonfinite_color: summary.nonfinite_color })
+    }
+
+    /// The best container of at most so many bytes; `head` has its parts beside the levels.
+    fn within(&mut self, bytes: u64, head: &Head) -> Result<(Packed, Chosen)> {
+        let is_moved = self.options.is_seen_nearby() && !self.importance.is_empty();
+        max_bytes::search(bytes, self.metadata.levels.len(), |dropped, factor| {
+            let precision = Precision::of_factor(factor, self.options);
+            let nearby_coarseness = is_moved.then_some(precision.moved_codes);
+            let mut packed = self.pack(precision)?;
+            if !packed.drop_finest(dropped)? {
+                return Ok(Attempt { bytes: u64::MAX, nearby_coarseness, packed });
+            }
+            let mut count = WriterSink::new(std::io::sink());
+            let head = Head { metadata: &packed.metadata, ..*head };
+            container::write(&head, &packed.encoded, &mut count)?;
+            Ok(Attempt { bytes: count.length(), nearby_coarseness, packed })
+        })
+    }
 }
 
 /// A container's parts that depend on errors.

@@ -285,7 +285,7 @@ fn cameras_that_see_nothing_are_refused() {
         |options: &mut BakeOptions| options.coarseness = 1.0,
         |options: &mut BakeOptions| options.min_weight = Some(0.1),
     ] {
-        let error = refused(&[away.clone()], change);
+        let error = refused(std::slice::from_ref(&away), change);
         assert!(error.contains("option seen_from: found 1 cameras, none of which sees"), "{error}");
         assert!(refused(&[], change).contains("option seen_from: found no cameras"));
     }

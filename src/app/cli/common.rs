@@ -53,7 +53,9 @@ impl Common {
 
     /// Nothing is fetched without the feature.
     #[cfg(not(feature = "network"))]
-    pub(super) fn network_permit(&self) {}
+    pub(super) fn network_permit(&self) -> Option<()> {
+        None
+    }
 
     /// Limits on the sizes that files may ask for.
     pub(super) fn limits(&self) -> Limits {

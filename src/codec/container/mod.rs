@@ -17,6 +17,7 @@
 pub mod json;
 pub mod layout;
 mod mask;
+mod metadata_rules;
 mod network;
 mod open;
 mod prefix;
@@ -26,8 +27,8 @@ mod runs;
 mod write;
 
 pub use layout::content_checksum;
+pub use metadata_rules::{LARGEST_BLOCK, check_metadata};
 pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
-pub use rules::{LARGEST_BLOCK, check_metadata};
 pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};
 pub use write::{EncodedLevel, Head, OtherChunk, content_checksum_of, write};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::json::from_canonical;
 use super::layout::{ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, META, read_directory};
-use super::rules;
+use super::{metadata_rules, rules};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
@@ -131,7 +131,7 @@ impl Container {
         let metadata = bytes.map(|bytes| from_canonical::<Metadata>(&bytes, &meta.place()));
         let Some(metadata) = metadata else { return Ok(None) };
         let Some(metadata) = checked(metadata, Code::Metadata, report)? else { return Ok(None) };
-        if !rules::metadata(&metadata, limits, &meta.place(), report)? {
+        if !metadata_rules::metadata(&metadata, limits, &meta.place(), report)? {
             return Ok(None);
         }
         rules::features(&header, &metadata, report)?;

@@ -5,7 +5,8 @@ use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
     PROVENANCE, TABLE, VMLP, content_checksum,
 };
-use super::rules::{check_metadata, level_prefix, required_features};
+use super::metadata_rules::check_metadata;
+use super::rules::{level_prefix, required_features};
 use super::runs::{EncodedAtlas, compress};
 use super::{mask, network};
 use crate::base::bytes::ByteSink;
