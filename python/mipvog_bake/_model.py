@@ -84,15 +84,11 @@ def from_model(
     tell("find matter", 0.0)
     blocks = occupied_blocks(lattice, ask_density, points)
     if len(blocks) == 0:
-        raise Error(
-            f"density: found no matter in the box {lattice.low.tolist()} to "
-            f"{lattice.high.tolist()}, expected some",
-            kind="malformed",
-            exit_code=3,
-            help="check bounds, and that density is per world unit",
-        )
+        raise _no_matter(lattice)
     functions = (sh_degree + 1) ** 2
-    held = len(blocks) * NODES * (4 + 6 + 6 * functions) + _FIT_BYTES
+    # Values of nodes, and the number of each block of the box.
+    held = len(blocks) * NODES * (4 + 6 + 6 * functions) + 8 * int(lattice.blocks.prod())
+    held += _FIT_BYTES
     needed = held + points * POINT_BYTES
     if max_memory is not None and needed > max_memory:
         raise Error(
@@ -111,6 +107,9 @@ def from_model(
     arrays = _arrays(lattice, blocks, mean, sh, behind)
     fit = _native.NativeFit(arrays, sh_degree, places)
     matter = mean > lattice.faint
+    if not matter.any():
+        # Nodes saw some that the samples of their voxels did not.
+        raise _no_matter(lattice)
     neighbours = Neighbours(lattice, blocks)
     nodes_at_once = max(1, points // _MOST_DIRECTIONS)
     at_once = max(1, points // NODES)
@@ -214,6 +213,16 @@ def _held_out(
         total += float(weights.sum())
     error = square / max(total, 1e-30)
     return min(200.0, -10 * math.log10(max(error, 1e-30)))
+
+
+def _no_matter(lattice: Lattice) -> Error:
+    return Error(
+        f"density: found no matter in the box {lattice.low.tolist()} to "
+        f"{lattice.high.tolist()}, expected some",
+        kind="malformed",
+        exit_code=3,
+        help="check bounds, and that density is per world unit",
+    )
 
 
 def _places(cameras: Any) -> list[list[float]]:

@@ -106,17 +106,31 @@ def test_cameras_decide_the_directions_of_the_fit(tmp_path):
     frames = [{"transform_matrix": camera(eye).tolist()} for eye in eyes]
     path = tmp_path / "transforms.json"
     path.write_text(json.dumps({"camera_angle_x": 0.7, "frames": frames}))
-    seen = []
+    upwards = []
 
     def asked(points, directions):
-        seen.append(directions[:, 2].max())
+        upwards.append(directions[:, 2] > 0)
         return color(points, directions)
 
-    for cameras in (path, np.array(eyes), np.array([camera(eye) for eye in eyes])):
+    def share_of_upward_directions(cameras):
+        upwards.clear()
         field = mipvog_bake.from_model(density, asked, bounds=BOX, resolution=16, cameras=cameras)
         assert field.report["view"]["held_out_psnr"] > 30
-    # All cameras are above, but nodes that few of them see are asked for all around.
-    assert len(seen) > 0
+        return np.concatenate(upwards).mean()
+
+    around = share_of_upward_directions(None)
+    assert 0.4 < around < 0.6
+    # All cameras are above and look down. Nodes that few of them see are asked for all around.
+    for cameras in (path, np.array(eyes), np.array([camera(eye) for eye in eyes])):
+        assert share_of_upward_directions(cameras) < around - 0.1
+
+
+def test_matter_between_the_samples_of_voxels_is_no_matter():
+    def wall(points):
+        return np.where(np.abs(points[:, 0]) < 0.01, 500.0, 0.0)
+
+    with pytest.raises(mipvog_bake.Error, match="found no matter"):
+        mipvog_bake.from_model(wall, color, bounds=BOX, resolution=33)
 
 
 def test_functions_that_fail(tmp_path):

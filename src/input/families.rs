@@ -1,7 +1,7 @@
 //! The families of models, told by the keys of their files.
 
 use super::checkpoint;
-use super::options::SourceOptions;
+use super::options::{MlpChoice, SourceOptions};
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
@@ -47,17 +47,44 @@ pub(super) fn family(file: &TensorFile) -> Option<Family> {
 /// Those of the family, and settings out of their range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     options.check()?;
-    let open = reader(file).map_or(checkpoint::open_tensors as _, |reader| reader.open);
-    let source = open(file, options, limits).map_err(|error| error.in_file(file.file.path()))?;
+    let reader = reader(file);
+    let in_file = |error: Error| error.in_file(file.file.path());
+    refuse_ignored(reader.map(|reader| reader.family), options).map_err(in_file)?;
+    let open = reader.map_or(checkpoint::open_tensors as _, |reader| reader.open);
+    let source = open(file, options, limits).map_err(in_file)?;
     if options.resolution.is_some() && !source.family.is_sampled() {
         let message = format!(
             "--resolution samples models without nodes (Instant-NGP, torch-ngp), and a {} model has \
              its own",
             source.family.name()
         );
-        return Err(Error::usage(message).in_file(file.file.path()));
+        return Err(in_file(Error::usage(message)));
     }
     Ok(rescale(source, options))
+}
+
+/// Refuses options of checkpoints that a family, told by its keys, has no use for.
+fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()> {
+    let Some(family) = family.filter(|family| *family != Family::Dvgo) else { return Ok(()) };
+    // The others say themselves what they make of a network.
+    let has_no_network = matches!(
+        family,
+        Family::Plenoxels | Family::PlenOctree | Family::Tensorf | Family::Sampled
+    );
+    let ignored = [
+        ("--mlp", has_no_network && options.mlp != MlpChoice::Auto),
+        ("--coarse", options.coarse.is_some()),
+    ];
+    match ignored.into_iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((option, _)) => {
+            let message = format!(
+                "{option} belongs to checkpoints of Mip-VoG and DirectVoxGO, and this is a {} model",
+                family.name()
+            );
+            Err(Error::usage(message))
+        }
+    }
 }
 
 /// A model of any family as a bake takes it, and the nodes of its free-space mask; the mask's values

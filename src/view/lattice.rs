@@ -55,8 +55,11 @@ impl Lattice {
         // A cube that overhangs by rounding alone is none.
         let cubes = extent.map(|extent| (extent / edge - 1e-6).ceil().max(1.0) as usize);
         check_counts(cubes.map(|cubes| cubes + 1), limits)?;
-        let shares = [0, 1, 2]
-            .map(|axis| (0..=cubes[axis]).map(|i| i as f64 * edge / extent[axis]).collect());
+        // A share that is beside the box by rounding alone is on its face.
+        let snapped = |share: f64| if (share - 1.0).abs() < 1e-6 { 1.0 } else { share };
+        let shares = [0, 1, 2].map(|axis| {
+            (0..=cubes[axis]).map(|i| snapped(i as f64 * edge / extent[axis])).collect()
+        });
         Ok(Self { shares, first: bounds.min.map(f64::from), spacing: [edge; 3] })
     }
 

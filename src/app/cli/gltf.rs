@@ -11,6 +11,7 @@ use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::codec::container::Container;
+use crate::output::gltf::asset::{Asset, EXTENSION};
 use crate::output::gltf::attach::write_fallback;
 use crate::output::gltf::mesh::{FEWEST_TRIANGLES, meshes};
 
@@ -56,6 +57,14 @@ impl GltfArguments {
     /// The asset, if one is asked for.
     pub fn path(&self) -> Option<&Path> {
         self.gltf.as_deref()
+    }
+
+    /// True if the asset that is there holds a field: a former run has written it, or might have.
+    pub fn is_own(&self) -> bool {
+        let Some(path) = &self.gltf else { return false };
+        let opened = SourceFile::open(path).map(Arc::new);
+        let asset = opened.and_then(|file| Asset::open(file, &Limits::default()));
+        asset.is_ok_and(|asset| asset.text().contains(EXTENSION))
     }
 
     /// Starts writing, if an asset is asked for. This comes before the work, so that a name that is

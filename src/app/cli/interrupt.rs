@@ -5,7 +5,7 @@
 //! at the wish in time is ended from outside, and a second signal ends the program on the spot.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Once, OnceLock};
 use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -43,8 +43,14 @@ fn signals() -> &'static Signals {
 }
 
 /// From now on signals ask instead of ending the program, and a file that grows beyond the user's
-/// limit is an error like a full disk, where it would end the program without a word.
+/// limit is an error like a full disk, where it would end the program without a word. A process
+/// that runs verbs one after the other watches once.
 pub fn watch() {
+    static WATCHED: Once = Once::new();
+    WATCHED.call_once(begin_watching);
+}
+
+fn begin_watching() {
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
     let signals = signals();

@@ -71,7 +71,7 @@ impl ViewReport {
         self.clamped_share = errors.clamped_share;
         if self.fitted {
             // Equal colours have no finite figure, which JSON could not hold.
-            self.held_out_psnr = Some(errors.psnr.min(EQUAL_PSNR));
+            self.held_out_psnr = errors.psnr.map(|psnr| psnr.min(EQUAL_PSNR));
             self.required_psnr = required;
         }
     }
@@ -85,11 +85,12 @@ impl ViewReport {
     /// The reason why the container at `output` was not written, if the figure is missed.
     pub fn failure(&self, output: &Path) -> Option<String> {
         let least = self.required_psnr.filter(|_| !self.passes())?;
-        let (found, output) = (self.held_out_psnr.unwrap_or(0.0), output.display());
-        Some(format!(
-            "{output}: not written: {found:.2} dB along directions that no fit has seen, {least} \
-             dB required"
-        ))
+        let output = output.display();
+        let found = match self.held_out_psnr {
+            Some(found) => format!("{found:.2} dB along directions that no fit has seen"),
+            None => "no visible colour was met along directions that no fit has seen".to_owned(),
+        };
+        Some(format!("{output}: not written: {found}, {least} dB required"))
     }
 
     /// For people; empty where nothing was measured.

@@ -60,8 +60,13 @@ pub(super) fn find(
     Ok(Some(mlp))
 }
 
-/// The layers in order.
-fn layers(names: &NamedValues<'_>, limits: &Limits) -> Result<Vec<Layer>> {
+/// Weights and biases of the layers `rgbnet.0`, `rgbnet.2.0`, `rgbnet.3`, in the order of their
+/// numbers.
+///
+/// # Errors
+/// `Unsupported` for a layer without a number, `Malformed` for a weight without a bias, `OverLimit`
+/// for too many.
+pub fn layer_tensors<'a>(names: &NamedValues<'a>) -> Result<Vec<[&'a Tensor; 2]>> {
     let mut indices: Vec<(Vec<u64>, &str)> = Vec::new();
     for name in names.after("rgbnet.") {
         let Some(index) = name.strip_suffix(".weight") else { continue };
@@ -75,19 +80,25 @@ fn layers(names: &NamedValues<'_>, limits: &Limits) -> Result<Vec<Layer>> {
     indices.sort_unstable();
     let place = Place::Tensor("rgbnet".into());
     crate::base::limits::check("layers", indices.len() as u64, LAYERS, &place)?;
-    let mut budget = Budget::new(limits);
-    indices.iter().map(|(_, index)| layer(names, index, &mut budget)).collect()
-}
-
-fn layer(names: &NamedValues<'_>, index: &str, budget: &mut Budget) -> Result<Layer> {
-    let tensor = |part: &str| {
+    let tensor = |index: &str, part: &str| {
         let name = format!("rgbnet.{index}.{part}");
         names.tensor(&name).ok_or_else(|| {
             let expected = "a weight and a bias for each layer";
             Error::malformed(Place::Tensor(name.clone()), "no such tensor", expected)
         })
     };
-    let (weight, bias) = (tensor("weight")?, tensor("bias")?);
+    let layer = |(_, index): &(_, &str)| Ok([tensor(index, "weight")?, tensor(index, "bias")?]);
+    indices.iter().map(layer).collect()
+}
+
+/// The layers in order.
+fn layers(names: &NamedValues<'_>, limits: &Limits) -> Result<Vec<Layer>> {
+    let mut budget = Budget::new(limits);
+    let tensors = layer_tensors(names)?;
+    tensors.into_iter().map(|tensors| layer(tensors, &mut budget)).collect()
+}
+
+fn layer([weight, bias]: [&Tensor; 2], budget: &mut Budget) -> Result<Layer> {
     let (&[outputs, inputs], &[biases]) = (weight.shape(), bias.shape()) else {
         let found = format!("shapes {:?} and {:?}", weight.shape(), bias.shape());
         return Err(Error::malformed(weight.place(), found, "[outputs, inputs] and [outputs]"));

@@ -21,6 +21,7 @@ mod open;
 mod stored;
 
 pub use contracted::Inner;
+pub use mlp::layer_tensors;
 pub use names::{NamedValues, STATE};
 pub use open::{describe, open_tensors};
 pub use stored::StoredGrid;

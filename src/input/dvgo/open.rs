@@ -56,7 +56,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
     let direction = u32::try_from(octaves).unwrap_or(0);
     let inputs = Inputs { features: 0, position: 0, direction };
-    let network = NetworkFile::new(layers(&names), inputs, color.channels)?;
+    let layers = checkpoint::layer_tensors(&names)?;
+    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
+    let network = NetworkFile::new(layers, inputs, color.channels)?;
     let inner = Inner::find(&names, options)?;
     let degree = match options.view {
         ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
@@ -79,20 +81,4 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     source.field.check()?;
     source.model = Some(model);
     Ok(source)
-}
-
-/// Weights and biases of the layers `rgbnet.0`, `rgbnet.2.0`, `rgbnet.3`, in the order of their
-/// numbers.
-fn layers(names: &NamedValues<'_>) -> Vec<[Tensor; 2]> {
-    let mut found: Vec<(Vec<u64>, [Tensor; 2])> = Vec::new();
-    for name in names.after("rgbnet.") {
-        let Some(index) = name.strip_suffix(".weight") else { continue };
-        let part = |kind: &str| names.tensor(&format!("rgbnet.{index}.{kind}")).cloned();
-        let numbers: std::result::Result<Vec<u64>, _> = index.split('.').map(str::parse).collect();
-        if let (Some(weight), Some(bias), Ok(numbers)) = (part("weight"), part("bias"), numbers) {
-            found.push((numbers, [weight, bias]));
-        }
-    }
-    found.sort_by(|a, b| a.0.cmp(&b.0));
-    found.into_iter().map(|(_, layer)| layer).collect()
 }

@@ -135,6 +135,8 @@ impl Parameters {
             let expected = "a multiple of 4, so that voxels end where the core does";
             return Err(Error::unsupported(place(of_planes), finest.to_string(), expected));
         }
+        let nodes = finest as u64 / 2 + 1;
+        Nodes::checked([nodes; 3], limits, &place(of_planes))?;
         let range = |key: &str, usual: [f64; 2]| -> Result<[f64; 2]> {
             let Some(value) = file.root.get(key).filter(|value| !value.is_none()) else {
                 return Ok(usual);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::Tensor;
 use crate::model::activate;
@@ -61,8 +61,12 @@ impl NetworkFile {
     /// to three colours.
     ///
     /// # Errors
-    /// `Malformed` where shapes do not follow each other.
+    /// `Malformed` where shapes do not follow each other, or without layers.
     pub fn new(layers: Vec<[Tensor; 2]>, inputs: Inputs, features: usize) -> Result<Self> {
+        if layers.is_empty() {
+            let place = Place::Key("network".to_owned());
+            return Err(Error::malformed(place, "no layers", "one or more"));
+        }
         let octaves = |octaves: u32, width: usize| 2 * octaves as usize * width;
         let mut width = features + 3 + octaves(inputs.features, features);
         width += octaves(inputs.position, 3) + octaves(inputs.direction, 3);

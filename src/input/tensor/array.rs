@@ -138,6 +138,8 @@ impl Tensor {
     /// All values in C order, as float64; see [`Tensor::read_f32`].
     pub fn read_f64(&self, budget: &mut Budget) -> Result<Vec<f64>> {
         let packed = self.packed(budget)?;
+        let wide = self.count.saturating_mul(size_of::<f64>() as u64);
+        budget.spend(wide, "tensor bytes", &self.place())?;
         Ok(match self.element {
             Element::F64 => {
                 packed.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
@@ -261,6 +263,9 @@ impl Tensor {
     }
 
     pub(super) fn is_dense(&self) -> bool {
+        if self.count == 0 {
+            return true;
+        }
         let mut dense = 1;
         self.shape.iter().zip(&self.strides).rev().all(|(&size, &stride)| {
             let fits = size == 1 || stride == dense;

@@ -14,7 +14,7 @@ use super::array::Tensor;
 use super::digest::Digest;
 use super::file::{FileKind, TensorFile};
 use super::table::list;
-use super::value::Value;
+use super::value::{Value, joined_name};
 use super::zip::{Data, Positioned};
 use crate::base::bytes::{SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -234,7 +234,7 @@ impl Document<'_> {
                     return Err(Error::malformed(place, other.describe(), "a key that is a text"));
                 }
             };
-            let path = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+            let path = joined_name(&key, &name, &place)?;
             entries.push((name, self.value(path, depth)?));
         }
         Ok(Value::Dict(entries))

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::digest::Digest;
 use super::file::{FileKind, TensorFile};
 use super::table::list;
-use super::value::Value;
+use super::value::{Value, joined_name};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
@@ -67,7 +67,7 @@ fn value(key: String, json: serde_json::Value, left: &mut u64) -> Result<Value> 
         }
         serde_json::Value::Object(members) => {
             let entries = members.into_iter().map(|(name, member)| {
-                let path = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+                let path = joined_name(&key, &name, &Place::File)?;
                 Ok((name, value(path, member, left)?))
             });
             Value::Dict(entries.collect::<Result<_>>()?)

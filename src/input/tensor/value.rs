@@ -2,13 +2,28 @@
 
 use super::array::Tensor;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::{self, Budget, Limits};
 
 /// Most elements of a tensor that stands for a setting.
 const SETTING_ELEMENTS: u64 = 64;
 
 /// Most bytes that are read for a setting.
 const SETTING_BYTES: u64 = 4 << 20;
+
+/// Bytes of a value's name after those of the dictionaries that it is in, at most: each value has
+/// its own copy of them all.
+const NAME_BYTES: u64 = 4096;
+
+/// Refuses a name of so many bytes that is too long.
+pub(in crate::input::tensor) fn check_name(bytes: usize, place: &Place) -> Result<()> {
+    limits::check("bytes of a name", bytes as u64, NAME_BYTES, place)
+}
+
+/// The name of a value in the dictionary `outer`.
+pub(super) fn joined_name(outer: &str, name: &str, place: &Place) -> Result<String> {
+    check_name(outer.len() + 1 + name.len(), place)?;
+    Ok(if outer.is_empty() { name.to_owned() } else { format!("{outer}.{name}") })
+}
 
 /// A value of a tensor file.
 #[derive(Debug, Clone)]

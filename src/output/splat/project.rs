@@ -133,7 +133,7 @@ fn geometry(splat: &GaussianSplat, eye: &Eye) -> Option<Geometry> {
         return None;
     }
     let [fx, fy] = eye.lens.focal;
-    let half = [eye.lens.width as f64 / fx, eye.lens.height as f64 / fy];
+    let half = [0.5 * eye.lens.width as f64 / fx, 0.5 * eye.lens.height as f64 / fy];
     let slope = |at: f64, half: f64| (at).clamp(-BESIDE * half, BESIDE * half);
     let (a, b) = (slope(at.x / at.z, half[0]), slope(at.y / at.z, half[1]));
     let (px, py) = (fx / at.z, fy / at.z);

@@ -26,10 +26,11 @@ const SPREAD: f64 = 1.220_744_084_605_759_5;
 /// Colours along directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectionErrors {
-    /// PSNR of colours, limited to 0 to 1, in dB; without a bound where they are equal.
-    pub psnr: f64,
+    /// PSNR of colours, limited to 0 to 1, in dB; without a bound where they are equal. `None` where
+    /// no ray met a visible sample.
+    pub psnr: Option<f64>,
     /// Share of the samples' weight with a channel that is limited at 0. `None` where colours are
-    /// not limited so.
+    /// not limited so, or without samples.
     pub clamped_share: Option<f64>,
 }
 
@@ -72,12 +73,12 @@ pub fn compare_directions(
         squares: all.squares + part.squares,
         clamped: all.clamped + part.clamped,
     });
-    let share = |sum: f64| if sums.weight > 0.0 { sum / sums.weight } else { 0.0 };
+    let share = |sum: f64| (sums.weight > 0.0).then(|| sum / sums.weight);
     let rules = baked.view().view_dependence.as_ref().and_then(ViewDependence::harmonics);
     let is_clamped = rules.is_some_and(|rules| rules.clamp == Clamp::Zero);
     Ok(DirectionErrors {
-        psnr: -10.0 * libm::log10(share(sums.squares / 3.0)),
-        clamped_share: is_clamped.then(|| share(sums.clamped)),
+        psnr: share(sums.squares / 3.0).map(|square| -10.0 * libm::log10(square)),
+        clamped_share: share(sums.clamped).filter(|_| is_clamped),
     })
 }
 

@@ -284,8 +284,10 @@ pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
         (DensityDomain::SqrtOpticalDepth, _) => {
             (density * density * view.depth_scale).min(f32::MAX)
         }
-        (DensityDomain::Raw, ActivationOrder::Opacity) => opaque_depth(density),
-        (DensityDomain::Opacity, _) => opaque_depth(density) * view.depth_scale,
+        // Opacities of nodes are over the file's interval, which a picture may change.
+        (DensityDomain::Raw, ActivationOrder::Opacity) | (DensityDomain::Opacity, _) => {
+            opaque_depth(density) * view.depth_scale
+        }
     }
 }
 

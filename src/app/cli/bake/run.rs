@@ -57,7 +57,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;
-    let mut asset = arguments.gltf.create(&arguments.output, replace)?;
+    let replaces_asset = arguments.force || (replace && arguments.gltf.is_own());
+    let mut asset = arguments.gltf.create(&arguments.output, replaces_asset)?;
     let mut depfile = arguments.incremental.create_depfile(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
     let baked = match &input.content {

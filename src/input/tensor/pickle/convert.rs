@@ -7,6 +7,7 @@ use super::numpy;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::input::tensor::value::check_name;
 use crate::input::tensor::{Data, Tensor, Value};
 use crate::model::grid::Element;
 
@@ -147,6 +148,7 @@ impl Copier<'_, '_> {
             self.path.push('.');
         }
         self.path.push_str(key);
+        check_name(self.path.len(), &self.place)?;
         let copied = copy(self);
         self.path.truncate(length);
         copied

@@ -33,8 +33,15 @@ impl<'a> Machine<'a, '_> {
                 self.tensor(storage, [first, shape, strides], Some(element))?
             }
             (Global::RebuildParameter, &[tensor, ..]) => return Ok(tensor),
-            (Global::Size, &[sizes]) => Node::Tuple(self.items(sizes)?.to_vec()),
-            (Global::Device, &[name, ..]) => self.arena.get(name).clone(),
+            (Global::Size, &[sizes]) => {
+                let sizes = self.items(sizes)?.to_vec();
+                self.arena.allowance.bytes(size_of_val(sizes.as_slice()), &self.place)?;
+                Node::Tuple(sizes)
+            }
+            (Global::Device, &[name, ..]) => match self.arena.get(name) {
+                named @ (Node::Text(_) | Node::Int(_) | Node::None) => named.clone(),
+                _ => return Err(self.unlike(name, "the name of a device")),
+            },
             (Global::NumpyType, &[code, ..]) => match self.arena.get(code) {
                 Node::Text(code) => Node::NumpyType((*code).to_owned()),
                 _ => return Err(self.unlike(code, "the letters of a NumPy type")),
