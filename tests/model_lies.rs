@@ -41,7 +41,23 @@ fn drop(file: &mut TorchFile, key: &str) {
 
 const FIELD: &str = "pipeline/_model.field.";
 
-const LIES: [LieCase; 36] = [
+const LIES: [LieCase; 38] = [
+    (
+        || dvgo(false, false),
+        "a layer without a bias",
+        3,
+        |file| {
+            drop(file, "model_state_dict/rgbnet.2.0.bias");
+        },
+    ),
+    (
+        || dvgo(false, false),
+        "a layer without a number",
+        4,
+        |file| {
+            file.push("model_state_dict/rgbnet.last.weight", Item::Floats(vec![1], vec![1.0]));
+        },
+    ),
     // Ranks and counts of factors.
     (
         || tensorf("SH"),

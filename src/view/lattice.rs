@@ -120,6 +120,23 @@ fn check_counts(counts: [usize; 3], limits: &Limits) -> Result<()> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn cubes_that_fill_a_box_end_on_its_faces() {
+        for count in 1..400 {
+            for edge in [1.0f32, 1.0 / 3.0, 0.6, 1.7, 1e-3] {
+                let bounds = Bounds { min: [0.0; 3], max: [1.0, edge, 1.0] };
+                let lattice = Lattice::of_cubes(&bounds, count, &Limits::default());
+                let lattice = lattice.expect("small");
+                let counts = lattice.counts();
+                let last = lattice.share(counts.map(|count| count - 1));
+                // The longest axis is filled; on the others a cube may overhang by itself.
+                let longest = usize::from(edge > 1.0);
+                assert_eq!(last[longest], 1.0, "{count} {edge}");
+                assert!(last.iter().all(|&last| last >= 1.0), "{count} {edge} {last:?}");
+            }
+        }
+    }
+
     const BOX: Bounds = Bounds { min: [-1.0, 0.0, 2.0], max: [1.0, 0.5, 3.0] };
 
     #[test]

@@ -13,7 +13,7 @@ use mipvog_bake::unstable::base::progress::{Progress, Silent};
 use mipvog_bake::unstable::input;
 use mipvog_bake::unstable::input::SourceOptions;
 use mipvog_bake::unstable::model::camera::{Camera, turntable};
-use mipvog_bake::unstable::model::field::{March, RadianceField};
+use mipvog_bake::unstable::model::field::{ActivationOrder, March, RadianceField};
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 use mipvog_bake::unstable::view::compare::{Reference, compare};
 use mipvog_bake::unstable::view::render::{
@@ -68,6 +68,27 @@ fn steps_that_are_too_short_are_refused_everywhere() {
         // The user's own setting is at fault here, and not the file.
         let ErrorKind::InvalidOption { option, .. } = error.kind() else { panic!("{error}") };
         assert_eq!(*option, "stepsize");
+    }
+}
+
+#[test]
+fn another_step_length_leaves_the_optical_depth() {
+    let orders = [ActivationOrder::Raw, ActivationOrder::Density, ActivationOrder::Opacity];
+    for order in orders {
+        let mut scene = common::field([6; 3], &[1.0; 216], &[0.0; 648]);
+        scene.scene.activation.order = order;
+        let stepsize = scene.scene.march.stepsize;
+        let bytes = baked_bytes(&scene, &BakeOptions::default()).expect("a bake");
+        let baked = open_bytes(&bytes).expect("valid").read().expect("decodes");
+        let mut field = Renderer::baked(&baked, &Limits::default()).expect("a field");
+        let middle = [0, 1, 2].map(|axis| {
+            0.5 * f64::from(scene.scene.bounds.min[axis] + scene.scene.bounds.max[axis])
+        });
+        let before = field.sample(middle, 0).expect("a sample").density;
+        assert!(before > 0.0, "{order:?}");
+        field.view_mut().set_stepsize(0.5 * stepsize);
+        let after = field.sample(middle, 0).expect("a sample").density;
+        assert!((after / before - 1.0).abs() < 1e-5, "{order:?}: {before} {after}");
     }
 }
 

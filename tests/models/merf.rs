@@ -145,6 +145,21 @@ fn lies_are_found() {
     malformed(outside, "block [0, 0, 3]");
 }
 
+#[test]
+fn nodes_of_the_core_are_held_to_the_limit() {
+    let here = folder();
+    small_merf().write(here.path(), true);
+    for (nodes, fits) in [(33 * 33 * 33, true), (33 * 33 * 33 - 1, false)] {
+        let mut limits = Limits::default();
+        limits.nodes = nodes;
+        let opened = open_with(here.path(), &core_alone(), &limits);
+        assert_eq!(opened.is_ok(), fits);
+        let error = opened.err();
+        let is_limit = |error: &Error| matches!(error.kind(), ErrorKind::OverLimit { .. });
+        assert!(error.as_ref().is_none_or(is_limit), "{error:?}");
+    }
+}
+
 #[cfg(feature = "cli")]
 #[test]
 fn verbs_take_a_folder() {

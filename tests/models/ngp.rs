@@ -297,6 +297,12 @@ fn lies_are_found() {
     for marker in [0x91u8, 0x81] {
         malformed(with(&["snapshot", "deep"], Raw(vec![marker; 1_000_000])), "");
     }
+    // A long name, of which each value below it would have a copy.
+    let mut long = vec![0xdb, 0, 0, 0x20, 0];
+    long.extend([b'a'; 0x2000]);
+    let map = [&[0x81], &long[..], &[0x81, 0xa1, b'b', 0xc4, 0]].concat();
+    let error = with(&["snapshot", "named"], Raw(map));
+    assert!(error.to_string().contains("bytes of a name, expected at most 4096"), "{error}");
     for raw in [vec![0xdd, 0xff, 0xff, 0xff, 0xff], vec![0xdb, 0x7f, 0xff, 0xff, 0xff, b'a']] {
         let error = with(&["snapshot", "long"], Raw(raw));
         let known =

@@ -301,3 +301,19 @@ fn a_mask_without_a_threshold_can_be_stored() {
     let error = open(checkpoint).expect_err("not finite");
     assert!(error.to_string().contains("mask_cache.density"), "{error}");
 }
+
+#[test]
+fn options_of_checkpoints_are_refused_for_other_models() {
+    for name in ["tensorf_vm.th", "plenoxels_cubic.npz", "plenoctree.npz"] {
+        let path = fixture("../grids").join(name);
+        for (options, named) in [
+            (SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() }, "--mlp"),
+            (SourceOptions { coarse: Some(path.clone()), ..SourceOptions::default() }, "--coarse"),
+        ] {
+            let error = input::open_with(&path, &options, &Limits::default());
+            let error = error.expect_err("an option without use");
+            assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+            assert!(error.to_string().contains(named), "{error}");
+        }
+    }
+}

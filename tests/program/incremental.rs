@@ -83,6 +83,12 @@ fn the_gate_and_the_asset_do_not_need_a_new_bake() {
     assert!(here.join("tiny.mipvog").is_file());
     assert!(unchanged(&bake(here, &["--gltf", "tiny.glb"])));
     assert!(here.join("tiny.glb").is_file());
+    // The asset of a former run is replaced, another one is not.
+    assert!(unchanged(&bake(here, &["--gltf", "tiny.glb"])));
+    let house = br#"{"asset": {"version": "2.0"}}"#;
+    std::fs::write(here.join("house.gltf"), house).expect("writable");
+    assert_eq!(bake(here, &["--gltf", "house.gltf"]).status.code(), Some(7));
+    assert_eq!(std::fs::read(here.join("house.gltf")).expect("there"), house);
 }
 
 #[test]
