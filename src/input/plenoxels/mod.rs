@@ -19,8 +19,8 @@
 //! Density is cut at 0 after interpolation, colours at 0 where a ray ends.
 //!
 //! **Voxels that are no cubes.** svox2 steps by half a cell counted along the ray, so the length of
-//! a step depends on the ray's direction. A container has one length: half the edge of the cube of
-//! the same volume. Both are samples of the same integral.
+//! a step depends on the ray's direction. The field states the voxel's three edges
+//! ([`March::voxel`](crate::model::field::March::voxel)), and a container has them too.
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of the
 //! renderer `cuvol`: samples from the face of the outermost cells on, colours cut at 0 at each
