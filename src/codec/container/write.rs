@@ -100,7 +100,7 @@ pub fn write(
     Ok(entries)
 }
 
-/// The [`content_checksum`] of the container that [`write`] would write.
+/// The [`content_checksum`] of the container that [`write()`] would write.
 pub fn content_checksum_of(head: &Head, levels: &[EncodedLevel]) -> Result<u32> {
     let (entries, _) = directory(&chunks(head, levels)?, head.metadata)?;
     Ok(content_checksum(&entries))
