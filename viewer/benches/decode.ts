@@ -39,7 +39,7 @@ const codes = seconds(() => {
   metadata.levels.forEach(({ block_size: edge, blocks_stored: frames }, number) => {
     const chunks = levelChunks(entries, number, bytes, 0);
     for (const { kind, encoding, channels } of groups[number]) {
-      const decoded = CODINGS[kind]({ encoding, channels, edge, frames, name: kind }, chunks[kind].bytes, 0, frames);
+      const decoded = CODINGS[kind].decode({ encoding, channels, edge, frames, name: kind }, chunks[kind].bytes, 0, frames);
       megabytes += decoded.codes.byteLength / 1e6;
     }
   });

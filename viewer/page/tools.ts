@@ -20,7 +20,7 @@ export function bindTools(stage: Stage, name: () => string): void {
   const tools: Record<string, () => void> = {
     reset: () => {
       stage.reset();
-      showWay(stage);
+      showView(stage);
     },
     rotate: () => {
       stage.controls.autoRotate = !stage.controls.autoRotate;
@@ -29,7 +29,7 @@ export function bindTools(stage: Stage, name: () => string): void {
     way: () => {
       const now = WAYS.findIndex(([way]) => way === stage.way);
       stage.way = WAYS[(now + 1) % WAYS.length][0];
-      showWay(stage);
+      showView(stage);
       page.canvas.focus();
     },
     picture: () => savePicture(name()),
@@ -52,9 +52,10 @@ export function bindTools(stage: Stage, name: () => string): void {
   });
 }
 
-/** Names the way in which the camera moves. */
-export function showWay(stage: Stage): void {
+/** Brings the controls of the camera to what it does: the way in which it moves, and its field of view. */
+export function showView(stage: Stage): void {
   page.way.textContent = WAYS.find(([way]) => way === stage.way)![1];
+  page.fov.value = String(stage.fov);
 }
 
 function savePicture(name: string): void {

@@ -9,8 +9,8 @@ import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { openFile } from "./open.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
-import { bindTools, showWay } from "./tools.js";
-import { addressedView, fetchCameras, forgetView, goToChosen, nameView, openCameras } from "./views.js";
+import { bindTools, showView } from "./tools.js";
+import { addressedView, fetchCameras, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
@@ -131,6 +131,7 @@ async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
   other = made;
   stage.scene.add(made.object);
   page.split.hidden = page.line.hidden = false;
+  showChoices();
   divide();
   await finish(made);
 }
@@ -161,8 +162,7 @@ function frame(): void {
   framed = viewpointText(stage.viewpoint);
   const view = addressedView();
   if (view) stage.viewpoint = view;
-  page.fov.value = String(stage.fov);
-  showWay(stage);
+  showView(stage);
 }
 
 /** The ground behind the field: a color, or null for the one that it was trained on. */
@@ -207,6 +207,15 @@ function tell(): void {
   showFacts(opened?.name ?? "none", field(), stage.painter.frameTime, statistics);
 }
 
+/** Shows all fields at the chosen level, in the chosen colours. */
+function showChoices(): void {
+  for (const shown of fields()) {
+    shown.fixedLevel = page.level.value === "" ? null : Number(page.level.value);
+    shown.showLevels = page.colors.checked;
+  }
+  stage.redraw();
+}
+
 /** Asks for a file, for one purpose. */
 function ask(accept: string, then: (file: File) => Promise<void>): void {
   purpose = then;
@@ -245,19 +254,20 @@ function listenForFiles(): void {
 }
 
 function listen(): void {
-  page.level.addEventListener("change", () => {
-    fields().forEach((field) => (field.fixedLevel = page.level.value === "" ? null : Number(page.level.value)));
-    stage.redraw();
-  });
+  page.level.addEventListener("change", showChoices);
   page.colors.addEventListener("change", () => {
     page.legend.hidden = !page.colors.checked;
-    fields().forEach((field) => (field.showLevels = page.colors.checked));
-    stage.redraw();
+    showChoices();
   });
   page.fov.addEventListener("input", () => (stage.fov = Number(page.fov.value)));
   page.background.addEventListener("input", () => paint(page.background.value));
   page.trained.addEventListener("click", () => paint(null));
   page.views.addEventListener("change", () => goToChosen(stage, field()));
+  // A link to another view of this page.
+  addEventListener("hashchange", () => {
+    const view = addressedView();
+    if (opened && view) goTo(stage, view);
+  });
   page.at.addEventListener("input", divide);
   page.numbers.addEventListener("toggle", drawn);
   page.canvas.addEventListener("dblclick", ({ offsetX, offsetY }) => {

@@ -5,6 +5,7 @@ import type { RadianceField } from "../src/index.js";
 import type { Stage } from "../src/stage/stage.js";
 import { type Preset, presetViewpoint, readPresets, readViewpoint, type Viewpoint, viewpointText } from "../src/stage/viewpoint.js";
 import { page } from "./panel.js";
+import { showView } from "./tools.js";
 
 /** The address is brought up to date after the view rests for so long. */
 const REST_MS = 300;
@@ -53,11 +54,17 @@ export async function openCameras(file: File): Promise<void> {
   page.views.parentElement!.hidden = false;
 }
 
+/** Goes to a view, and shows in the controls what it is. */
+export function goTo(stage: Stage, view: Viewpoint): void {
+  stage.viewpoint = view;
+  showView(stage);
+}
+
 /** Goes to the camera that was chosen. */
 export function goToChosen(stage: Stage, field: RadianceField | null): void {
   const preset = presets[Number(page.views.value)];
   if (page.views.value === "" || !preset || !field) return;
   field.updateWorldMatrix(true, false);
   const box = field.visibleBounds.applyMatrix4(field.matrixWorld);
-  stage.viewpoint = presetViewpoint(preset, field.matrixWorld, box.getCenter(box.min.clone()));
+  goTo(stage, presetViewpoint(preset, field.matrixWorld, box.getCenter(box.min.clone())));
 }

@@ -1,6 +1,8 @@
 /** Starts workers that decode containers. */
 
 let startOwn: (() => Worker) | null = null;
+/** The address of a script that imports `worker.js`; made once, because nobody can tell when the last worker has read it. */
+let importer: string | null = null;
 
 /** Starts decoders by `start` from now on: for pages that hold the text of `worker.js` themselves. */
 export function startDecodersBy(start: () => Worker): void {
@@ -15,8 +17,11 @@ export function startDecoder(): Worker {
     return new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
   } catch {
     // A script of another host starts no worker, but a worker may import it.
-    const address = new URL("worker.js", new URL(".", import.meta.url)).href;
-    const text = new Blob([`import ${JSON.stringify(address)};`], { type: "text/javascript" });
-    return new Worker(URL.createObjectURL(text), { type: "module" });
+    importer ??= importerOf(new URL("worker.js", new URL(".", import.meta.url)).href);
+    return new Worker(importer, { type: "module" });
   }
+}
+
+function importerOf(address: string): string {
+  return URL.createObjectURL(new Blob([`import ${JSON.stringify(address)};`], { type: "text/javascript" }));
 }

@@ -6,6 +6,7 @@ import { FieldError } from "./errors.js";
 import type { RadianceField } from "./three/field.js";
 import { type Opened, openAddress, release, visibleBox } from "./stage/opened.js";
 import { Stage } from "./stage/stage.js";
+import { viewpointText } from "./stage/viewpoint.js";
 
 const STYLE = `
 :host { display: block; position: relative; width: 100%; aspect-ratio: 3 / 2; }
@@ -27,6 +28,8 @@ export class MipvogViewer extends HTMLElement {
   private readonly canvas = document.createElement("canvas");
   private readonly message = document.createElement("p");
   private number = 0;
+  /** The view that the element chose. */
+  private framed = "";
 
   constructor() {
     super();
@@ -87,8 +90,11 @@ export class MipvogViewer extends HTMLElement {
       if (own !== this.number || !this.stage) return release(made);
       this.opened = made;
       for (const field of made.fields) {
+        let isFramed = false;
         field.addEventListener("change", () => {
-          if (field.finest === null) this.stage?.lookAt(visibleBox(made));
+          // Where something is to be seen is known from a field's first level on.
+          if (!isFramed && this.stage && viewpointText(this.stage.viewpoint) === this.framed) this.frame(this.stage, made);
+          isFramed ||= field.finest !== null;
         });
         field.addEventListener("failed", ({ error }) => own === this.number && this.fail(error));
       }
@@ -98,11 +104,17 @@ export class MipvogViewer extends HTMLElement {
       if (own !== this.number || !this.stage) return;
       this.stage.scene.add(made.object);
       this.paint();
-      this.stage.lookAt(visibleBox(made));
+      this.frame(this.stage, made);
       this.dispatchEvent(new Event("load"));
     } catch (error) {
       if (own === this.number) this.fail(error);
     }
+  }
+
+  /** Looks at all that is to be seen. */
+  private frame(stage: Stage, made: Opened): void {
+    stage.lookAt(visibleBox(made));
+    this.framed = viewpointText(stage.viewpoint);
   }
 
   private close(): void {

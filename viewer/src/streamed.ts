@@ -64,7 +64,11 @@ export class StreamedField {
       opened.reject(error);
       finished.reject(error);
     };
-    this.worker.onerror = () => this.fail(new FieldError("The decoder could not be started.", REMEDY.decoder));
+    this.worker.onerror = () => {
+      this.terminate();
+      this.content?.atlas.expectNothing();
+      this.fail(new FieldError("The decoder could not be started.", REMEDY.decoder));
+    };
     this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
       try {
         if (data.kind === "failed") {
@@ -179,10 +183,11 @@ export class StreamedField {
 
   /** Starts as many decoders as the device has cores, beside the one that reads. */
   private startHelpers(): void {
-    const ports = Array.from({ length: Math.min(MOST_HELPERS, navigator.hardwareConcurrency) }, () => {
+    const ports = Array.from({ length: Math.min(MOST_HELPERS, navigator.hardwareConcurrency) }, (_, number) => {
       const { port1, port2 } = new MessageChannel();
       const helper = startDecoder();
-      helper.onerror = this.worker.onerror;
+      // The others do without one that does not start, or says why it cannot.
+      helper.onerror = helper.onmessage = () => this.ask({ kind: "left", helper: number });
       this.helpers.push(helper);
       helper.postMessage({ kind: "help", port: port2 } satisfies Request, [port2]);
       return port1;

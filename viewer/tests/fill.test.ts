@@ -62,7 +62,7 @@ function decoded(bytes: Uint8Array): { level: LevelMetadata; number: number; col
     const colors = { ...coarser };
     if (level.density) {
       const atlas = { encoding: level.density, channels: 1, edge: level.block_size, frames: level.blocks_stored, name: "DENS" };
-      const { codes } = CODINGS.DENS(atlas, chunks.DENS.bytes, 0, atlas.frames);
+      const { codes } = CODINGS.DENS.decode(atlas, chunks.DENS.bytes, 0, atlas.frames);
       colors.DENS = { level, frames: decoder.blocks.frames, encoding: level.density, codes, channels: 1 };
     }
     all.push({ level, number, colors });

@@ -189,3 +189,46 @@ test("a device that is lost on the way gets back what had come, and the rest as 
   assert.deepEqual(problems.filter((problem) => !/context lost/i.test(problem)), []);
   await page.close();
 });
+
+/** A page whose workers of these numbers, in the order in which they are started, are not to be had. */
+async function withoutWorkers(...numbers: number[]): Promise<{ page: Page; problems: string[] }> {
+  const made = await newPage(browser);
+  await made.page.addInitScript((numbers) => {
+    const Own = Worker;
+    let count = 0;
+    window.Worker = class extends Own {
+      constructor(address: string | URL, options?: WorkerOptions) {
+        super(numbers.includes(++count) ? "missing.js" : address, options);
+      }
+    };
+    // As many helpers as this on every machine.
+    Object.defineProperty(navigator, "hardwareConcurrency", { value: 2 });
+  }, numbers);
+  return made;
+}
+
+test("workers that help are missed by nobody, and without the one that reads nothing is waited for", async () => {
+  const large = join(folder.path, "large.mipvog");
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--bits", "12", "--block-size", "4", "-o", large);
+  const content = readFileSync(large);
+  assert.ok(content.length > 1 << 20, "large enough for helpers");
+  const [view] = views(CAMERAS, 50);
+  const pictures = [];
+  // The first worker asks the device, the second one reads.
+  for (const missing of [[], [3], [3, 4]]) {
+    const { page, problems } = await withoutWorkers(...missing);
+    await page.goto(server.page("large.mipvog", content));
+    await ready(page);
+    assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
+    pictures.push(await capture(page, view));
+    assert.deepEqual(problems.filter((problem) => !problem.includes("404")), []);
+    await page.close();
+  }
+  assert.ok(new Set(pictures[0]).size > 50, "something is to be seen");
+  for (const picture of pictures) assert.equal(psnr(picture, pictures[0]), Infinity);
+  const { page } = await withoutWorkers(2);
+  await page.goto(server.page("large.mipvog", content));
+  await page.waitForFunction(() => window.__mipvog?.error);
+  assert.match(await page.locator("#error").innerText(), /decoder could not be started/);
+  await page.close();
+});

@@ -117,8 +117,8 @@ async function drop(page: Page, name: string, content: Buffer): Promise<void> {
   await page.dispatchEvent("#picture", "drop", { dataTransfer: transfer });
 }
 
-/** A binary asset of a field in a container, and, far away, a textured triangle that needs light. */
-function asset(container: Buffer, rotation: number[], { fallback = true, neighbour = false } = {}): Buffer {
+/** A binary asset of a field in a container, and, far away, a textured triangle that needs light; `without` is a file that would hold the triangle. */
+function asset(container: Buffer, rotation: number[], { fallback = true, neighbour = false, without = "" } = {}): Buffer {
   const triangle = Buffer.from(new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]).buffer);
   const json = {
     asset: { version: "2.0" },
@@ -136,10 +136,10 @@ function asset(container: Buffer, rotation: number[], { fallback = true, neighbo
     images: [{ uri: WHITE }],
     accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: "VEC3", min: [0, 0, 0], max: [1, 1, 0] }],
     bufferViews: [
-      { buffer: 0, byteOffset: 0, byteLength: 36 },
+      { buffer: without ? 1 : 0, byteOffset: 0, byteLength: 36 },
       { buffer: 0, byteOffset: 64, byteLength: container.length },
     ],
-    buffers: [{ byteLength: 64 + container.length }],
+    buffers: [{ byteLength: 64 + container.length }, ...(without ? [{ uri: without, byteLength: 36 }] : [])],
   };
   return glb(json, Buffer.concat([triangle, Buffer.alloc(28), container]));
 }
@@ -172,6 +172,32 @@ test("files are dropped one after the other: containers, assets, and what is nei
   await error.locator("button").click();
   assert.ok(!(await error.isVisible()));
   assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("an asset that lacks a part leaves no decoder at work", async () => {
+  const { page } = await newPage(browser);
+  await page.addInitScript(() => {
+    const Own = Worker;
+    const working = ((window as unknown as { working: Set<Worker> }).working = new Set());
+    window.Worker = class extends Own {
+      constructor(address: string | URL, options?: WorkerOptions) {
+        super(address, options);
+        working.add(this);
+      }
+
+      override terminate(): void {
+        super.terminate();
+        working.delete(this);
+      }
+    };
+  });
+  await page.goto(server.origin);
+  await page.waitForFunction(() => window.__mipvog?.stage);
+  const broken = asset(bytes, UPRIGHT, { neighbour: true, without: "missing.bin" });
+  await drop(page, "asset.glb", broken);
+  await page.waitForFunction(() => window.__mipvog.error);
+  await page.waitForFunction(() => (window as unknown as { working: Set<Worker> }).working.size === 0);
   await page.close();
 });
 

@@ -59,14 +59,16 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   await page.close();
 });
 
-const CONTAINERS = ["tiny.rate", "tiny.fit.filled", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear", "plenoxels_anisotropic"];
+const CONTAINERS = ["tiny.rate", "tiny.fit.filled", "tiny.code", "tiny.12bit", "tiny.rate.f16", "dvgo.f32", "dvgo.mask", "dvgo.coverage", "harmonics", "harmonics.filled", "harmonics.f16", "linear", "plenoxels_anisotropic", "snerg"];
 
-/** A baked fixture, or what a bake makes of the model of this name. */
+/** A baked fixture, or what a bake makes of the model of this name; SNeRG's is made of a baked fixture. */
 function containerOf(name: string): string {
   const baked = join(FIXTURES, "baked", `${name}.mipvog`);
   if (existsSync(baked)) return baked;
   const container = join(folder.path, `${name}.mipvog`);
-  program("bake", join(FIXTURES, "grids", `${name}.npz`), "-o", container);
+  const model = name === "snerg" ? join(folder.path, name) : join(FIXTURES, "grids", `${name}.npz`);
+  if (name === "snerg") program("export", join(FIXTURES, "baked", "tiny.rate.mipvog"), "--to", "snerg", "-o", model);
+  program("bake", model, "-o", container);
   return container;
 }
 

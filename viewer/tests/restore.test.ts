@@ -4,11 +4,12 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
+import { CODINGS } from "../src/format/codings/index.js";
 import { prepareLanes, restoreLanes, type Run } from "../src/format/codings/lanes.js";
 import { restore, restoreWide } from "../src/format/codings/restore.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { readMetadata } from "../src/format/metadata.js";
-import { levelChunks, LevelDecoder } from "../src/load/level.js";
+import { levelChunks, type LevelColors, LevelDecoder } from "../src/load/level.js";
 import { DIRECTIONAL_QUADS, plan } from "../src/load/plan.js";
 import { ROOT } from "./support.js";
 
@@ -102,16 +103,23 @@ for (const name of [...WITH_SIDES, "tiny.12bit", "dvgo.f32"]) {
     const entries = readDirectory(header, bytes);
     const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
     const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30 }, 0);
-    let coarser = null;
+    let coarser: LevelColors | null = null;
     for (let level = metadata.levels.length - 1; level >= 0; level--) {
       const chunks = levelChunks(entries, level, bytes, 0);
       const decoder: LevelDecoder = new LevelDecoder(metadata, laidOut, level, chunks, coarser);
       const count = metadata.levels[level].blocks_stored;
       if (count === 0) continue;
       const [whole] = decoder.parts(0, count);
-      const shares = new LevelDecoder(metadata, laidOut, level, chunks, coarser);
       const middle = Math.floor(count / 3);
-      const parts = [[0, middle], [middle, count]].flatMap(([from, to]) => [...shares.parts(from, to)]);
+      const { blocks_filled: inherited = 0 } = metadata.levels[level];
+      const marks: Uint8Array[] = [];
+      const parts = [[0, middle], [middle, count]].flatMap(([from, to]) => {
+        // A helper has no more than it needs.
+        const share: LevelDecoder = new LevelDecoder(metadata, laidOut, level, inherited ? chunks : decoder.share(from, to), coarser);
+        const made = [...share.parts(from, to)];
+        if (share.marks) marks.push(share.marks);
+        return made;
+      });
       // A part has the first quadruple of channels of all its blocks, then the next one.
       const joined = (bricks: Uint16Array[], quads: number) =>
         Array.from({ length: quads }, (_, quad) => bricks.flatMap((one) => Array.from(one.subarray((quad * one.length) / quads, ((quad + 1) * one.length) / quads)))).flat();
@@ -119,8 +127,18 @@ for (const name of [...WITH_SIDES, "tiny.12bit", "dvgo.f32"]) {
       assert.equal(whole.directional === null, !WITH_SIDES.includes(name) || level === 0);
       if (whole.directional) assert.deepEqual(joined(parts.map(({ directional }) => directional!), DIRECTIONAL_QUADS), Array.from(whole.directional));
       if (whole.density) assert.deepEqual(parts.flatMap(({ density }) => Array.from(density!)), Array.from(whole.density));
-      assert.deepEqual(shares.marks, decoder.marks);
+      if (whole.density) assert.deepEqual(marks[0].map((mark, cell) => mark | marks[1][cell]), decoder.marks);
       coarser = decoder.colors();
     }
   });
 }
+
+test("a share of a level is about as large as the part of the level that it is of", () => {
+  const bytes = Uint8Array.from(readFileSync(join(ROOT, "fixtures", "baked", "tiny.rate.mipvog")));
+  const atlas = { encoding: readMetadata(chunkBytes(readDirectory(readHeader(bytes), bytes)[0], bytes, 0)).levels[0].diffuse, channels: 1, edge: 1, frames: 40, name: "DIFF" };
+  // 4 runs of 10 frames, each 100 stored bytes.
+  const chunk = new Uint8Array(24 + 400).fill(7, 24);
+  new Uint32Array(chunk.buffer).set([10, 4, ...Array(4).fill(0x80000064)]);
+  const sizes = [[0, 10], [5, 15], [0, 40], [40, 40]].map(([from, to]) => CODINGS.DIFF.share(atlas, chunk, from, to).length);
+  assert.deepEqual(sizes, [124, 224, 424, 24]);
+});

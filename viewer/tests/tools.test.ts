@@ -5,6 +5,7 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
+import type { RadianceField } from "../src/index.js";
 import { CountingServer, launch, newPage, ready, ROOT } from "./support.js";
 
 const TINY = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
@@ -71,6 +72,19 @@ test("the file has its own name, and a link leads to the same view", async () =>
   assert.ok(distance(await view(page), before) < 0.01);
   assert.equal(await page.evaluate(() => window.__mipvog.stage.fov), 55);
   await page.keyboard.press("r");
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a link to another view of the page goes there, and the controls say what it is", async () => {
+  const { page, problems } = await open();
+  await page.keyboard.press("v");
+  assert.equal(await page.locator("#way").textContent(), "Fly");
+  await page.evaluate(() => (location.hash = "#view=1,2,3,0,0.5,0,70"));
+  await page.waitForFunction(() => window.__mipvog.stage.fov === 70);
+  assert.deepEqual(await view(page), [1, 2, 3, 0, 0.5, 0]);
+  assert.equal(await page.locator("#way").textContent(), "Turn");
+  assert.equal(await page.locator("#fov").inputValue(), "70");
   assert.deepEqual(problems, []);
   await page.close();
 });
@@ -159,7 +173,10 @@ test("cameras of a file are offered, and the ground and the legend follow", asyn
   const frame = { file_path: "./test/r_7", transform_matrix: [[0, -0.5, 0.866, 3.5], [1, 0, 0, 0], [0, 0.866, 0.5, 2.2], [0, 0, 0, 1]] };
   await choose("#cameras", "cameras.json", Buffer.from(JSON.stringify({ camera_angle_x: 0.7, frames: [frame] })));
   await page.locator("#panel > summary").click();
+  await page.keyboard.press("v");
   await page.locator("#views").selectOption({ label: "r_7" });
+  assert.equal(await page.locator("#way").textContent(), "Turn");
+  assert.equal(await page.locator("#fov").inputValue(), "40");
   const [x, y, z] = await view(page);
   // Training's z is the world's y.
   assert.ok(distance([x, y, z], [3.5, 2.2, 0]) < 0.01, `${[x, y, z]}`);
@@ -170,6 +187,33 @@ test("cameras of a file are offered, and the ground and the legend follow", asyn
   assert.match((await page.locator("#legend").textContent())!, /Level 0, the finest/);
   await choose("#cameras", "cameras.json", Buffer.from("{}"));
   await page.waitForFunction(() => /no list frames/.test(window.__mipvog.error ?? ""));
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a file beside another one follows the chosen level and colours, as far as it has levels", async () => {
+  const { page, problems } = await open();
+  await page.locator("#panel > summary").click();
+  await page.locator("#numbers > summary").click();
+  const coarsest = (await page.locator("#level option").count()) - 2;
+  await page.locator("#level").selectOption(String(coarsest));
+  await page.locator("#colors").check();
+  const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.evaluate(() => document.querySelector<HTMLElement>("#beside")!.click())]);
+  await chooser.setFiles({ name: "other.mipvog", mimeType: "", buffer: readFileSync(OTHER) });
+  await page.waitForFunction(() => window.__mipvog.stage.painter.split !== null && window.__mipvog.ready);
+  const other = await page.evaluate(() => {
+    const [field] = window.__mipvog.stage.painter.split!.right.children as RadianceField[];
+    const { fixedLevel, showLevels, material, metadata } = field;
+    return { fixedLevel, showLevels, drawn: material.uniforms.u_fixedLevel.value, last: metadata!.levels.length - 1 };
+  });
+  assert.deepEqual([other.fixedLevel, other.showLevels], [coarsest, true]);
+  assert.equal(other.drawn, Math.min(coarsest, other.last));
+  // No level beyond the coarsest reaches the shader.
+  await page.evaluate(() => {
+    window.__mipvog.field!.fixedLevel = 31;
+    window.__mipvog.stage.redraw();
+  });
+  await page.waitForFunction((coarsest) => window.__mipvog.ready && window.__mipvog.field!.material.uniforms.u_fixedLevel.value === coarsest, coarsest);
   assert.deepEqual(problems, []);
   await page.close();
 });

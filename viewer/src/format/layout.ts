@@ -8,7 +8,7 @@ export const ENTRY_BYTES = 64;
 const ALIGNMENT = 64;
 /** Required feature: there are inherited blocks. */
 const INHERITED_BLOCKS = 1n;
-/** Required feature: colours are linear, coefficients of harmonics among them, or the function of density is not softplus. */
+/** Required feature: colours are linear, coefficients of harmonics among them, the function of density is not softplus, or samples have a box or voxel of their own. */
 const LINEAR_VALUES = 2n;
 /** Required feature: the rule of the level of detail bends. */
 const BENT_RULE = 4n;
@@ -30,7 +30,7 @@ export interface Header {
   chunks: number;
   /** Whether there are blocks whose colours are inherited from the next coarser level. */
   inherited: boolean;
-  /** Whether colours are linear, or the function of density is not softplus. */
+  /** Whether the feature of linear values is required. */
   linear: boolean;
   /** Whether the rule of the level of detail bends. */
   bent: boolean;

@@ -31,6 +31,9 @@ export function readMask(bytes: Uint8Array): Mask {
   if (nodes.some((n) => n < 2) || count > MOST_NODES) throw new FieldError(`The free-space mask has ${nodes.join(" x ")} nodes.`);
   const [scale, shift, threshold] = [doubles(16), doubles(40), data.getFloat32(64, true)];
   if (![...scale, ...shift, threshold].every(Number.isFinite)) throw new FieldError("The free-space mask has a number that is not finite.");
+  // Also -0 is a threshold: its bits are not zero.
+  if (lookup === 0 && data.getUint32(64, true) !== 0) throw new FieldError("The free-space mask has a threshold beside a nearest lookup.");
+  if (data.getUint32(68, true) !== 0) throw new FieldError("The free-space mask has a reserved byte that is set.");
   const inflated = inflate(bytes.subarray(72), count * (lookup ? 4 : 1), "Chunk MASK");
   const values = lookup ? new Float32Array(inflated.buffer) : Float32Array.from(inflated);
   if (!values.every((value) => (lookup ? Number.isFinite(value) : value === 0 || value === 1))) {

@@ -122,11 +122,11 @@ const record = (rules: Record<string, Rule>): Rule => (value, key) => {
   if (typeof value !== "object" || value === null || Array.isArray(value)) fail(key, "an object");
   const found = value as Record<string, unknown>;
   for (const name of Object.keys(found)) {
-    if (!(name in rules)) throw new FieldError(`The metadata's ${join(key, name)} is not known.`, REMEDY.newer);
+    if (!Object.hasOwn(rules, name)) throw new FieldError(`The metadata's ${join(key, name)} is not known.`, REMEDY.newer);
   }
   for (const [name, rule] of Object.entries(rules)) {
-    if (!(name in found) && rule.optional) continue;
-    if (!(name in found)) fail(join(key, name), "there");
+    if (!Object.hasOwn(found, name) && rule.optional) continue;
+    if (!Object.hasOwn(found, name)) fail(join(key, name), "there");
     rule(found[name], join(key, name));
   }
 };
@@ -270,9 +270,11 @@ export function channelQuads(metadata: Metadata): number {
   return Math.ceil(ownChannels(metadata) / 4);
 }
 
-/** Whether values are of version 1.2: linear colours, coefficients, or densities that are no logits. */
-export function isLinear(metadata: Metadata): boolean {
-  return harmonicsOf(metadata) !== null || metadata.activation.function !== undefined || metadata.levels[0].diffuse.decode === "linear";
+/** Whether the file requires the feature "linear values": linear colours, coefficients, relu, or samples placed by a box or voxel of their own. */
+export function needsLinearValues(metadata: Metadata): boolean {
+  const { activation, march, levels } = metadata;
+  const placed = march.sampled !== undefined || march.voxel !== undefined;
+  return placed || harmonicsOf(metadata) !== null || activation.function !== undefined || levels[0].diffuse.decode === "linear";
 }
 
 /** Reads chunk META. */
@@ -291,6 +293,8 @@ export function readMetadata(bytes: Uint8Array): Metadata {
 
 /** Samples of a ray, at most; far below the whole numbers that the shader's floats count to. */
 const MOST_SAMPLES = 2 ** 20;
+/** Blocks of a level, at most, as in the program: its table is inflated before anything of it can be held to the file. */
+const MOST_BLOCKS = 2 ** 26;
 
 function checkAgreement(metadata: Metadata): void {
   const { bounds, march, levels, activation } = metadata;
@@ -310,7 +314,9 @@ function checkAgreement(metadata: Metadata): void {
     const [x, y, z] = level.dimensions;
     if (x * y * z > 2 ** 33) fail(`${key}.dimensions`, "2^33 nodes at most");
     const [bx, by, bz] = blockCounts(level);
-    if (level.blocks_stored > bx * by * bz) fail(`${key}.blocks_stored`, "no more than the level has");
+    const blocks = bx * by * bz;
+    if (blocks > MOST_BLOCKS) throw new FieldError(`The metadata's ${key} has ${blocks} blocks; a level may have ${MOST_BLOCKS} at most.`);
+    if (level.blocks_stored > blocks) fail(`${key}.blocks_stored`, "no more than the level has");
     const inheriting = [i, i + 1].filter((number) => number < levels.length);
     const colors = inheriting.flatMap((number) => valueGroups(metadata, number)).filter(({ kind }) => kind !== "ANIS");
     const integers = inheriting.length === 2 && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
@@ -357,9 +363,11 @@ function checkAgreement(metadata: Metadata): void {
 
 /** `decodes` are the meanings that the group may have. */
 function checkEncoding(stored: Encoding, key: string, decodes: string[]): void {
-  const { number: type, bits, decode } = stored;
+  const { number: type, bits, decode, center, step, curve } = stored;
   const [least, most] = { u8: [1, 8], u16: [9, 16], f16: [16, 16], f32: [32, 32] }[type];
   if (bits < least || bits > most) fail(`${key}.bits`, `${least} to ${most}`);
   if (!decodes.includes(decode)) fail(`${key}.decode`, "one that fits its group");
-  if (type.startsWith("f") && stored.empty_code) fail(`${key}.empty_code`, "false for floats");
+  if (!type.startsWith("f")) return;
+  if (stored.empty_code) fail(`${key}.empty_code`, "false for floats");
+  if (center !== 0 || step !== 0 || curve !== 0) fail(key, "one whose center, step and curve are 0, as of all floats");
 }

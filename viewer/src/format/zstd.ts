@@ -18,10 +18,12 @@ export async function prepareInflate(): Promise<void> {
   }
 }
 
-/** Inflates one frame to exactly `length` bytes; `name` is whose they are, for messages. */
+/** Inflates exactly one frame to exactly `length` bytes; `name` is whose they are, for messages. */
 export function inflate(bytes: Uint8Array, length: number, name: string): Uint8Array {
   const wrong = () => new FieldError(`${name} holds a broken zstd frame, or one that is not of ${length} bytes.`);
-  const stated = contentSize(bytes);
+  const header = headerOf(bytes);
+  if (!header || !isOneFrame(bytes, header)) throw wrong();
+  const stated = header.content;
   if (stated !== null && stated !== length) throw wrong();
   try {
     if (stated === null) return inflateUnstated(bytes, length);
@@ -47,17 +49,45 @@ function inflateUnstated(bytes: Uint8Array, length: number): Uint8Array {
   return out;
 }
 
-/** What a frame's header says it inflates to; null where it says nothing, NaN where it is no header. */
-export function contentSize(frame: Uint8Array): number | null {
+interface FrameHeader {
+  /** What the frame says it inflates to; null where it says nothing. */
+  content: number | null;
+  /** Bytes of the header. */
+  bytes: number;
+  hasChecksum: boolean;
+}
+
+/** Null where the bytes do not start with a frame's header. */
+function headerOf(frame: Uint8Array): FrameHeader | null {
   const data = new DataView(frame.buffer, frame.byteOffset, frame.byteLength);
-  if (frame.length < 6 || data.getUint32(0, true) !== 0xfd2fb528) return NaN;
+  if (frame.length < 6 || data.getUint32(0, true) !== 0xfd2fb528) return null;
   const flags = frame[4];
   const [kind, single, dictionary] = [flags >> 6, (flags >> 5) & 1, [0, 1, 2, 4][flags & 3]];
   const at = 6 - single + dictionary;
   const width = kind === 0 ? single : 1 << kind;
-  if (width === 0) return null;
-  if (frame.length < at + width) return NaN;
-  if (width === 1) return frame[at];
-  if (width === 2) return data.getUint16(at, true) + 256;
-  return width === 4 ? data.getUint32(at, true) : Number(data.getBigUint64(at, true));
+  if (frame.length < at + width) return null;
+  const header = { bytes: at + width, hasChecksum: (flags & 4) !== 0 };
+  if (width === 0) return { content: null, ...header };
+  if (width === 1) return { content: frame[at], ...header };
+  if (width === 2) return { content: data.getUint16(at, true) + 256, ...header };
+  return { content: width === 4 ? data.getUint32(at, true) : Number(data.getBigUint64(at, true)), ...header };
+}
+
+/** Whether the bytes end with their first frame: decoders go on to a second one, or do not look at what follows. */
+function isOneFrame(bytes: Uint8Array, header: FrameHeader): boolean {
+  let at = header.bytes;
+  for (let isLast = false; !isLast; ) {
+    if (at + 3 > bytes.length) return false;
+    const block = bytes[at] | (bytes[at + 1] << 8) | (bytes[at + 2] << 16);
+    isLast = (block & 1) === 1;
+    // A block that repeats one byte holds that byte alone.
+    at += 3 + (((block >> 1) & 3) === 1 ? 1 : block >> 3);
+  }
+  return at + (header.hasChecksum ? 4 : 0) === bytes.length;
+}
+
+/** What a frame's header says it inflates to; null where it says nothing, NaN where it is no header. */
+export function contentSize(frame: Uint8Array): number | null {
+  const header = headerOf(frame);
+  return header ? header.content : NaN;
 }

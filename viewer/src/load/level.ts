@@ -2,9 +2,9 @@
 
 import { FieldError } from "../errors.js";
 import { type Colors, inherit } from "../format/codings/inherit.js";
-import { CODINGS, type Codes } from "../format/codings/index.js";
+import { type Atlas, CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, type Value, values, valueTable } from "../format/codings/values.js";
-import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
+import { chunkBytes, chunkName, type Entry, KNOWN } from "../format/layout.js";
 import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, type Metadata, valueGroups } from "../format/metadata.js";
 import { Blocks } from "./blocks.js";
 import { absent, colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
@@ -52,9 +52,14 @@ export type Chunks = Record<string, { name: string; bytes: Uint8Array }>;
 /** Colours of a level by their chunks, for inherited blocks of the next finer one. */
 export type LevelColors = Record<string, Colors>;
 
+/** The chunks that a level is decoded from: those that nobody knows may lie anywhere. */
+export function levelEntries(entries: Entry[], level: number): Entry[] {
+  return entries.filter((entry) => entry.level === level && KNOWN.includes(entry.kind));
+}
+
 /** The chunks of a level, held against their checksums. `bytes` are those of the file from `start` on. */
 export function levelChunks(entries: Entry[], level: number, bytes: Uint8Array, start: number): Chunks {
-  const own = entries.filter((entry) => entry.level === level);
+  const own = levelEntries(entries, level);
   return Object.fromEntries(own.map((entry) => [entry.kind, { name: chunkName(entry), bytes: chunkBytes(entry, bytes, start) }]));
 }
 
@@ -69,7 +74,7 @@ export class LevelDecoder {
     private readonly metadata: Metadata,
     private readonly plan: Plan,
     private readonly level: number,
-    chunks: Chunks,
+    private readonly chunks: Chunks,
     coarser: LevelColors | null,
   ) {
     const stored = metadata.levels[level];
@@ -90,12 +95,11 @@ export class LevelDecoder {
       const { name, bytes } = chunk(kind);
       const colored = isColor(kind) && inheritedCount > 0;
       const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name };
-      const decode = (from: number, to: number) => CODINGS[kind](atlas, bytes, from, to);
       const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
-      const group = new Group(kind, encoding, channels, name, channels * stored.block_size * stored.block_size * stored.block_size, map, decode);
+      const group = new Group(kind, atlas, bytes, map);
       if (!colored) return group;
       if (!coarser) throw new FieldError(`Level ${level} has inherited blocks, but the level that they are made of is missing.`);
-      const { codes } = decode(0, atlas.frames);
+      const { codes } = group.decode(0, atlas.frames);
       const known = inherit({ level: stored, ...atlas }, codes, places, (block) => this.blocks.isInherited(block), coarser[kind]);
       group.give(known);
       return group;
@@ -109,6 +113,14 @@ export class LevelDecoder {
     const texels = (edge + 1) ** 3;
     const step = Math.max(1, Math.floor(PART_BYTES / (texels * (4 + 8 * (this.plan.quads + (this.isDirectional ? DIRECTIONAL_QUADS : 0))))));
     for (let first = from; first < to; first += step) yield this.part(first, Math.min(to, first + step));
+  }
+
+  /** Copies of what a helper needs of the chunks for the blocks `[from, to)`, of a level without inherited ones. */
+  share(from: number, to: number): Chunks {
+    const end = this.blocks.reach(to);
+    const { name, bytes } = this.chunks.TABL;
+    const groups = this.groups.map((group) => [group.kind, { name: group.name, bytes: group.share(from, end) }]);
+    return { TABL: { name, bytes: bytes.slice() }, ...Object.fromEntries(groups) };
   }
 
   private part(from: number, to: number): DecodedPart {
@@ -200,7 +212,12 @@ function mostAdded({ codes, first, channels, table }: Filled<Float32Array>, edge
 
 /** One group of a level's channels, and of its codes those that are wanted next. */
 class Group {
+  readonly encoding: Encoding;
+  readonly channels: number;
+  readonly name: string;
   private readonly table: Float64Array | null;
+  /** Codes of a frame. */
+  private readonly size: number;
   /** Codes of the frames `[first, end)`, and room behind them. */
   private codes: Codes | null = null;
   private first = 0;
@@ -210,16 +227,22 @@ class Group {
 
   constructor(
     readonly kind: string,
-    readonly encoding: Encoding,
-    readonly channels: number,
-    private readonly name: string,
-    /** Codes of a frame. */
-    private readonly size: number,
+    private readonly atlas: Atlas,
+    private readonly bytes: Uint8Array,
     /** From a value to what the device interpolates. */
     private readonly map: Value,
-    private readonly decode: (from: number, to: number) => { first: number; codes: Codes },
   ) {
-    this.table = valueTable(encoding, name, map);
+    ({ encoding: this.encoding, channels: this.channels, name: this.name } = atlas);
+    this.size = atlas.channels * atlas.edge ** 3;
+    this.table = valueTable(this.encoding, this.name, map);
+  }
+
+  decode(from: number, to: number): { first: number; codes: Codes } {
+    return CODINGS[this.kind].decode(this.atlas, this.bytes, from, to);
+  }
+
+  share(from: number, to: number): Uint8Array {
+    return CODINGS[this.kind].share(this.atlas, this.bytes, from, to);
   }
 
   /** What bricks are made of, of codes of the frames from `first` on. */

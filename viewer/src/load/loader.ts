@@ -5,12 +5,12 @@
 
 import { FieldError } from "../errors.js";
 import { checkContents } from "../format/contents.js";
-import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../format/layout.js";
+import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, paddedEnd, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
-import { hasLevels, isLinear, type Metadata, networkOf, readMetadata } from "../format/metadata.js";
+import { hasLevels, type Metadata, needsLinearValues, networkOf, readMetadata } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
-import { Crew } from "./crew.js";
-import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, type LevelEntry } from "./level.js";
+import { Crew, decodeShares } from "./crew.js";
+import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, levelEntries, type LevelEntry } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
 import { type ByteSource, openSource, type OwnSource, type Transfer } from "./source.js";
 
@@ -96,7 +96,7 @@ export class Loader {
     let start = 0;
     let coarser: LevelColors | null = null;
     for (const levels of this.pieces(opened)) {
-      const end = opened.prefixes[levels[levels.length - 1]];
+      const end = this.end(levels[levels.length - 1]);
       const bytes = joined(rest, await this.source.read(loaded, end, listener.progress));
       loaded = start + bytes.length;
       if (loaded < end) throw new FieldError(`The file ends after ${loaded} bytes and should have ${opened.fileBytes}.`);
@@ -144,9 +144,11 @@ export class Loader {
       const decoder = new LevelDecoder(metadata, plan, level, chunks, colors);
       const { blocks_filled: inherited = 0, blocks_stored: blocks } = metadata.levels[level];
       const isInherited = level > 0 && (metadata.levels[level - 1].blocks_filled ?? 0) > 0;
+      const helpers = inherited === 0 ? await this.crew.gather(blocks) : [];
       let { marks } = decoder;
-      if (inherited === 0 && this.crew.takes(blocks)) {
-        marks = await this.crew.decode({ metadata, plan, level, chunks }, blocks, part);
+      if (helpers.length > 0) {
+        const share = (from: number, to: number) => ({ metadata, plan, level, chunks: decoder.share(from, to), from, to });
+        marks = await decodeShares(helpers, blocks, share, part);
       } else {
         for (const one of decoder.parts(0, blocks)) part(one);
       }
@@ -172,7 +174,7 @@ export class Loader {
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
-    if (header.linear !== isLinear(metadata)) throw new FieldError("Header and metadata disagree whether values are linear.");
+    if (header.linear !== needsLinearValues(metadata)) throw new FieldError("Header and metadata disagree whether linear values are required.");
     if (header.bent !== (metadata.level_of_detail.bends !== undefined)) {
       throw new FieldError("Header and metadata disagree whether the rule of the level of detail bends.");
     }
@@ -207,20 +209,19 @@ export class Loader {
   private available(prefixes: number[], fileBytes: number): number {
     const { length } = this.source;
     if (length === null || length === fileBytes) return 0;
-    const level = prefixes.indexOf(length);
-    if (level >= 0) return level;
+    // A level that ends before the prefix of a coarser one is whole, too.
+    if (prefixes.includes(length)) return prefixes.findIndex((prefix) => prefix <= length);
     throw new FieldError(`The file has ${length} bytes, which is not where a level ends; its header says ${fileBytes}.`);
   }
 
   /** Levels that come together, coarsest first. */
-  private *pieces({ metadata, plan, prefixes, fileBytes }: Opened): Generator<number[]> {
+  private *pieces({ metadata, plan, fileBytes }: Opened): Generator<number[]> {
+    // Levels that render with the finest one only come with it.
+    const together = metadata.levels.some(({ density }) => density === null);
     let levels: number[] = [];
     for (let level = metadata.levels.length - 1; level >= plan.finest; level--) {
       levels.push(level);
-      const soon = level > plan.finest && prefixes[level - 1] <= fileBytes * FIRST_PICTURE;
-      // Levels that render with the finest one only come with it.
-      const together = level > plan.finest && prefixes[level - 1] === prefixes[level];
-      if (soon || together) continue;
+      if (level > plan.finest && (together || this.end(level - 1) <= fileBytes * FIRST_PICTURE)) continue;
       yield levels;
       levels = [];
     }
@@ -228,6 +229,11 @@ export class Loader {
 
   private find(kind: string, level: number | null): Entry | undefined {
     return this.entries.find((entry) => entry.kind === kind && entry.level === level);
+  }
+
+  /** Bytes from the file's start after which a level can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
+  private end(level: number): number {
+    return Math.max(...levelEntries(this.entries, level).map(paddedEnd));
   }
 
   private prefix(level: number): number {

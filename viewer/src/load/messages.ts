@@ -6,14 +6,15 @@ import type { DeviceLimits } from "./plan.js";
 import type { OwnSource } from "./source.js";
 
 /**
- * Ask the device for its limits; load a container; decode again what was loaded; let the helpers at `ports` decode, too; be
- * one, at `port`.
+ * Ask the device for its limits; load a container; decode again what was loaded; let the helpers at `ports` decode, too; go on
+ * without the one of a number; be one, at `port`.
  */
 export type Request =
   | { kind: "device" }
   | { kind: "load"; source: OwnSource; device: DeviceLimits }
   | { kind: "again" }
   | { kind: "crew"; ports: MessagePort[] }
+  | { kind: "left"; helper: number }
   | { kind: "help"; port: MessagePort };
 
 /** `limits` are null where workers have no WebGL. `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */

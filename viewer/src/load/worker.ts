@@ -34,6 +34,8 @@ port.onmessage = async ({ data }) => {
       port.postMessage({ kind: "done" });
     } else if (data.kind === "crew") {
       data.ports.forEach((port) => loader?.crew.add(port));
+    } else if (data.kind === "left") {
+      loader?.crew.leave(data.helper);
     } else if (data.kind === "help") {
       help(data.port);
     } else {

@@ -20,11 +20,15 @@ uniform sampler2D u_weights;
 uniform int u_slot;
 uniform int u_slotsDeep;
 // Of each level: nodes along the axes and of a block's edge; where its table starts along the field's x, whether it has
-// density, and how that is decoded; what density, diffuse colour, features and directional brightness are where nothing is
+// density, how that is decoded, and whether it has anisotropy; what density, diffuse colour, features and directional brightness are where nothing is
 // stored.
 uniform ivec4 u_nodes[LEVELS];
-uniform ivec3 u_levels[LEVELS];
+uniform ivec4 u_levels[LEVELS];
 uniform vec4 u_empty[LEVELS];
+#ifdef FUNCTIONS
+// The same of the coefficients of bands 1 to 3.
+uniform vec3 u_emptyBands[LEVELS];
+#endif
 // The finest level that is there; the level to show, or less than 0 for the rule's.
 uniform int u_finest;
 uniform float u_fixedLevel;
@@ -141,7 +145,12 @@ float densityAt(vec3 texel) {
 
 void colorAt(int level, bool stored, vec3 texel, out vec4 color[QUADS]) {
   if (!stored) {
+#ifdef FUNCTIONS
+    vec3 bands = u_emptyBands[level];
+    for (int channel = 3; channel < 4 * QUADS; channel++) color[channel / 4][channel % 4] = channel < 12 ? bands.x : channel < 27 ? bands.y : bands.z;
+#else
     for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(u_empty[level].z);
+#endif
     color[0].xyz = vec3(u_empty[level].y);
     return;
   }

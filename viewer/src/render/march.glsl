@@ -103,7 +103,7 @@ vec3 limited(vec3 color) {
 // A level's density along the ray.
 float densityAlong(int level, vec3 texel) {
   float density = densityAt(texel);
-  if (level < FINEST_DIRECTIONAL) return density;
+  if (u_levels[level].w == 0) return density;
   vec4 low = directionalAt(0, texel);
   float added = dot(low, vec4(harmonics[4], harmonics[5], harmonics[6], harmonics[7]));
   return max(density + added + directionalAt(1, texel).x * harmonics[8], 0.0);

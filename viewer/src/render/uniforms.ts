@@ -58,11 +58,12 @@ export function fieldUniforms({ metadata, plan, mask }: Opened): Uniforms {
     u_slot: plan.slot,
     u_slotsDeep: plan.slots[2],
     u_nodes: levels.flatMap((level) => [...level.dimensions, level.block_size]),
-    u_levels: levels.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density")]),
-    u_empty: levels.flatMap(({ density, diffuse, features, bands, directional }) => {
+    u_levels: levels.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density"), level.anisotropy ? 1 : 0]),
+    u_empty: levels.flatMap(({ density, diffuse, features, directional }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
-      return [of, empty(diffuse), empty(features ?? bands?.[0] ?? null), empty(directional ?? null)];
+      return [of, empty(diffuse), empty(features), empty(directional ?? null)];
     }),
+    u_emptyBands: levels.flatMap(({ bands }) => [0, 1, 2].map((band) => empty(bands?.[band] ?? null))),
     u_activation: [activation.shift, activation.interval],
     u_thresholds: [march.alpha_threshold, march.color_threshold],
     u_lowest: sampledShare(metadata, "min"),
@@ -87,7 +88,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened): Uniforms {
 }
 
 /** Uniforms of one picture. */
-export function viewUniforms({ bounds, march }: Metadata, view: View, shown: Shown): Uniforms {
+export function viewUniforms({ bounds, march, levels }: Metadata, view: View, shown: Shown): Uniforms {
   const { world, camera, projection, depth } = view;
   // Directions keep their length on the way from the camera, so that distances along them are the same.
   const toLocal = product(inverse(world), camera);
@@ -105,7 +106,7 @@ export function viewUniforms({ bounds, march }: Metadata, view: View, shown: Sho
     u_linear: view.isLinear,
     u_depthOfT: [depth[1] - depth[0] * projection[10], depth[0] * projection[14]],
     u_finest: shown.finest,
-    u_fixedLevel: shown.fixedLevel === null ? -1 : Math.max(shown.finest, shown.fixedLevel),
+    u_fixedLevel: shown.fixedLevel === null ? -1 : Math.min(Math.max(shown.finest, shown.fixedLevel), levels.length - 1),
     u_range: [shown.keepsRange ? near : 0, (shown.keepsRange ? far : null) ?? BEYOND],
     u_output: shown.output ?? OUTPUT.color,
     u_skips: shown.skips ?? true,

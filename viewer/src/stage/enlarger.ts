@@ -29,8 +29,12 @@ void main() {
 export class Enlarger {
   private program: WebGLProgram | null = null;
 
-  constructor(private readonly gl: WebGL2RenderingContext) {
-    gl.canvas.addEventListener("webglcontextlost", () => (this.program = null));
+  constructor(
+    private readonly gl: WebGL2RenderingContext,
+    ended: AbortSignal,
+  ) {
+    gl.canvas.addEventListener("webglcontextlost", () => (this.program = null), { signal: ended });
+    ended.addEventListener("abort", () => gl.deleteProgram(this.program));
   }
 
   /** Spreads the picture of `width` by `height` pixels in the canvas' lower left corner over all of it. The context's state changes. */
@@ -61,6 +65,8 @@ export class Enlarger {
       gl.shaderSource(shader, source);
       gl.compileShader(shader);
       gl.attachShader(program, shader);
+      // It goes with the program.
+      gl.deleteShader(shader);
     }
     gl.linkProgram(program);
     return program;

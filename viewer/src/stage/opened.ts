@@ -47,11 +47,17 @@ export function openField(source: Source, name: string): Opened {
 
 /** An asset; `load` runs the loader on it. */
 export async function openAsset(name: string, load: (loader: GLTFLoader) => Promise<{ scene: Group }>): Promise<Opened> {
-  const loader = new GLTFLoader().register((parser) => new RadianceFieldExtension(parser));
+  const extensions: RadianceFieldExtension[] = [];
+  const loader = new GLTFLoader().register((parser) => {
+    const extension = new RadianceFieldExtension(parser);
+    extensions.push(extension);
+    return extension;
+  });
   let scene: Group;
   try {
     ({ scene } = await load(loader));
   } catch (error) {
+    extensions.forEach((extension) => extension.dispose());
     if (error instanceof FieldError) throw error;
     throw new FieldError(`${name} is no glTF asset that can be read: ${error instanceof Error ? error.message : String(error)}`, REMEDY.foreign);
   }

@@ -58,9 +58,11 @@ export class Painter {
     private readonly renderer: WebGLRenderer,
     private readonly scene: Scene,
     private readonly camera: PerspectiveCamera,
+    /** After it nothing is drawn. */
+    private readonly ended: AbortSignal,
   ) {
     renderer.setPixelRatio(1);
-    this.enlarger = new Enlarger(renderer.getContext() as WebGL2RenderingContext);
+    this.enlarger = new Enlarger(renderer.getContext() as WebGL2RenderingContext, ended);
   }
 
   /** Whether the picture shows all there is, in full. */
@@ -170,6 +172,7 @@ export class Painter {
   private whenDone(drawn: number, then: (time: number) => void): void {
     this.isBusy = true;
     whenDone(this.renderer.getContext() as WebGL2RenderingContext, () => {
+      if (this.ended.aborted) return;
       this.isBusy = false;
       const time = performance.now() - this.began;
       const rate = drawn / Math.max(time, 0.1);

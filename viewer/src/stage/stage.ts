@@ -39,20 +39,23 @@ export class Stage {
   /** Where a flight goes, from where and when it began. */
   private flight: { from: Vector3; to: Vector3; aside: Vector3; start: number } | null = null;
   private before = performance.now();
+  /** Ends everything that the stage has begun on its canvas. */
+  private readonly ending = new AbortController();
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
     // Several questions in the first draw, each of which waits for the device. `prepare` asks its own.
     this.renderer.debug.checkShaderErrors = false;
-    this.painter = new Painter(this.renderer, this.scene, this.camera);
+    const { signal } = this.ending;
+    this.painter = new Painter(this.renderer, this.scene, this.camera, signal);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.dampingFactor = DAMPING;
     this.controls.addEventListener("change", () => this.painter.move());
     // A hand on the picture ends what moves by itself.
     this.controls.addEventListener("start", () => (this.flight = null));
-    this.walk = new Walk(this.camera, canvas, () => this.painter.move());
-    canvas.addEventListener("keydown", (event) => this.key(event));
-    canvas.addEventListener("webglcontextrestored", () => this.redraw(true));
+    this.walk = new Walk(this.camera, canvas, () => this.painter.move(), signal);
+    canvas.addEventListener("keydown", (event) => this.key(event), { signal });
+    canvas.addEventListener("webglcontextrestored", () => this.redraw(true), { signal });
     this.observer.observe(canvas);
     this.resize();
     this.renderer.setAnimationLoop(() => this.frame());
@@ -237,6 +240,7 @@ export class Stage {
   }
 
   dispose(): void {
+    this.ending.abort();
     this.renderer.setAnimationLoop(null);
     this.observer.disconnect();
     this.controls.dispose();

@@ -24,26 +24,29 @@ export class Walk {
     private readonly camera: PerspectiveCamera,
     private readonly canvas: HTMLCanvasElement,
     private readonly moved: () => void,
+    ended: AbortSignal,
   ) {
-    canvas.addEventListener("keydown", (event) => {
+    const listen = <Kind extends keyof HTMLElementEventMap>(kind: Kind, take: (event: HTMLElementEventMap[Kind]) => void) =>
+      canvas.addEventListener(kind, take, { signal: ended });
+    listen("keydown", (event) => {
       if (!this.way || !(event.code in WAYS) || event.ctrlKey || event.metaKey || event.altKey) return;
       this.held.add(event.code);
       event.preventDefault();
     });
-    canvas.addEventListener("keyup", (event) => this.held.delete(event.code));
-    canvas.addEventListener("blur", () => this.held.clear());
-    canvas.addEventListener("pointerdown", (event) => {
+    listen("keyup", (event) => this.held.delete(event.code));
+    listen("blur", () => this.held.clear());
+    listen("pointerdown", (event) => {
       if (!this.way) return;
       this.drag = event.pointerId;
       canvas.setPointerCapture(event.pointerId);
     });
-    canvas.addEventListener("pointermove", (event) => {
+    listen("pointermove", (event) => {
       if (this.way && event.pointerId === this.drag) this.look(event.movementX, event.movementY);
     });
     const end = (event: PointerEvent) => event.pointerId === this.drag && (this.drag = null);
-    canvas.addEventListener("pointerup", end);
-    canvas.addEventListener("pointercancel", end);
-    canvas.addEventListener("wheel", (event) => {
+    listen("pointerup", end);
+    listen("pointercancel", end);
+    listen("wheel", (event) => {
       if (!this.way) return;
       this.speed *= FASTER ** -Math.sign(event.deltaY);
       event.preventDefault();

@@ -3,6 +3,7 @@
 import { LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
 import { EXTENSION, type FieldReference, placeOf } from "../asset.js";
+import { FieldError, REMEDY } from "../errors.js";
 import { RadianceField } from "./field.js";
 
 /**
@@ -12,8 +13,16 @@ import { RadianceField } from "./field.js";
  */
 export class RadianceFieldExtension implements GLTFLoaderPlugin {
   readonly name = EXTENSION;
+  private readonly fields: RadianceField[] = [];
+  private isDisposed = false;
 
   constructor(private readonly parser: GLTFParser) {}
+
+  /** Gives up the fields of an asset that could not be loaded, which nobody else can reach; those that were to come, too. */
+  dispose(): void {
+    this.isDisposed = true;
+    this.fields.forEach((field) => field.dispose());
+  }
 
   createNodeMesh(nodeIndex: number): Promise<Mesh> | null {
     const node = this.parser.json.nodes[nodeIndex];
@@ -25,7 +34,10 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private async create(nodeIndex: number, reference: FieldReference): Promise<Object3D> {
     let field: RadianceField | null = null;
     try {
-      field = new RadianceField(await this.source(reference));
+      const source = await this.source(reference);
+      if (this.isDisposed) throw new FieldError("The asset was given up before its field was opened.", REMEDY.again);
+      field = new RadianceField(source);
+      this.fields.push(field);
       await field.opened;
       return field;
     } catch (error) {

@@ -16,8 +16,12 @@ export interface Atlas {
   name: string;
 }
 
-/**
- * Codes of at least the frames `[from, to)` of an atlas, from frame `first` on: frame by frame, channel by channel, nodes
- * in C order.
- */
-export type Coding = (atlas: Atlas, chunk: Uint8Array, from: number, to: number) => { first: number; codes: Codes };
+export interface Coding {
+  /**
+   * Codes of at least the frames `[from, to)` of an atlas, from frame `first` on: frame by frame, channel by channel, nodes
+   * in C order.
+   */
+  decode(atlas: Atlas, chunk: Uint8Array, from: number, to: number): { first: number; codes: Codes };
+  /** A copy of the chunk that holds, of what is large, only what the frames `[from, to)` are decoded from. */
+  share(atlas: Atlas, chunk: Uint8Array, from: number, to: number): Uint8Array;
+}

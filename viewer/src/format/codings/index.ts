@@ -4,18 +4,18 @@
  */
 
 import type { Coding } from "./atlas.js";
-import { decodeRuns } from "./runs.js";
+import { runCoding } from "./runs.js";
 
 export type { Atlas, Codes, Coding } from "./atlas.js";
 
 /** Codings by the chunk type that uses them. */
 export const CODINGS: Readonly<Record<string, Coding>> = {
-  DENS: decodeRuns,
-  DIFF: decodeRuns,
-  FEAT: decodeRuns,
-  BNDA: decodeRuns,
-  BNDB: decodeRuns,
-  BNDC: decodeRuns,
-  DIRB: decodeRuns,
-  ANIS: decodeRuns,
+  DENS: runCoding,
+  DIFF: runCoding,
+  FEAT: runCoding,
+  BNDA: runCoding,
+  BNDB: runCoding,
+  BNDC: runCoding,
+  DIRB: runCoding,
+  ANIS: runCoding,
 };

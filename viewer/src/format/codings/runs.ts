@@ -18,7 +18,9 @@ const WIDTHS = {
   f32: { bytes: 4, origin: 0x80000000, most: 0xffffffff, bias: 0x80808080 },
 } as const;
 
-export const decodeRuns: Coding = (atlas, chunk, from, to) => {
+export const runCoding: Coding = { decode, share };
+
+function decode(atlas: Atlas, chunk: Uint8Array, from: number, to: number): { first: number; codes: Codes } {
   const width = WIDTHS[atlas.encoding.number].bytes;
   const size = atlas.channels * atlas.edge * atlas.edge * atlas.edge;
   const { full, runs } = runsOf(atlas, chunk);
@@ -32,7 +34,27 @@ export const decodeRuns: Coding = (atlas, chunk, from, to) => {
   }
   check(atlas, codes);
   return { first, codes };
-};
+}
+
+/** The other runs are empty, so that the frames keep their numbers. */
+function share(atlas: Atlas, chunk: Uint8Array, from: number, to: number): Uint8Array {
+  const { runs } = runsOf(atlas, chunk);
+  const isWanted = ({ frame, frames }: StoredRun) => frame < to && from < frame + frames;
+  const head = 8 + 4 * runs.length;
+  const out = new Uint8Array(head + runs.filter(isWanted).reduce((sum, { bytes }) => sum + bytes.length, 0));
+  out.set(chunk.subarray(0, head));
+  const data = new DataView(out.buffer);
+  let at = head;
+  runs.forEach((run, number) => {
+    if (isWanted(run)) {
+      out.set(run.bytes, at);
+      at += run.bytes.length;
+    } else {
+      data.setUint32(8 + 4 * number, 0, true);
+    }
+  });
+  return out;
+}
 
 interface StoredRun {
   bytes: Uint8Array;

@@ -39,10 +39,11 @@ function integerTable(encoding: Encoding, name: string, map: Value): Float64Arra
   return Float64Array.from({ length: 2 ** encoding.bits }, (_, code) => {
     const x = code - middle;
     // Rounded to f32 after every operation, as the specification says.
-    const value = fround(center + fround(x * fround(step + fround(curve * fround(x * x)))));
+    const own = fround(center + fround(x * fround(step + fround(curve * fround(x * x)))));
+    const value = encoding.empty_code && code === 0 ? empty : own;
     if (!Number.isFinite(value) || value <= before) throw new FieldError(`${name}: the values of codes do not ascend.`);
     before = value;
-    return map(encoding.empty_code && code === 0 ? empty : value);
+    return map(value);
   });
 }
 

@@ -1,0 +1,3 @@
+/** A page with the custom element. */
+
+export { MipvogViewer } from "../../src/element.js";
