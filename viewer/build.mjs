@@ -35,7 +35,7 @@ if (process.argv.includes("--package")) {
   await worker("build/package/worker.js");
   execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
 } else if (process.argv.includes("--benches")) {
-  const entryPoints = ["benches/decode.ts", "benches/page.ts"];
+  const entryPoints = readdirSync("benches").filter((name) => name !== "floor.ts").map((name) => `benches/${name}`);
   await build({ ...common, entryPoints, outdir: "build/benches", outExtension: { ".js": ".mjs" }, platform: "node", packages: "external" });
 } else if (process.argv.includes("--tests")) {
   rmSync("build/tests", { recursive: true, force: true });

@@ -102,7 +102,7 @@ for (const name of [...WITH_SIDES, "tiny.12bit", "dvgo.f32"]) {
     const header = readHeader(bytes);
     const entries = readDirectory(header, bytes);
     const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
-    const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30 }, 0);
+    const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30, uniforms: 1024 }, 0);
     let coarser: LevelColors | null = null;
     for (let level = metadata.levels.length - 1; level >= 0; level--) {
       const chunks = levelChunks(entries, level, bytes, 0);

@@ -112,13 +112,15 @@ export class CountingServer {
   }
 }
 
-/** Chromium from the system, drawing in software. */
-export async function launch(): Promise<Browser> {
+/** Chromium from the system, drawing in software, or by what `ANGLE` names: "gl-egl" or "vulkan" for a graphics card. */
+export async function launch(more: string[] = []): Promise<Browser> {
   const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+  const angle = process.env.ANGLE ?? "swiftshader";
+  const backend = { swiftshader: ["--enable-unsafe-swiftshader"], vulkan: ["--enable-features=Vulkan", "--disable-vulkan-surface"] }[angle] ?? [];
   const quiet = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
   return chromium.launch({
     executablePath,
-    args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", ...quiet],
+    args: ["--no-sandbox", "--use-gl=angle", `--use-angle=${angle}`, "--ignore-gpu-blocklist", ...backend, ...quiet, ...more],
   });
 }
 

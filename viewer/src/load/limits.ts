@@ -13,6 +13,7 @@ export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLim
   // More is not needed, and places of slots have 10 bits an axis.
   const side = Math.min(2048, gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number);
   const floatLinear = gl.getExtension("OES_texture_float_linear") !== null;
+  const uniforms = gl.getParameter(gl.MAX_FRAGMENT_UNIFORM_VECTORS) as number;
   gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return { side, floatLinear, bytes: MOST_BYTES };
+  return { side, floatLinear, bytes: MOST_BYTES, uniforms };
 }

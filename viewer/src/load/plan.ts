@@ -21,6 +21,8 @@ export interface DeviceLimits {
   floatLinear: boolean;
   /** Bytes of atlases, at most. */
   bytes: number;
+  /** Uniforms of four numbers that a fragment shader may have. */
+  uniforms: number;
 }
 
 export interface Plan {
@@ -39,6 +41,8 @@ export interface Plan {
   /** Bytes of all atlases and the table of blocks. */
   bytes: number;
   floatLinear: boolean;
+  /** Uniforms of four numbers that the device takes. */
+  uniforms: number;
 }
 
 /** Quadruples of values that depend on the direction: anisotropy, then directional brightness. */
@@ -74,7 +78,7 @@ export function plan(metadata: Metadata, device: DeviceLimits, available: number
     const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes;
     if (bytes > device.bytes) break;
     const renders = finest === 0 || levels.every((level) => level.density !== null);
-    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear };
+    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
   }
   if (fitting) return fitting;
   throw new FieldError(`This field's ${count} blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);

@@ -85,9 +85,10 @@ const float ON_FACE = 1e-6;
 const float LARGEST = 3e38;
 
 int fetches = 0;
-// The block that was looked up last, and its level, of even and of odd levels; what the table says there.
-ivec4 lookedUp[2] = ivec4[2](ivec4(-1), ivec4(-1));
-uint places[2] = uint[2](0u, 0u);
+// The block that was looked up last, and its level, of even and of odd levels; what the table says there. No arrays:
+// cards keep those in memory.
+ivec4 lookedUpEven = ivec4(-1), lookedUpOdd = ivec4(-1);
+uint placeEven = 0u, placeOdd = 0u;
 
 float softplus(float x) {
   return max(x, 0.0) + log(1.0 + exp(-abs(x)));
@@ -125,13 +126,20 @@ bool locate(int level, vec3 position, out vec3 texel) {
   // Half a node above the lowest one no rounding moves the quotient past a whole number; processors divide whole numbers
   // one by one.
   ivec3 block = ivec3((vec3(min(ivec3(at), nodes - 2)) + 0.5) / float(edge));
-  int side = level & 1;
-  if (lookedUp[side] != ivec4(block, level)) {
-    lookedUp[side] = ivec4(block, level);
-    places[side] = texelFetch(u_table, ivec3(block.zy, block.x + u_levels[level].x), 0).r;
+  bool isOdd = (level & 1) == 1;
+  uint place = isOdd ? placeOdd : placeEven;
+  ivec4 wanted = ivec4(block, level);
+  if ((isOdd ? lookedUpOdd : lookedUpEven) != wanted) {
+    place = texelFetch(u_table, ivec3(block.zy, block.x + u_levels[level].x), 0).r;
     fetches++;
+    if (isOdd) {
+      lookedUpOdd = wanted;
+      placeOdd = place;
+    } else {
+      lookedUpEven = wanted;
+      placeEven = place;
+    }
   }
-  uint place = places[side];
   uvec3 slot = uvec3(place, place >> 10, place >> 20) & 1023u;
   texel = vec3(slot) * float(u_slot) + 0.5 + (at - vec3(block * edge)).zyx;
   // A dense grid stores everything.

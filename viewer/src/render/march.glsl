@@ -208,21 +208,29 @@ void main() {
 #else
   const float intervals = 1.0;
 #endif
+  // Of a macro cell, the edge in the box; of the box, the steps along each axis.
+  vec3 cell = 1.0 / u_macroScale, stepsPerBox = 1.0 / perStep;
   float k = first;
   float enough = u_skips ? OPAQUE_DEPTH : LARGEST;
   while (k <= last && depth < enough) {
-    vec3 position = clamp(start + k * perStep, 0.0, 1.0);
-    ivec3 place = min(ivec3(position * u_macroScale), u_macroCounts - 1);
-    int free = u_skips ? skipDistance(place, range) : 0;
-    // Where the ray leaves the macro cells that this one speaks for.
-    float leaves = LARGEST;
-    int reach = max(free, 1);
-    for (int axis = 0; axis < 3; axis++) {
-      if (perStep[axis] == 0.0) continue;
-      float face = float(perStep[axis] > 0.0 ? place[axis] + reach : place[axis] - reach + 1);
-      leaves = min(leaves, (face / u_macroScale[axis] - start[axis]) / perStep[axis]);
-    }
-    if (free > 0) {
+    vec3 position;
+    float leaves;
+    bool isFree = true;
+    // Rays that a card marches together all come to matter before one of them samples.
+    while (isFree && k <= last) {
+      position = clamp(start + k * perStep, 0.0, 1.0);
+      ivec3 place = min(ivec3(position * u_macroScale), u_macroCounts - 1);
+      int free = u_skips ? skipDistance(place, range) : 0;
+      // Where the ray leaves the macro cells that this one speaks for.
+      leaves = LARGEST;
+      int reach = max(free, 1);
+      for (int axis = 0; axis < 3; axis++) {
+        if (perStep[axis] == 0.0) continue;
+        float face = float(perStep[axis] > 0.0 ? place[axis] + reach : place[axis] - reach + 1);
+        leaves = min(leaves, (face * cell[axis] - start[axis]) * stepsPerBox[axis]);
+      }
+      isFree = free > 0;
+      if (!isFree) continue;
 #ifdef STEPS_BY_LEVEL
       if (!constant) {
         do k += exp2(levelAt(k)); while (k < leaves && k <= last);
@@ -230,10 +238,10 @@ void main() {
       }
 #endif
       k += max(ceil((min(leaves, last + 1.0) - k) / intervals), 1.0) * intervals;
-      continue;
     }
+    if (isFree) break;
     do {
-      float lambda = levelAt(k);
+      float lambda = constant ? most : levelAt(k);
       position = clamp(start + k * perStep, 0.0, 1.0);
       float t = t0 + k * tStep;
 #ifdef STEPS_BY_LEVEL

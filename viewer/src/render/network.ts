@@ -1,21 +1,41 @@
-/** The view-dependent network as GLSL, and its weights as a texture. */
+/** The view-dependent network as GLSL, and its weights as uniforms, or as a texture where they are many. */
 
 import type { Layer } from "../format/network.js";
-import { type Metadata, networkOf } from "../format/metadata.js";
+import { networkOf } from "../format/metadata.js";
+import type { Opened } from "../load/loader.js";
 
 /** Widest layer of a network that a fragment can hold. */
 export const WIDEST_LAYER = 256;
 /** Texels along a row of the texture of weights: a power of two. */
 export const WEIGHTS_WIDTH = 1024;
 
-/** The view-dependent colour as GLSL: weights come from a texture, four inputs a texel. */
-export function networkSource(metadata: Metadata, network: Layer[]): string {
+/** Uniforms of four numbers that the shader has besides weights: for each level, and for all of them. */
+const [UNIFORMS_OF_LEVEL, OTHER_UNIFORMS] = [4, 64];
+
+/**
+ * Whether the weights are uniforms. Those cost graphics cards next to nothing, as all pixels read the same ones at the same time; texels of 32-bit
+ * floats are the dearest that there are.
+ */
+export function weighsByUniforms({ metadata, plan, network }: Opened): boolean {
+  return network.length > 0 && packedLength(network) + UNIFORMS_OF_LEVEL * metadata.levels.length + OTHER_UNIFORMS <= plan.uniforms;
+}
+
+/** Quadruples of packed weights. */
+function packedLength(network: Layer[]): number {
+  return network.reduce((sum, { inputs, outputs }) => sum + Math.ceil(outputs / 4) * (1 + 4 * Math.ceil(inputs / 4)), 0);
+}
+
+/** The view-dependent colour as GLSL, four inputs at a time. */
+export function networkSource(opened: Opened): string {
+  const { metadata, network } = opened;
   const view = networkOf(metadata);
   if (!view || network.length === 0) return "";
   const first = view.input === "features" ? 3 : 0;
   const lines = [
-    // Processors divide whole numbers one by one.
-    `vec4 weight(int at) { return texelFetch(u_weights, ivec2(at & ${WEIGHTS_WIDTH - 1}, at >> ${Math.log2(WEIGHTS_WIDTH)}), 0); }`,
+    ...(weighsByUniforms(opened)
+      ? [`uniform vec4 u_network[${packedLength(network)}];`, "vec4 weight(int at) { return u_network[at]; }"]
+      : // Processors divide whole numbers one by one.
+        [`vec4 weight(int at) { return texelFetch(u_weights, ivec2(at & ${WEIGHTS_WIDTH - 1}, at >> ${Math.log2(WEIGHTS_WIDTH)}), 0); }`]),
     "vec3 networkColor(vec3 d, vec4 accumulated[QUADS]) {",
     `  float inputs[${4 * Math.ceil(network[0].inputs / 4)}];`,
     "  inputs[0] = d.x; inputs[1] = d.y; inputs[2] = d.z;",
@@ -50,7 +70,7 @@ export function networkSource(metadata: Metadata, network: Layer[]): string {
 }
 
 /** Weights in the order in which the shader reads them: four biases, then four rows of four inputs at a time. */
-export function packWeights(network: Layer[]): Float32Array {
+export function packWeights(network: Layer[]): number[] {
   const packed: number[] = [];
   for (const { inputs, outputs, weights, biases } of network) {
     for (let o = 0; o < outputs; o += 4) {
@@ -63,8 +83,5 @@ export function packWeights(network: Layer[]): Float32Array {
       }
     }
   }
-  const row = 4 * WEIGHTS_WIDTH;
-  const padded = new Float32Array(Math.max(1, Math.ceil(packed.length / row)) * row);
-  padded.set(packed);
-  return padded;
+  return packed;
 }

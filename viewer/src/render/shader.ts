@@ -90,7 +90,8 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
 }
 
 /** The whole shader but its version, with the field's network. */
-export function fragmentShader({ metadata, plan, network }: Opened): string {
+export function fragmentShader(opened: Opened): string {
+  const { metadata, plan, network } = opened;
   const fixed = Object.entries(defines(metadata, plan.quads, network)).map(([name, value]) => `#define ${name} ${value}`);
-  return [...fixed, field, networkSource(metadata, network), march].join("\n");
+  return [...fixed, field, networkSource(opened), march].join("\n");
 }

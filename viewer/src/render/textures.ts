@@ -4,7 +4,7 @@ import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import { DIRECTIONAL_QUADS, type Plan } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
-import { packWeights, WEIGHTS_WIDTH } from "./network.js";
+import { packWeights, weighsByUniforms, WEIGHTS_WIDTH } from "./network.js";
 
 /** Names of samplers. That of weights is flat, all others are of volumes. */
 export const SAMPLERS = ["u_density", "u_color", "u_directional", "u_table", "u_skipDistances", "u_weights", "u_mask"] as const;
@@ -23,7 +23,8 @@ export function tableStarts({ levels }: Metadata, { finest }: Plan): number[] {
 }
 
 /** Makes the textures of a field: storage alone, but for what does not depend on levels. */
-export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, mask }: Opened): Textures {
+export function allocate(gl: WebGL2RenderingContext, opened: Opened): Textures {
+  const { metadata, plan, network, mask } = opened;
   const [x, y, z] = plan.slots.map((slots) => slots * plan.slot);
   const [mx, my, mz] = macroCounts(metadata);
   const [, ny, nz] = blockCounts(metadata.levels[plan.finest]);
@@ -44,12 +45,14 @@ export function allocate(gl: WebGL2RenderingContext, { metadata, plan, network, 
       made.u_mask = volume(gl, [z, y, x], gl.R32F, gl.NEAREST);
       gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, z, y, x, gl.RED, gl.FLOAT, mask.values);
     }
-    if (network.length > 0) {
+    if (network.length > 0 && !weighsByUniforms(opened)) {
       const packed = packWeights(network);
-      const rows = packed.length / 4 / WEIGHTS_WIDTH;
+      const rows = Math.ceil(packed.length / 4 / WEIGHTS_WIDTH);
+      const texels = new Float32Array(rows * WEIGHTS_WIDTH * 4);
+      texels.set(packed);
       made.u_weights = begin(gl, gl.TEXTURE_2D, gl.NEAREST);
       gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, WEIGHTS_WIDTH, rows);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WEIGHTS_WIDTH, rows, gl.RGBA, gl.FLOAT, packed);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WEIGHTS_WIDTH, rows, gl.RGBA, gl.FLOAT, texels);
     }
     return made;
   });

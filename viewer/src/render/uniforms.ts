@@ -5,6 +5,7 @@ import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
 import { macroCounts, macroEdge } from "../load/skip.js";
 import { inverse, linearPart, type Matrix, product, unturned } from "./matrices.js";
+import { packWeights, weighsByUniforms } from "./network.js";
 import { decodeNumber, OUTPUT } from "./shader.js";
 import { tableStarts } from "./textures.js";
 
@@ -48,7 +49,8 @@ function sampledShare({ bounds, march }: Metadata, corner: "min" | "max"): numbe
 }
 
 /** Uniforms that stay as they are. */
-export function fieldUniforms({ metadata, plan, mask }: Opened): Uniforms {
+export function fieldUniforms(opened: Opened): Uniforms {
+  const { metadata, plan, network, mask } = opened;
   const { levels, march, activation, level_of_detail: rule, bounds } = metadata;
   const [x, y, z] = levels[0].dimensions.map((nodes) => nodes + 1);
   const edge = macroEdge(metadata);
@@ -74,6 +76,7 @@ export function fieldUniforms({ metadata, plan, mask }: Opened): Uniforms {
     u_mostSteps: Math.floor(Math.hypot(x, y, z) / march.stepsize),
     u_levelOfDetail: [rule.factor, rule.bias, Math.min(levels.length - 1, rule.most ?? Infinity)],
     ...(rule.bends && { u_bends: rule.bends.flat() }),
+    ...(weighsByUniforms(opened) && { u_network: packWeights(network) }),
     u_macroCounts: macroCounts(metadata),
     u_macroScale: levels[0].dimensions.map((nodes) => (nodes - 1) / edge),
   };

@@ -35,8 +35,8 @@ export class Painter {
   drawn: () => void = () => {};
   split: Split | null = null;
   private size: [number, number] = [1, 1];
-  /** Pixels along a side, of those of the screen. */
-  private sharpness = 1;
+  /** Of the last picture, pixels along a side as a share of those of the screen. */
+  sharpness = 1;
   private moved = -Infinity;
   private isStale = true;
   /** Whether the next picture has to show something at once. */
