@@ -72,6 +72,30 @@ function containerOf(name: string): string {
   return container;
 }
 
+test("a device of few uniforms reads the network's weights from a texture, and draws the same", async () => {
+  const { page, problems } = await newPage(browser);
+  const few = "{ const { prototype } = WebGL2RenderingContext, { getParameter } = prototype; prototype.getParameter = function (name) { return name === this.MAX_FRAGMENT_UNIFORM_VECTORS ? 224 : getParameter.call(this, name); }; }";
+  await page.route("**/worker.js", async (route) => {
+    const response = await route.fetch();
+    await route.fulfill({ response, body: `${few}\n${await response.text()}` });
+  });
+  const container = join(FIXTURES, "baked", "tiny.rate.mipvog");
+  const { bounds } = JSON.parse(program("inspect", container, "--format", "json"));
+  program("render", container, "--turntable", "3", "--frames", "1", "--size", "96x96", "-o", join(folder.path, "few"));
+  await page.goto(server.page("few.mipvog", readFileSync(container)));
+  await ready(page);
+  const uniforms = await page.evaluate(() => {
+    const { renderer } = window.__mipvog.stage;
+    const gl = renderer.getContext();
+    return renderer.info.programs!.flatMap(({ program }) => ["u_weights", "u_network"].filter((name) => gl.getUniformLocation(program as WebGLProgram, name) !== null));
+  });
+  assert.deepEqual([...new Set(uniforms)], ["u_weights"]);
+  const found = psnr(await capture(page, turntable(bounds, 3, 96)[1]), await pixels(page, join(folder.path, "few", "turn_001.s1.png")));
+  assert.ok(found >= 50, `${found} dB`);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
 for (const name of CONTAINERS) {
   test(`${name} looks as the reference renderer draws it, level by level`, async () => {
     const container = containerOf(name);

@@ -1,7 +1,7 @@
 /** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
 
 import type { Layer } from "../format/network.js";
-import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata, ownChannels } from "../format/metadata.js";
+import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
@@ -61,7 +61,6 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
   return {
     LEVELS: metadata.levels.length,
     QUADS: quads,
-    CHANNELS: ownChannels(metadata),
     STATISTICS: OUTPUT.statistics,
     DISTANCE: OUTPUT.distance,
     TINTS: `vec3[${TINTS.length}](${TINTS.map((tint) => `vec3(${tint.map(glslFloat)})`)})`,
