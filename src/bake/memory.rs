@@ -154,8 +154,7 @@ impl Needs<'_> {
 
     /// Parts of bent normals along three axes.
     fn bent_normals(&self) -> u64 {
-        let bends = self.direction().is_some_and(|direction| direction.moments.is_some());
-        if bends { self.visibility() * 3 / 2 } else { 0 }
+        if self.moments_level().is_some() { self.visibility() * 3 / 2 } else { 0 }
     }
 
     /// Importance to viewers nearby, of the level on which light is followed and of coarser ones.
@@ -172,52 +171,85 @@ impl Needs<'_> {
     /// Planes of all channels on their way through the levels, and codes that are not compressed
     /// yet.
     fn encoding(&self, pipelined: bool) -> u64 {
-        let channels = 1 + self.field.color_channels() as u64;
-        let premultiplies = self.options.filter.alpha(&self.field.scene.activation).is_some();
-        let direction = self.direction();
-        let further = |level| direction.map_or(0, |direction| direction.channels(level) as u64);
-        let moments_level = direction.and_then(|direction| direction.moments);
-        let moments = |is_there: bool| if is_there { MOMENTS as u64 } else { 0 };
-        let sums = channels + u64::from(premultiplies);
-        let thickness = self.options.block_size as u64;
         let slabs = if pipelined { 2 } else { 1 };
-        let level_bytes = |level: usize| {
-            // No level has more planes than these.
-            let count = self.sizes[level].0[0] as u64;
-            let stored = channels + if level > 0 { further(level) } else { 0 };
-            // Planes at work in each thread; with alpha, also the weights of a slab's colours, and
-            // its alpha and diffuse colours for moments of brightness.
-            let at_work = match (premultiplies, level) {
-                (false, _) => self.threads,
-                (true, 0) if moments_level == Some(0) => 5 * thickness + 3 * self.threads,
-                (true, 0) => thickness + 2 * self.threads,
-                (true, _) => (1 + stored) * self.threads,
-            };
-            // Half as long along y.
-            let rising = sums + moments(moments_level.is_some_and(|first| level >= first));
-            let ring = rising * (thickness + self.window()).min(count).div_ceil(2);
-            // A slab that waits for the plane after it, and the plane before it.
-            let slab_planes = (1 + slabs) * thickness + 1;
-            let came = sums + moments(moments_level.is_some_and(|first| level > first));
-            let waiting =
-                if premultiplies && level > 0 { came * slab_planes.min(count) } else { 0 };
-            let plane = Self::plane(self.sizes[level]);
-            let bytes = self.bytes_per_code(level);
-            let codes = (slabs * thickness).min(count) * stored * plane / 4 * bytes;
-            codes + (at_work + ring + waiting) * plane
+        let level_bytes = |level| {
+            let planes = self.at_work(level) + self.ring(level) + self.waiting(level, slabs);
+            let codes = self.planes(level, slabs * self.thickness()) * self.stored(level);
+            let codes = codes * Self::plane(self.sizes[level]) / 4 * self.bytes_per_code(level);
+            codes + planes * Self::plane(self.sizes[level]) + self.frames(level)
         };
-        let levels = 0..self.sizes.len();
-        levels.map(|level| level_bytes(level) + self.frames(level, channels)).sum::<u64>()
+        (0..self.sizes.len()).map(level_bytes).sum::<u64>()
             + self.visibility()
             + self.bent_normals()
             + self.importance()
     }
 
+    /// Planes at work in each thread; with alpha, also the weights of a slab's colours, and its
+    /// alpha and diffuse colours for moments of brightness.
+    fn at_work(&self, level: usize) -> u64 {
+        match (self.premultiplies(), level) {
+            (false, _) => self.threads,
+            (true, 0) if self.moments_level() == Some(0) => 5 * self.thickness() + 3 * self.threads,
+            (true, 0) => self.thickness() + 2 * self.threads,
+            (true, _) => (1 + self.stored(level)) * self.threads,
+        }
+    }
+
+    /// Planes on their way from a level to the next: half as long along y.
+    fn ring(&self, level: usize) -> u64 {
+        let moments = self.moments_level().is_some_and(|first| level >= first);
+        self.sums(moments) * self.planes(level, self.thickness() + self.window()).div_ceil(2)
+    }
+
+    /// Planes that came from the level before: of a slab that waits for the plane after it, and the
+    /// plane before it.
+    fn waiting(&self, level: usize, slabs: u64) -> u64 {
+        if !self.premultiplies() || level == 0 {
+            return 0;
+        }
+        let moments = self.moments_level().is_some_and(|first| level > first);
+        self.sums(moments) * self.planes(level, (1 + slabs) * self.thickness() + 1)
+    }
+
+    /// So many planes, or all that a level has.
+    fn planes(&self, level: usize, count: u64) -> u64 {
+        count.min(self.sizes[level].0[0] as u64)
+    }
+
+    /// Planes of a slab.
+    fn thickness(&self) -> u64 {
+        self.options.block_size as u64
+    }
+
+    fn channels(&self) -> u64 {
+        1 + self.field.color_channels() as u64
+    }
+
+    /// Channels whose codes are stored.
+    fn stored(&self, level: usize) -> u64 {
+        let direction = self.direction().filter(|_| level > 0);
+        self.channels() + direction.map_or(0, |direction| direction.channels(level) as u64)
+    }
+
+    /// Sums that a level is made of.
+    fn sums(&self, moments: bool) -> u64 {
+        let moments = if moments { MOMENTS as u64 } else { 0 };
+        self.channels() + u64::from(self.premultiplies()) + moments
+    }
+
+    fn premultiplies(&self) -> bool {
+        self.options.filter.alpha(&self.field.scene.activation).is_some()
+    }
+
+    /// The level from which on moments of brightness go up.
+    fn moments_level(&self) -> Option<usize> {
+        self.direction().and_then(|direction| direction.moments)
+    }
+
     /// Memory of the threads that compress runs at once: no more than there are runs.
     fn compressing(&self) -> u64 {
-        let channels = 1 + self.field.color_channels() as u64;
         let levels = 0..self.sizes.len();
-        let waiting: u64 = levels.map(|level| self.frames(level, channels)).sum();
+        let waiting: u64 = levels.map(|level| self.frames(level)).sum();
         // A run that is not full, for each of the groups but one.
         let runs = waiting / RUN_BYTES as u64 + 2;
         let kept = waiting.min(KEPT_BYTES) * KEPT_SHARE.0 / KEPT_SHARE.1;
@@ -240,10 +272,10 @@ impl Needs<'_> {
     }
 
     /// Codes of a level that wait until there are enough to compress.
-    fn frames(&self, level: usize, channels: u64) -> u64 {
+    fn frames(&self, level: usize) -> u64 {
         let grid = BlockGrid { nodes: self.sizes[level], edge: self.options.block_size };
         // And a flag of each node, whether it counts.
-        let frame = (grid.edge as u64).pow(3) * (channels * self.bytes_per_code(level) + 1);
+        let frame = (grid.edge as u64).pow(3) * (self.channels() * self.bytes_per_code(level) + 1);
         let [rows, by, bz] = grid.counts().map(|count| count as u64);
         let slab = by * bz * frame;
         (PENDING_BYTES as u64 + slab).min(rows * slab)

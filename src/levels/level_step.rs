@@ -28,6 +28,14 @@ pub(super) struct VisibleColors<'a> {
     pub moments: bool,
 }
 
+/// What colours of a plane count by.
+struct Weights {
+    /// Alpha, or its visible share.
+    of_colors: Vec<f32>,
+    /// Alpha where moments of brightness read it beside the visible one, or empty.
+    alpha: Vec<f32>,
+}
+
 /// Consecutive planes of one level.
 pub(super) struct LevelStep<'a, 'f> {
     /// The filter to the next level; the last level has none.
@@ -83,77 +91,97 @@ impl LevelStep<'_, '_> {
         visible_colors: Option<VisibleColors>,
         make: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
     ) -> Result<Filtered> {
-        let Some(filter) = self.filter else {
+        if self.filter.is_none() {
             return self.as_they_are(&(0..0), make, |_, _, _| Ok(()));
-        };
-        let readers = self.readers()?;
-        let (required, pool, colors) = (self.required, self.pool, self.channels - 1);
-        let band = |i: usize, rows| RowBand {
-            required,
-            read: &readers[i].read,
-            x: self.planes.start + i,
-            rows,
-        };
+        }
         let alphas = if visible_colors.is_some() { 2 } else { 1 };
-        let moments = visible_colors.filter(|visible| visible.moments);
-        let mut filtered = self.output_planes(alphas + colors);
+        let mut filtered = self.output_planes(alphas + self.channels - 1);
         let (mut alpha_outputs, mut color_outputs) = (Vec::new(), Vec::new());
         for plane in &mut filtered {
             let (alpha, color) = plane.split_at_mut(alphas);
             alpha_outputs.push(alpha);
             color_outputs.extend(color);
         }
-        // Of each plane the weight of colours, and alpha where it is still read.
-        let weights = parallel::map_mut(&mut alpha_outputs, |i, outputs| {
+        let weights = self.filter_alphas(domain, visible_colors, &make, &mut alpha_outputs)?;
+        let keeps = visible_colors.is_some_and(|visible| visible.moments);
+        let meaning = visible_colors.map_or(ColorDomain::Logit, |visible| visible.colors);
+        let colors = self.filter_colors(meaning, &weights, keeps, &make, &mut color_outputs)?;
+        if let Some(VisibleColors { visibility, .. }) = visible_colors.filter(|_| keeps) {
+            let sums = |i: usize| {
+                let Weights { of_colors, alpha } = &weights[i];
+                let [red, green, blue] =
+                    [0, 1, 2].map(|channel| &colors[i * (self.channels - 1) + channel]);
+                [alpha, of_colors, red, green, blue].map(Vec::as_slice)
+            };
+            self.add_moments(visibility, sums, &mut filtered)?;
+        }
+        let weights = weights.into_iter().flat_map(|own| [own.of_colors, own.alpha]);
+        self.pool.give(weights.chain(colors).filter(|plane| !plane.is_empty()));
+        Ok(filtered)
+    }
+
+    /// Makes the density of each plane, and filters its alpha and its visible alpha to `outputs`.
+    fn filter_alphas(
+        &self,
+        domain: &AlphaDomain,
+        visible_colors: Option<VisibleColors>,
+        make: &(impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send),
+        outputs: &mut [&mut [Vec<f32>]],
+    ) -> Result<Vec<Weights>> {
+        let Some(filter) = self.filter else { return Ok(Vec::new()) };
+        let readers = self.readers()?;
+        parallel::map_mut(outputs, |i, outputs| {
             let x = self.planes.start + i;
             let (mut density, mut alpha) = (self.plane(), self.plane());
             make(x, 0, &mut density)?;
             filter.filter_plane(&readers[i], &mut alpha, &mut outputs[0], |rows, alpha| {
-                band(i, rows).density_to_alpha(domain, &density, alpha);
+                self.band(x, &readers[i], rows).density_to_alpha(domain, &density, alpha);
             });
             let (Some(visible_colors), Some(output)) = (visible_colors, outputs.get_mut(1)) else {
-                pool.give([density]);
-                return Ok([Some(alpha), None]);
+                self.pool.give([density]);
+                return Ok(Weights { of_colors: alpha, alpha: Vec::new() });
             };
-            let sampler = visible_colors.visibility.sampler(required.nodes(), x);
+            let sampler = visible_colors.visibility.sampler(self.required.nodes(), x);
             let mut visible = density;
             filter.filter_plane(&readers[i], &mut visible, output, |rows, visible| {
-                band(i, rows).multiply(&sampler, &alpha, visible);
+                self.band(x, &readers[i], rows).multiply(&sampler, &alpha, visible);
             });
-            if moments.is_some() {
-                return Ok([Some(visible), Some(alpha)]);
+            if !visible_colors.moments {
+                self.pool.give([std::mem::take(&mut alpha)]);
             }
-            pool.give([alpha]);
-            Ok([Some(visible), None])
-        })?;
-        let weight = |i: usize| weights[i][0].as_deref().unwrap_or_default();
-        let meaning = visible_colors.map_or(ColorDomain::Logit, |visible| visible.colors);
-        let premultiplied = parallel::map_mut(&mut color_outputs, |task, output| {
+            Ok(Weights { of_colors: visible, alpha })
+        })
+    }
+
+    /// Makes the colours of each plane, and filters them to `outputs`, premultiplied by `weights`.
+    /// Returns the premultiplied planes, `[plane][channel]`: of diffuse colours where it `keeps`
+    /// them, and empty ones.
+    fn filter_colors(
+        &self,
+        meaning: ColorDomain,
+        weights: &[Weights],
+        keeps: bool,
+        make: &(impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send),
+        outputs: &mut [&mut Vec<f32>],
+    ) -> Result<Vec<Vec<f32>>> {
+        let Some(filter) = self.filter else { return Ok(Vec::new()) };
+        let (readers, colors) = (self.readers()?, self.channels - 1);
+        parallel::map_mut(outputs, |task, output| {
             let (i, channel) = (task / colors, 1 + task % colors);
             let x = self.planes.start + i;
             let (mut color, mut premultiplied) = (self.plane(), self.plane());
             make(x, channel, &mut color)?;
+            let weight = &weights[i].of_colors;
             filter.filter_plane(&readers[i], &mut premultiplied, output, |rows, premultiplied| {
-                band(i, rows).premultiply(meaning, &color, weight(i), premultiplied);
+                let band = self.band(x, &readers[i], rows);
+                band.premultiply(meaning, &color, weight, premultiplied);
             });
-            pool.give([color]);
-            if moments.is_some() && channel <= 3 {
-                return Ok(Some(premultiplied));
+            self.pool.give([color]);
+            if !(keeps && channel <= 3) {
+                self.pool.give([std::mem::take(&mut premultiplied)]);
             }
-            pool.give([premultiplied]);
-            Ok(None)
-        })?;
-        if let Some(VisibleColors { visibility, .. }) = moments {
-            let sums = |i: usize| {
-                let [visible, alpha] = [0, 1].map(|k| weights[i][k].as_deref());
-                let [red, green, blue] =
-                    [0, 1, 2].map(|channel| premultiplied[i * colors + channel].as_deref());
-                [alpha, visible, red, green, blue].map(Option::unwrap_or_default)
-            };
-            self.add_moments(visibility, sums, &mut filtered)?;
-        }
-        pool.give(premultiplied.into_iter().chain(weights.into_iter().flatten()).flatten());
-        Ok(filtered)
+            Ok(premultiplied)
+        })
     }
 
     /// Makes the moments of [`super::brightness`] of each plane, and adds them to the `filtered`
@@ -171,7 +199,7 @@ impl LevelStep<'_, '_> {
         parallel::map_mut(&mut moments, |i, outputs| {
             let [alpha, visible, red, green, blue] = sums(i);
             let x = self.planes.start + i;
-            let band = |rows| RowBand { required: self.required, read: &readers[i].read, x, rows };
+            let band = |rows| self.band(x, &readers[i], rows);
             let mut means = self.plane();
             band(0..nodes.0[1]).mean_color([red, green, blue], visible, &mut means);
             let (plain, bright) = outputs.split_at_mut(DIRECTIONAL);
@@ -193,6 +221,11 @@ impl LevelStep<'_, '_> {
             channels.extend(moments);
         }
         Ok(())
+    }
+
+    /// Rows of plane `x`.
+    fn band<'r>(&'r self, x: usize, readers: &'r Readers, rows: Range<usize>) -> RowBand<'r> {
+        RowBand { required: self.required, read: &readers.read, x, rows }
     }
 
     /// Planes for filtered values of so many channels.

@@ -119,7 +119,7 @@ impl NodeValues for RowGrid {
 
     fn memory_bytes(&self) -> u64 {
         let inflated = self.index.memory_bytes() + self.array.memory_bytes();
-        self.slabs.memory_bytes(&self.index, &self.array) + inflated
+        self.slabs.memory_bytes(&self.index) + inflated
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {

@@ -53,6 +53,8 @@ struct Kept {
 #[derive(Debug)]
 pub(super) struct Slabs {
     planes: usize,
+    /// Bytes of a plane that has a row at each node, at most.
+    plane_bytes: usize,
     /// True if nodes without a row take the mean of their neighbours' rows.
     dilates: bool,
     kept: Mutex<VecDeque<Kept>>,
@@ -61,10 +63,12 @@ pub(super) struct Slabs {
 impl Slabs {
     pub(super) fn new(index: &Index, array: &RowArray, dilates: bool) -> Self {
         let [_, ny, nz] = index.nodes().0;
-        let plane_bytes = (ny * nz).saturating_mul(array.row_bytes() + 4).max(1);
+        // Dilated rows are float32.
+        let row_bytes = if dilates { 4 * array.width() } else { array.row_bytes() };
+        let plane_bytes = (ny * nz).saturating_mul(row_bytes + 4).max(1);
         // A power of 2, as Morton order has it.
         let planes = 1 << (SLAB_BYTES / plane_bytes).clamp(1, PLANES).ilog2();
-        Self { planes, dilates, kept: Mutex::default() }
+        Self { planes, plane_bytes, dilates, kept: Mutex::default() }
     }
 
     /// The values of a column of a plane.
@@ -82,9 +86,8 @@ impl Slabs {
     }
 
     /// Bytes of all that is kept, at most.
-    pub(super) fn memory_bytes(&self, index: &Index, array: &RowArray) -> u64 {
-        let [_, ny, nz] = index.nodes().0;
-        let plane_bytes = (ny * nz) as u64 * (array.row_bytes() as u64 + 4);
+    pub(super) fn memory_bytes(&self, index: &Index) -> u64 {
+        let plane_bytes = self.plane_bytes as u64;
         let slab = self.planes as u64 * plane_bytes;
         // One more while the oldest is still in use.
         KEPT_BYTES.max(2 * slab).min(plane_bytes * index.nodes().0[0] as u64) + slab
