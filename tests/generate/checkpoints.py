@@ -172,6 +172,9 @@ hostile("holds_itself", b"\x80\x02}q\x00" + text("model_state_dict") + b"h\x00s.
 laughs = b"\x80\x02]q\x00" + b"".join(b"]q" + bytes([i + 1]) + b"(" + (b"h" + bytes([i])) * 10 + b"e" for i in range(30))
 hostile("laughs", laughs + b".")
 hostile("long_laughs", b"\x80\x02" + text("ha" * 5000) + b"q\x00]q\x01(" + b"h\x00" * 60000 + b"e.")
+# Copies of a long tuple, dropped at once: each `torch.Size` is one.
+sizes = b"\x80\x02(" + b"N" * 10000 + b"tq\x00ctorch\nSize\nq\x01" + b"h\x01h\x00\x85R0" * 1000 + b"}."
+hostile("sizes", sizes)
 hostile("deep", b"\x80\x02" + b"]" * 50000 + b"a" * 49999 + b".")
 hostile("huge_storage", b"\x80\x02" + tensor(1 << 62, [4], [1]) + b".")
 hostile("huge_shape", b"\x80\x02" + tensor(4, [1 << 31, 1 << 31, 1 << 31], [1, 1, 1]) + b".")

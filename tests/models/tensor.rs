@@ -85,6 +85,7 @@ fn hostile_files_are_refused() {
         ("holds_itself.tar", "holds itself"),
         ("laughs.tar", "pickle objects"),
         ("long_laughs.tar", "pickle objects"),
+        ("sizes.tar", "bytes of pickle objects"),
         ("deep.tar", "pickle objects"),
         ("huge_storage.tar", "4611686018427387904 elements"),
         ("huge_shape.tar", "beyond 2^63"),
