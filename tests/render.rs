@@ -2,11 +2,12 @@
 
 mod common;
 
-use common::{fixture, tensor_values, trained};
+use common::{baked_bytes, fixture, open_bytes, tensor_values, trained};
 use glam::{DMat4, DVec4};
-use mipvog_bake::unstable::bake::Filter;
+use mipvog_bake::unstable::bake::{BakeOptions, Filter};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::codec::quantize::Bits;
 use mipvog_bake::unstable::input::tensor::{self, TensorFile};
 use mipvog_bake::unstable::model::camera::{self, Camera, Lens};
 use mipvog_bake::unstable::view::render::{Frame, FrameOptions, Renderer, TrainedLevels, render};
@@ -56,6 +57,11 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     let plain = Renderer::trained(&field, None, &limits).expect("a field");
     let levels = TrainedLevels::of_training(&Filter::Code, &field.scene);
     let mips = Renderer::trained(&field, Some(levels), &limits).expect("a field");
+    let mut options = BakeOptions::default();
+    (options.filter, options.bits, options.alpha_threshold) = (Filter::Code.into(), Bits::F32, 1e-9);
+    let baked = baked_bytes(&field, &options).expect("a bake");
+    let baked = open_bytes(&baked).expect("a container").read().expect("levels");
+    let baked = Renderer::baked(&baked, &limits).expect("a field");
     let matrices = tensor_values(&vectors, "cameras.c2w").expect("cameras");
     for (view, matrix) in matrices.chunks(16).enumerate() {
         for (name, size, focal) in [("full", 48, 66.0), ("half", 24, 33.0), ("quarter", 12, 16.5)] {
@@ -77,11 +83,15 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
             );
             let (over, most) = beyond(frame.distance.clone(), &want("depth"), 1e-3);
             assert_eq!(over, 0, "view {view} {name} depth: {most}");
-            let frame = render(&mips, &camera, &FrameOptions::default(), &Silent).expect("a frame");
-            let (over, most) = beyond(colors(&frame), &want("mip.rgb"), BOUND);
-            assert!(over * 1000 <= 3 * size * size, "view {view} {name} mip rgb: {over}, {most}");
-            let (over, most) = beyond(frame.level.clone(), &want("mip.lod"), 1e-3);
-            assert_eq!(over, 0, "view {view} {name} mip lod: {most}");
+            for mips in [&mips, &baked] {
+                let options = FrameOptions::default();
+                let frame = render(mips, &camera, &options, &Silent).expect("a frame");
+                let place = format!("view {view} {name} mip");
+                let (over, most) = beyond(colors(&frame), &want("mip.rgb"), BOUND);
+                assert!(over * 1000 <= 3 * size * size, "{place} rgb: {over}, {most}");
+                let (over, most) = beyond(frame.level.clone(), &want("mip.lod"), 1e-3);
+                assert_eq!(over, 0, "{place} lod: {most}");
+            }
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::base::limits::Limits;
 use crate::codec::container::LARGEST_BLOCK;
 use crate::codec::quantize::Bits;
 use crate::levels::{Filter, LevelFilter, LevelRule, SharedFilter};
-use crate::model::baked::{FootprintNeighbour, LevelOfDetail, Metadata};
+use crate::model::baked::{LevelOfDetail, Metadata};
 use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
 
@@ -202,7 +202,7 @@ impl BakeOptions {
 
     /// The rule that says which level a sample reads.
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
-        let own = self.filter.rule(FootprintNeighbour::SameDistance);
+        let own = self.filter.rule();
         let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
         rule.scaled(self.lod_scale)
     }

@@ -156,11 +156,15 @@ impl dyn LevelFilter + '_ {
         level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
     }
 
-    /// The rule of levels, with footprints measured to `neighbour`. Training measured them to the
-    /// sample of the same index. Containers measure them at the same distance, which does not
-    /// depend on the place where rays enter the box.
-    pub fn rule(&self, neighbour: FootprintNeighbour) -> LevelOfDetail {
+    /// The rule of levels. Filters of stored values measure footprints as training did, to the
+    /// sample of the same index. Others measure them at the same distance, which does not depend on
+    /// the place where rays enter the box.
+    pub fn rule(&self) -> LevelOfDetail {
         let (factor, bias, bound) = self.level_of_detail();
+        let neighbour = match self.blend() {
+            Blend::BeforeActivation => FootprintNeighbour::SameIndex,
+            Blend::AfterActivation => FootprintNeighbour::SameDistance,
+        };
         LevelOfDetail { factor, bias, neighbour, bound, bends: self.bends() }
     }
 }

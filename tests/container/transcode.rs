@@ -106,7 +106,11 @@ fn rules_follow_the_levels_that_are_dropped() {
         assert_eq!(after.alpha_threshold, before.alpha_threshold);
         let (old, new) = (before.level_of_detail, after.level_of_detail);
         assert_eq!((old.factor, old.neighbour), (new.factor, new.neighbour));
-        assert_eq!(new.neighbour, FootprintNeighbour::SameDistance);
+        let aside = match filter {
+            Filter::Paper => FootprintNeighbour::SameIndex,
+            _ => FootprintNeighbour::SameDistance,
+        };
+        assert_eq!(new.neighbour, aside);
         // 64 nodes became 16.
         assert!((new.bias - (old.bias - 2.0 + 2.0 * old.factor)).abs() < 1e-6);
         for (after, before) in after.levels.iter().zip(&before.levels[2..]) {

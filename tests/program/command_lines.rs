@@ -88,7 +88,7 @@ fn fill(here: &Path) {
                  --scales 1 -o sw";
     succeed(here, sweep);
     let links = [("a.mipvog", "link.mipvog"), ("nowhere", "dangling.mipvog"), ("loop", "loop")];
-    for (to, name) in links.into_iter().chain([(".", "here")]) {
+    for (to, name) in links.into_iter().chain([(".", "here"), ("/dev/null", "null")]) {
         symlink(to, here.join(name)).expect("a link");
     }
     fs::hard_link(here.join("a.mipvog"), here.join("hard.mipvog")).expect("a link");

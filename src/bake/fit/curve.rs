@@ -129,10 +129,9 @@ impl Curve {
 mod tests {
     use super::*;
     use crate::levels::{Filter, SharedFilter};
-    use crate::model::baked::FootprintNeighbour;
 
     fn rule_of(filter: Filter) -> LevelOfDetail {
-        SharedFilter::from(filter).rule(FootprintNeighbour::SameDistance)
+        SharedFilter::from(filter).rule()
     }
 
     #[test]

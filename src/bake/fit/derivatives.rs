@@ -12,7 +12,7 @@ use crate::base::progress::Silent;
 use crate::levels::sizes::level_sizes;
 use crate::levels::{Filter, SharedFilter};
 use crate::model::anisotropy::ANISOTROPY;
-use crate::model::baked::{FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::baked::{LevelOfDetail, StepRule};
 use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
 use crate::model::grid::{NodeMask, Nodes};
@@ -49,7 +49,7 @@ fn derivatives_are_differences_of_pictures_at_every_level() {
     // Steps of fits take every second sample of their rays at first.
     for (is_linear, every) in [(false, 1), (true, 1), (false, 2)] {
         let filter = SharedFilter::from(Filter::Fit);
-        let line = filter.rule(FootprintNeighbour::SameDistance);
+        let line = filter.rule();
         let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
         let level_of_detail = curve.rule();
         let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };
@@ -143,7 +143,7 @@ fn check<const C: usize>(
 #[test]
 fn derivatives_by_knots_are_differences_of_pictures() {
     let filter = SharedFilter::from(Filter::Fit);
-    let line = filter.rule(FootprintNeighbour::SameDistance);
+    let line = filter.rule();
     let curve = Curve::above(LevelOfDetail { factor: 0.6, bias: 0.3, ..line }, LEVELS - 1);
     let level_of_detail = curve.rule();
     let levels = TrainedLevels { filter: &*filter, count: LEVELS, level_of_detail };

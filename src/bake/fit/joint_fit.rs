@@ -76,7 +76,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// Fits, and keeps what is best at every scale.
     pub fn run(mut self) -> Result<Fitted> {
         let FitContext { options, progress, .. } = self.context;
-        let rule = SharedFilter::from(Filter::RateTent).rule(self.context.start.neighbour);
+        let rule = SharedFilter::from(Filter::RateTent).rule();
         let psnr = self.quality_of(rule)?;
         let unfitted = Reached { rule, ..self.reached(psnr) };
         let psnr = self.quality_of(self.curve.rule())?;

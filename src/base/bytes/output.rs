@@ -40,23 +40,48 @@ struct NewFolders(Vec<Unfinished>);
 
 impl NewFolders {
     /// Makes a folder and those above it that are missing.
-    fn make(folder: &Path) -> std::io::Result<Self> {
-        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let made = Self(folder.ancestors().take_while(missing).map(Unfinished::note).collect());
-        let there = folder.ancestors().nth(made.0.len());
-        if there.is_some_and(|path| path.exists() && !path.is_dir()) {
-            return Err(std::io::Error::other("a file is in a folder's place"));
-        }
-        made_and_noted(|| std::fs::create_dir_all(folder))?;
+    fn make(folder: &Path) -> Result<Self> {
+        let mut made = Self::default();
+        make_folders(folder, &mut made.0)?;
         Ok(made)
     }
 }
 
+/// Makes a folder and those above it that are missing, and notes them in `made`, outermost first.
+pub(super) fn make_folders(folder: &Path, made: &mut Vec<Unfinished>) -> Result<()> {
+    // A slash at the end would hide a file in the folder's place.
+    let folder = folder.components().as_path();
+    let is_here = |path: &Path| path.as_os_str().is_empty();
+    // A link that leads nowhere is there.
+    let missing = |path: &&Path| !is_here(path) && path.symlink_metadata().is_err();
+    let missing: Vec<&Path> = folder.ancestors().take_while(missing).collect();
+    let there = folder.ancestors().nth(missing.len());
+    if let Some(file) = there.filter(|path| !is_here(path) && !path.is_dir()) {
+        let message = "a file is in a folder's place";
+        return Err(Error::io(std::io::Error::other(message), file));
+    }
+    // Noted first: making the last of them may fail.
+    made.extend(missing.into_iter().rev().map(Unfinished::note));
+    made_and_noted(|| std::fs::create_dir_all(folder)).map_err(|error| Error::io(error, folder))
+}
+
+/// Refuses folders, devices, pipes, and links to them: none is to be replaced. Other links are
+/// replaced, not followed.
+fn refuse_unreplaceable(path: &Path) -> std::io::Result<()> {
+    let Ok(found) = path.metadata() else { return Ok(()) };
+    // Links to the program's own streams, which may be files at the moment.
+    let is_stream = || path.parent() == Some(Path::new("/dev"));
+    let (kind, name) = match found.is_dir() {
+        true => (std::io::ErrorKind::IsADirectory, "a folder"),
+        false if found.is_file() && !is_stream() => return Ok(()),
+        false => (std::io::ErrorKind::InvalidInput, "a device or pipe"),
+    };
+    Err(std::io::Error::new(kind, format!("{name} is in the output's place")))
+}
+
 impl Drop for NewFolders {
     fn drop(&mut self) {
-        for folder in &self.0 {
-            folder.remove();
-        }
+        self.0.iter().rev().for_each(Unfinished::remove);
     }
 }
 
@@ -68,19 +93,7 @@ impl Output {
     ///
     /// [`ErrorKind::Exists`], [`ErrorKind::IsInput`], and those of the operating system.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
-        let io = |error| Error::io(error, path);
-        // A link is replaced, not followed; devices, pipes and folders are not to be replaced.
-        if let Ok(found) = path.symlink_metadata()
-            && !found.is_file()
-            && !found.is_symlink()
-        {
-            let (kind, name) = match found.is_dir() {
-                true => (std::io::ErrorKind::IsADirectory, "a folder"),
-                false => (std::io::ErrorKind::InvalidInput, "a device or pipe"),
-            };
-            let message = format!("{name} is in the output's place");
-            return Err(io(std::io::Error::new(kind, message)));
-        }
+        refuse_unreplaceable(path).map_err(|error| Error::io(error, path))?;
         if is_guarded(path) {
             return Err(Error::new(ErrorKind::IsInput, Place::File).in_file(path));
         }
@@ -91,7 +104,7 @@ impl Output {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let folders = NewFolders::make(folder).map_err(io)?;
+        let folders = NewFolders::make(folder)?;
         let destination = if overwrite { Destination::AnyName } else { Destination::FreeName };
         Self::in_folder(folder, path, destination, folders)
     }

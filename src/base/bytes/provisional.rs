@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use super::output::make_folders;
 use super::unfinished::{Unfinished, made_and_noted};
 use super::{ByteSink, Output, stale};
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 
 /// The files and folders that a run has made so far. They go again unless [`Self::keep`] is called.
 /// Files that it replaced stay replaced.
@@ -20,22 +21,7 @@ impl Provisional {
     /// # Errors
     /// Those of the operating system.
     pub fn create_folder(&mut self, folder: &Path) -> Result<()> {
-        // A slash at the end would hide a file in the folder's place.
-        let folder = folder.components().as_path();
-        let missing = folder
-            .ancestors()
-            .take_while(|path| !path.as_os_str().is_empty() && path.symlink_metadata().is_err());
-        let missing: Vec<&Path> = missing.collect();
-        let is_folder = |path: &&Path| path.as_os_str().is_empty() || path.is_dir();
-        let there = folder.ancestors().nth(missing.len());
-        if let Some(file) = there.filter(|path| !is_folder(path)) {
-            let message = "a file is in a folder's place";
-            return Err(Error::io(std::io::Error::other(message), file));
-        }
-        // Noted first: making the last of them may fail.
-        self.made.extend(missing.into_iter().rev().map(Unfinished::note));
-        let made = made_and_noted(|| std::fs::create_dir_all(folder));
-        made.map_err(|error| Error::io(error, folder))?;
+        make_folders(folder, &mut self.made)?;
         stale::remove(folder);
         Ok(())
     }

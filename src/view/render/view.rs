@@ -2,7 +2,7 @@
 
 use crate::base::error::{Place, Result};
 use crate::levels::{Direction, LevelFilter};
-use crate::model::baked::{BakedField, Blend, FootprintNeighbour, LevelOfDetail, StepRule};
+use crate::model::baked::{BakedField, Blend, LevelOfDetail, StepRule};
 use crate::model::field::{Activation, ColorDomain, FreeSpace, March, RadianceField, Scene};
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::trained_model::RayRules;
@@ -60,12 +60,7 @@ impl<'a> TrainedLevels<'a> {
     /// As many levels as `filter` makes of a scene, rendered by the rules of training where
     /// training had such levels.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
-        let neighbour = match filter.blend() {
-            Blend::BeforeActivation => FootprintNeighbour::SameIndex,
-            Blend::AfterActivation => FootprintNeighbour::SameDistance,
-        };
-        let (count, level_of_detail) = (filter.level_count(scene.nodes), filter.rule(neighbour));
-        Self { filter, count, level_of_detail }
+        Self { filter, count: filter.level_count(scene.nodes), level_of_detail: filter.rule() }
     }
 }
 
