@@ -58,7 +58,8 @@ fn trained_fields_with_and_without_levels_equal_the_oracle() {
     let levels = TrainedLevels::of_training(&Filter::Code, &field.scene);
     let mips = Renderer::trained(&field, Some(levels), &limits).expect("a field");
     let mut options = BakeOptions::default();
-    (options.filter, options.bits, options.alpha_threshold) = (Filter::Code.into(), Bits::F32, 1e-9);
+    (options.filter, options.bits, options.alpha_threshold) =
+        (Filter::Code.into(), Bits::F32, 1e-9);
     let baked = baked_bytes(&field, &options).expect("a bake");
     let baked = open_bytes(&baked).expect("a container").read().expect("levels");
     let baked = Renderer::baked(&baked, &limits).expect("a field");

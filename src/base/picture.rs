@@ -1,7 +1,7 @@
 //! Pictures as files: 8-bit PNG and float32 EXR. The only door to `image` and `exr`.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
 use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
@@ -10,6 +10,12 @@ use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder, codecs::png::Png
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
+
+/// Pixels along a side, at most.
+const MOST_PIXELS: u64 = 1 << 16;
+/// Bytes that one byte of deflated data stands for, at most (RFC 1951: a match of 258 bytes takes
+/// two bits).
+const MOST_INFLATED: u64 = 1032;
 
 /// A PNG of 8-bit grey (`values` one a pixel), RGB (three a pixel) or RGBA (four, alpha not
 /// multiplied in), rows from the top.
@@ -102,7 +108,9 @@ pub fn read_exr(path: &Path, max_bytes: u64) -> Result<Channels> {
 }
 
 fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
-    let side = |size: usize| u32::try_from(size).ok().filter(|&side| side > 0 && side <= 1 << 16);
+    let side = |size: usize| {
+        u32::try_from(size).ok().filter(|&side| side > 0 && u64::from(side) <= MOST_PIXELS)
+    };
     match (side(width), side(height)) {
         (Some(width), Some(height)) => Ok([width, height]),
         _ => Err(Error::invalid_option(
@@ -158,7 +166,9 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Rgba> {
 }
 
 /// The same from bytes, which errors say are the file `path`.
-pub fn decode(from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<Rgba> {
+pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<Rgba> {
+    let length = from.seek(SeekFrom::End(0)).map_err(|error| Error::io(error, path))?;
+    from.rewind().map_err(|error| Error::io(error, path))?;
     let mut reader = image::ImageReader::new(from)
         .with_guessed_format()
         .map_err(|error| Error::io(error, path))?;
@@ -166,8 +176,20 @@ pub fn decode(from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<
     limits.max_alloc = Some(max_bytes);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| unreadable(error, path))?;
-    limits::check("bytes of a picture", decoder.total_bytes(), max_bytes, &Place::File)
+    let (width, height) = decoder.dimensions();
+    let longest = u64::from(width.max(height));
+    let pixels = u64::from(width) * u64::from(height);
+    // Once as stored, and once as RGBA.
+    let bytes = decoder.total_bytes().saturating_add(pixels.saturating_mul(4));
+    limits::check("pixels along a side", longest, MOST_PIXELS, &Place::File)
+        .and_then(|()| limits::check("bytes of a picture", bytes, max_bytes, &Place::File))
         .map_err(|error| error.in_file(path))?;
+    // Memory is asked for by the header's word, so the data must be able to fill it.
+    if decoder.total_bytes() / MOST_INFLATED > length {
+        let found = format!("{width} x {height} pixels in {length} bytes");
+        let expected = "the data of all its pixels";
+        return Err(Error::malformed(Place::File, found, expected).in_file(path));
+    }
     let picture = image::DynamicImage::from_decoder(decoder);
     let picture = picture.map_err(|error| unreadable(error, path))?.into_rgba8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
@@ -182,4 +204,37 @@ fn unreadable(error: image::ImageError, path: &Path) -> Error {
         error => format!("a picture that cannot be read ({error})"),
     };
     Error::malformed(Place::File, found, "a PNG").in_file(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A PNG whose header says another size.
+    fn lying(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = png(2, 2, &[0; 12]).expect("a picture");
+        // The first chunk: length, name, width, height, five bytes, CRC-32 from the name on.
+        bytes[16..20].copy_from_slice(&width.to_be_bytes());
+        bytes[20..24].copy_from_slice(&height.to_be_bytes());
+        let sum = crc32fast::hash(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&sum.to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn memory_is_asked_for_only_where_the_data_can_fill_it() {
+        let read = |bytes: Vec<u8>| decode(Cursor::new(bytes), Path::new("a.png"), 1 << 40);
+        assert_eq!(read(lying(2, 2)).expect("a picture").bytes.len(), 16);
+        for (size, told) in [
+            ([65_536, 65_536], "the data of all its pixels"),
+            ([40_000, 4_000], "the data of all its pixels"),
+            ([100_000, 3], "pixels along a side"),
+            ([u32::MAX >> 1, 1], "pixels along a side"),
+        ] {
+            let error = read(lying(size[0], size[1])).expect_err("a lie").to_string();
+            assert!(error.contains(told) && error.contains("a.png"), "{size:?}: {error}");
+        }
+        // Small lies are found by the data.
+        read(lying(3, 2)).expect_err("a lie");
+    }
 }

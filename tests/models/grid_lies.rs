@@ -12,7 +12,7 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
     for make in SMALL_GRIDS {
         used(&make()).expect("sound");
     }
-    let lies: [LieCase; 16] = [
+    let lies: [LieCase; 17] = [
         (grids::plenoxels, "a link beyond the rows", |grid| {
             if let Values::I32(links) = &mut grid.array("links").2 {
                 links[4] = 30;
@@ -31,6 +31,9 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
         }),
         (grids::plenoxels, "a box without extent", |grid| {
             *grid.array("radius") = ("radius", vec![3], Values::F32(vec![1.0, 0.0, 1.0]));
+        }),
+        (grids::plenoxels, "a box thinner than any", |grid| {
+            *grid.array("radius") = ("radius", vec![3], Values::F32(vec![1.0, 1e-20, 1.0]));
         }),
         (grids::plenoxels, "a texture as basis", |grid| {
             grid.arrays.push(("basis_type", Vec::new(), Values::I32(vec![4])));

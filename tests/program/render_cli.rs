@@ -185,7 +185,7 @@ fn the_name_of_the_output_decides_and_impossible_ones_are_refused() {
     let from = ["-o", "x", "--cameras", &cameras];
     refused(here, &[&from[..], &["--frames", "nope"]].concat(), "r_0, r_10, r_20, r_30, r_40, ...");
     refused(here, &[&from[..], &["--frames", "10"]].concat(), "index from 0 to 9");
-    refused(here, &[&from[..], &["--frames", "0,r_0"]].concat(), "two pictures");
+    refused(here, &[&from[..], &["--frames", "0,r_0"]].concat(), "two of the frames");
     refused(here, &[&from[..], &["--radius", "2"]].concat(), "--radius");
     refused(here, &[&from[..], &["--spiral", "2"]].concat(), "--spiral");
     refused(here, &["-o", "x", "--path", "4"], "--cameras");

@@ -114,6 +114,25 @@ fn parse_size(text: &str) -> std::result::Result<Size, String> {
     }
 }
 
+/// Scales at which every picture has a pixel left, each once.
+pub fn checked_scales(asked: &[u16], cameras: &[Camera]) -> Result<Vec<usize>> {
+    let mut scales: Vec<usize> = Vec::new();
+    for scale in asked.iter().copied().map(usize::from) {
+        if !scales.contains(&scale) {
+            scales.push(scale);
+        }
+    }
+    let smallest = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]).min();
+    if let Some(side) = smallest
+        && let Some(scale) = scales.iter().find(|&&scale| scale > side)
+    {
+        return Err(Error::usage(format!(
+            "--scales {scale} leaves no pixel of a picture that is {side} pixels wide or high"
+        )));
+    }
+    Ok(scales)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

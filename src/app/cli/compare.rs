@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::cameras::{CameraArguments, check_memory};
+use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::field::FieldArguments;
 use super::outcome::{Outcome, warn};
@@ -156,25 +156,6 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let both_fields = matches!(reference, Reference::Field(_));
     Outcome::new("compare", &report, report.text(both_fields))
-}
-
-/// Scales at which every picture has a pixel left, each once.
-pub fn checked_scales(asked: &[u16], cameras: &[Camera]) -> Result<Vec<usize>> {
-    let mut scales: Vec<usize> = Vec::new();
-    for scale in asked.iter().copied().map(usize::from) {
-        if !scales.contains(&scale) {
-            scales.push(scale);
-        }
-    }
-    let smallest = cameras.iter().flat_map(|camera| [camera.lens.width, camera.lens.height]).min();
-    if let Some(side) = smallest
-        && let Some(scale) = scales.iter().find(|&&scale| scale > side)
-    {
-        return Err(Error::usage(format!(
-            "--scales {scale} leaves no pixel of a picture that is {side} pixels wide or high"
-        )));
-    }
-    Ok(scales)
 }
 
 /// A table of errors.

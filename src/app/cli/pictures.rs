@@ -70,7 +70,7 @@ impl Pictures {
                 // All frames of a film are in one file.
                 let is_film = matches!(pictures.destination, Destination::Film(..));
                 if !names.insert(file.clone()) && !is_film {
-                    let message = "two pictures would have this name: pick frames and scales once";
+                    let message = "two of the frames have this name: pick one with --frames";
                     return Err(Error::usage(message).in_file(&file));
                 }
             }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 
-use super::cameras::{CameraArguments, check_memory};
+use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::destination::Destination;
 use super::field::FieldArguments;
@@ -43,8 +43,9 @@ pub struct Arguments {
     #[arg(long)]
     alpha: bool,
     /// Picture sizes: full, a half, a quarter and so on, with one ray a pixel
-    #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1")]
-    scales: Vec<usize>,
+    #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1",
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    scales: Vec<u16>,
     /// Rays along each side of a pixel
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=16))]
@@ -103,16 +104,13 @@ struct FrameReport {
 
 /// Renders.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let scales = &arguments.scales;
-    if scales.iter().any(|scale| !(1..=1024).contains(scale)) {
-        return Err(Error::usage("--scales must be whole numbers from 1 to 1024"));
-    }
     let destination = Destination::of(&arguments.output)?;
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let mut field = arguments.open(common)?;
     let cameras =
         arguments.viewpoints.cameras(&arguments.cameras, &mut field, &common.limits(), &bar)?;
+    let scales = &checked_scales(&arguments.scales, &cameras)?;
     check_memory(&cameras, arguments.supersample, &common.limits())?;
     let options = PictureOptions {
         without_background: arguments.alpha.then_some(field.view().background),

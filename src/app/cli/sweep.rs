@@ -5,9 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::cameras::{CameraArguments, check_memory};
+use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
-use super::compare::checked_scales;
 use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;

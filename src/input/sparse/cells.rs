@@ -3,13 +3,15 @@
 //! One node is added beyond each face, a copy of the face's own: so the outer half of the outermost
 //! cells stays, and rays are sampled from face to face of the cells.
 
-use crate::base::error::{Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::model::grid::{Bounds, Nodes};
 
 use super::path::Lattice;
 
 /// Edges of cells that differ by this share are the same: settings are float32.
 const SAME_EDGE: f32 = 1e-6;
+/// The longest edge of a box, in its shortest ones. Rays along thinner boxes take endless steps.
+const WIDEST: f64 = 1e6;
 
 /// A box of cells.
 #[derive(Debug, Clone, Copy)]
@@ -31,8 +33,17 @@ impl CellBox {
     /// The box of the field's nodes.
     ///
     /// # Errors
-    /// `Malformed` for a box without extent, at `place`.
+    /// `Malformed` for a box without extent, and for one that is far thinner along one axis than
+    /// along another, at `place`.
     pub fn bounds(&self, place: &Place) -> Result<Bounds> {
+        let radii = self.radius.map(f64::abs);
+        let [thinnest, widest] =
+            [f64::min, f64::max].map(|end| radii.into_iter().fold(radii[0], end));
+        if thinnest * WIDEST < widest {
+            let found = format!("half edges {:?}", self.radius);
+            let expected = format!("edges that differ by a factor of up to {WIDEST}");
+            return Err(Error::malformed(place.clone(), found, expected));
+        }
         let bounds = self.reaching(|radius, count| radius * (1.0 + 1.0 / count));
         bounds.check(place)?;
         Ok(bounds)

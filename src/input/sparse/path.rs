@@ -2,6 +2,7 @@
 
 use super::loaded::{Cell, LoadedRows};
 use crate::model::camera::Ray;
+use crate::model::field::March;
 use crate::model::trained_model::{RayColor, RayRules};
 
 /// Samples no farther beyond a face than this, in nodes, lie on it.
@@ -67,13 +68,14 @@ impl Lattice {
 
 impl GridPath {
     /// Visits samples front to back, `step` world units from one to the next, with their distance
-    /// and cell, until a visit says no. Where no density is above 0, samples
-    /// are left out.
+    /// and cell, until a visit says no. Where no density is above 0, samples are left out. So are
+    /// those beyond the most that any ray may have.
     pub fn walk(&self, rows: &LoadedRows, step: f64, mut visit: impl FnMut(f64, &Cell) -> bool) {
         let mut number = 0.0f64;
         loop {
             let t = self.start + number * step;
-            if t > self.end {
+            // A step far shorter than its distance from the camera never reaches the end.
+            if t > self.end || number > f64::from(March::MAX_SAMPLES) {
                 return;
             }
             let at = rows.clamped(self.position(t));

@@ -7,6 +7,11 @@ use crate::base::error::{Error, Place, Result};
 
 /// Pixels along a picture's sides, at most: pictures of that size take gigabytes.
 pub const LARGEST_SIDE: usize = 1 << 15;
+/// Bounds on focal lengths, as shares of a picture's longer side.
+const FOCAL_SHARES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+/// Places of cameras and optical centres lie within this distance of 0: beyond it, float64 cannot
+/// tell rays apart.
+const FARTHEST: f64 = 1e12;
 
 /// One camera: a frame of a camera file.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,13 +72,31 @@ impl Lens {
         }
     }
 
-    /// The view at `1 / scale` of the distance in pixels: sizes rounded down, the focal length
-    /// divided, the centre in proportion to the size.
+    /// A picture of another size with the same angle along x. Pixels keep their shape, so another
+    /// shape of the picture shows more or less along y.
+    #[must_use]
+    pub fn reframed(&self, width: usize, height: usize) -> Self {
+        let scale = width as f64 / self.width as f64;
+        let [x, y] = [self.center[0], self.center[1] - 0.5 * self.height as f64];
+        Self {
+            width,
+            height,
+            focal: self.focal.map(|focal| focal * scale),
+            center: [x * scale, 0.5 * height as f64 + y * scale],
+        }
+    }
+
+    /// The view whose pixels are blocks of `scale` x `scale` pixels, the first one in the upper left
+    /// corner. Blocks that are cut off at the right and below are left out.
     #[must_use]
     pub fn shrunk(&self, scale: usize) -> Self {
-        let (width, height) = ((self.width / scale).max(1), (self.height / scale).max(1));
-        let focal = self.focal.map(|focal| focal / scale as f64);
-        Self { focal, ..self.resized(width, height) }
+        let divided = |length: f64| length / scale as f64;
+        Self {
+            width: self.width / scale,
+            height: self.height / scale,
+            focal: self.focal.map(divided),
+            center: self.center.map(divided),
+        }
     }
 
     /// `factor` rays along each side of a pixel.
@@ -140,13 +163,18 @@ impl Camera {
         if determinant.abs() < 1e-12 {
             return bad(format!("a matrix with determinant {determinant}"), "a rotation");
         }
-        let lens = &self.lens;
-        let [fx, fy] = lens.focal;
-        if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
-            return bad(format!("focal lengths {fx} and {fy}"), "positive numbers");
+        let is_near = |number: &f64| number.abs() <= FARTHEST;
+        if let Some(far) = self.to_world.to_cols_array().into_iter().find(|n| !is_near(n)) {
+            return bad(format!("a matrix with {far}"), "numbers up to 1e12");
         }
-        if lens.center.iter().any(|center| !center.is_finite()) {
-            return bad(format!("an optical centre at {:?}", lens.center), "finite numbers");
+        let lens = &self.lens;
+        let longest = lens.width.max(lens.height) as f64;
+        if let Some(focal) = lens.focal.iter().find(|&f| !FOCAL_SHARES.contains(&(f / longest))) {
+            let found = format!("focal length {focal} of a picture of {longest} pixels");
+            return bad(found, "a millionth to a million times the picture's longer side");
+        }
+        if !lens.center.iter().all(is_near) {
+            return bad(format!("an optical centre at {:?}", lens.center), "numbers up to 1e12");
         }
         let sides = 1..=LARGEST_SIDE;
         if !sides.contains(&lens.width) || !sides.contains(&lens.height) {
@@ -163,6 +191,59 @@ impl Camera {
         Ray {
             origin: self.to_world.w_axis.truncate(),
             direction: self.to_world.transform_vector3(local),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(width: usize, height: usize) -> Lens {
+        Lens { width, height, focal: [120.0, 110.0], center: [33.0, 20.0] }
+    }
+
+    fn camera(lens: Lens) -> Camera {
+        Camera { name: "c".to_owned(), to_world: DMat4::IDENTITY, lens, picture: None }
+    }
+
+    #[test]
+    fn a_pixel_of_a_small_picture_is_a_block_of_the_large_one() {
+        for (scale, size) in [(1, [63, 41]), (2, [31, 20]), (8, [7, 5]), (41, [1, 1])] {
+            let (large, small) = (lens(63, 41), lens(63, 41).shrunk(scale));
+            assert_eq!([small.width, small.height], size);
+            let [large, small] = [large, small].map(camera);
+            for (x, y) in [(0.0, 0.0), (0.5, 0.75), (1.0, 1.0)] {
+                let [a, b] = [(&small, 1.0), (&large, scale as f64)]
+                    .map(|(camera, times)| camera.ray(x * times, y * times).direction);
+                assert!((a - b).length() < 1e-12, "{scale}: {a} for {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn another_shape_of_the_picture_keeps_the_angle_along_x_and_the_shape_of_pixels() {
+        let square = Lens { width: 40, height: 40, focal: [50.0; 2], center: [20.0; 2] };
+        let wide = square.reframed(80, 30);
+        assert_eq!(wide, Lens { width: 80, height: 30, focal: [100.0; 2], center: [40.0, 15.0] });
+        // The same shape is the same view, wherever its centre is.
+        let (moved, same) = (lens(60, 40).reframed(90, 60), lens(60, 40).resized(90, 60));
+        assert_eq!((moved.focal, moved.center), (same.focal, same.center));
+    }
+
+    #[test]
+    fn lenses_without_a_picture_are_refused() {
+        let good = lens(60, 40);
+        camera(good).check().expect("a camera");
+        let focal = |focal: f64| Lens { focal: [60.0, focal], ..good };
+        for focal_length in [0.0, -1.0, 1e-308, 5e-5, 1e9, f64::INFINITY, f64::NAN] {
+            let error = camera(focal(focal_length)).check().expect_err("no focal length");
+            assert!(error.to_string().contains("focal length"), "{error}");
+        }
+        for far in [1e13, f64::NAN] {
+            camera(Lens { center: [far, 0.0], ..good }).check().expect_err("no centre");
+            let to_world = DMat4::from_translation(DVec3::new(0.0, far, 0.0));
+            Camera { to_world, ..camera(good) }.check().expect_err("no place");
         }
     }
 }

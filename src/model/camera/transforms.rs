@@ -131,7 +131,13 @@ fn camera(
     let (w, h) = (width as f64, height as f64);
     let fx = match (fields.fl_x, fields.camera_angle_x) {
         (Some(focal), _) => focal,
-        (None, Some(angle)) => 0.5 * w / libm::tan(0.5 * angle),
+        (None, Some(angle)) if angle > 0.0 && angle < std::f64::consts::PI => {
+            0.5 * w / libm::tan(0.5 * angle)
+        }
+        (None, Some(angle)) => {
+            let found = format!("camera_angle_x {angle}");
+            return Err(Error::malformed(place, found, "an angle above 0 and below pi"));
+        }
         (None, None) => {
             return Err(Error::malformed(place, "no focal length", "fl_x or camera_angle_x"));
         }
@@ -143,7 +149,7 @@ fn camera(
         center: [fields.cx.unwrap_or(0.5 * w), fields.cy.unwrap_or(0.5 * h)],
     };
     let lens = match size {
-        Some([width, height]) => lens.resized(width, height),
+        Some([width, height]) => lens.reframed(width, height),
         None => lens,
     };
     let rows = frame.transform_matrix.map(DVec4::from_array);

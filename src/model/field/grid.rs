@@ -85,8 +85,9 @@ impl Grid {
                 }
             }
             Self::Values(values) => {
-                let whole = NodeMask::full(values.nodes());
-                values.read(channel, x, whole.plane(x), out)?;
+                let [_, y, z] = values.nodes().0;
+                let whole = NodeMask::full(Nodes([1, y, z]));
+                values.read(channel, x, whole.plane(0), out)?;
             }
         }
         Ok(())
