@@ -1,5 +1,5 @@
 //! Tools that every program has: errors, limits, progress, threads, bytes, findings, pictures,
-//! colours, parts of lists.
+//! colours, texts, parts of lists.
 
 pub mod bytes;
 pub mod error;
@@ -11,3 +11,4 @@ mod place;
 pub mod progress;
 pub mod shard;
 pub mod srgb;
+pub mod text;

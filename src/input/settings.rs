@@ -19,6 +19,7 @@ use super::options::SourceOptions;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
+use crate::base::text;
 
 /// Names of files beside an input. The first one that is there counts.
 const NAMES: [&str; 2] = ["scene.toml", "scene.json"];
@@ -97,7 +98,7 @@ impl SceneSettings {
 }
 
 fn parse_json(bytes: &[u8]) -> Result<Value> {
-    serde_json::from_slice(bytes).map_err(|error| {
+    serde_json::from_slice(text::without_mark(bytes)).map_err(|error| {
         let place = Place::Key(format!("line {}", error.line()));
         Error::malformed(place, error.to_string(), "settings of a scene, in JSON")
     })
@@ -107,7 +108,26 @@ fn parse_toml(bytes: &[u8]) -> Result<Value> {
     let malformed =
         |found: String| Error::malformed(Place::File, found, "settings of a scene, in TOML");
     let text = str::from_utf8(bytes).map_err(|error| malformed(error.to_string()))?;
-    toml::from_str(text).map_err(|error| malformed(error.message().to_owned()))
+    let document: toml::Table =
+        toml::from_str(text).map_err(|error| malformed(error.message().to_owned()))?;
+    // JSON has no such numbers: they would be taken for settings that are left out.
+    if let Some(key) = not_finite(&document) {
+        let place = Place::Key(key.to_owned());
+        return Err(Error::malformed(place, "a number that is not finite", "a finite number"));
+    }
+    serde_json::to_value(&document).map_err(|error| malformed(error.to_string()))
+}
+
+/// The first key whose value has numbers that are not finite.
+fn not_finite(document: &toml::Table) -> Option<&str> {
+    fn is_odd(value: &toml::Value) -> bool {
+        match value {
+            toml::Value::Float(number) => !number.is_finite(),
+            toml::Value::Array(values) => values.iter().any(is_odd),
+            _ => false,
+        }
+    }
+    document.iter().find(|(_, value)| is_odd(value)).map(|(key, _)| key.as_str())
 }
 
 fn settings(document: &Value) -> Result<SourceOptions> {
@@ -179,7 +199,9 @@ mod tests {
             let read = parse_json(text.as_bytes()).and_then(|document| settings(&document));
             assert!(read.is_err(), "{text}");
         }
-        assert!(parse_toml(b"stepsize = ").is_err());
+        for text in ["stepsize = ", "stepsize = nan", "far = inf", "background = [0, -inf, 0]"] {
+            assert!(parse_toml(text.as_bytes()).is_err(), "{text}");
+        }
     }
 
     #[test]

@@ -142,11 +142,11 @@ fn limits_are_set_on_the_command_line() {
     {
         let arguments = [verb, file.as_str(), "-o", output];
         let (code, message) = run(&[&arguments[..], &["--limit", "nodes=314"]].concat());
-        assert!(code == Some(6) && message.contains("see --limit"), "{message}");
+        assert!(code == Some(6) && message.contains("raise --limit"), "{message}");
         assert!(!folder.path().join(output).exists());
     }
     let (code, message) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=100"]);
-    assert!(code == Some(6) && message.contains("see --limit"), "{message}");
+    assert!(code == Some(6) && message.contains("raise --limit"), "{message}");
     let (code, _) = run(&["unpack", &container, "-o", "x.npz", "--limit", "memory=1000000"]);
     assert_eq!(code, Some(0));
     for wrong in ["size=3", "nodes", "nodes=many"] {

@@ -174,7 +174,7 @@ fn rays_that_cannot_be_are_refused() {
             vec![("origins", up.clone()), ("directions", up.clone())],
             &["--limit", "memory=20"],
             6,
-            "see --limit",
+            "raise --limit",
         ),
         ("name", vec![("origins", up.clone())], &["-o", "x.png"], 2, "safetensors"),
     ];

@@ -21,6 +21,7 @@ use super::{
 use crate::base::bytes::Guard;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
+use crate::base::text::printable;
 
 /// Arguments that name files to write. Every other argument that names a file is an input.
 const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
@@ -103,7 +104,7 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
     });
     let code = printed.unwrap_or_else(|error| {
         let label = error_label(is_colored(common.color));
-        say(&format!("{label} {}\n  help: {}", message(&error), remedy(&error)));
+        say(&format!("{label} {}\n  help: {}", printable(&message(&error)), remedy(&error)));
         exit_code(error.kind())
     });
     stdin::remove_copy();

@@ -63,8 +63,13 @@ pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
 pub fn parse_box(text: &str) -> std::result::Result<Bounds, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match *numbers.unwrap_or_default() {
-        [x0, y0, z0, x1, y1, z1] => Ok(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
-        _ => Err("expected six numbers with commas between".to_owned()),
+        [x0, y0, z0, x1, y1, z1] if x0 < x1 && y0 < y1 && z0 < z1 => {
+            Ok(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] })
+        }
+        _ => {
+            let expected = "expected six numbers with commas between, the lowest corner first";
+            Err(expected.to_owned())
+        }
     }
 }
 

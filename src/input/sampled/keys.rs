@@ -139,6 +139,9 @@ fn places(tensor: &Tensor, limits: &Limits) -> Result<Vec<[i64; 3]>> {
     };
     limits::check("blocks", count, limits.blocks, &tensor.place())?;
     let numbers = tensor.read_f64(&mut Budget::new(limits))?;
+    if let Some(odd) = numbers.iter().find(|number| number.fract() != 0.0) {
+        return Err(Error::malformed(tensor.place(), odd.to_string(), "whole numbers of blocks"));
+    }
     #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
     let places = numbers.as_chunks::<3>().0.iter().map(|place| place.map(|at| at as i64));
     Ok(places.collect())

@@ -10,7 +10,7 @@ use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::tensor::{FileKind, GRIDS, TensorFile};
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
-use crate::model::grid::Bounds;
+use crate::model::grid::{Bounds, Nodes};
 
 /// The grid of optical depth.
 const DENSITY: &str = "density";
@@ -102,11 +102,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// The box of a grid's active voxels and a border, and its nodes.
+/// The box of a grid's active voxels and a border, and its nodes. Without voxels it is the box from
+/// voxel 0 to voxel 1.
 fn bounds_of(grid: &VdbGrid, limits: &Limits, place: &Place) -> Result<(Bounds, NodeBox)> {
     let nodes = NodeBox::of(grid, limits, place)?;
-    let nodes = nodes
-        .ok_or_else(|| Error::unsupported(place.clone(), "a density without voxels", "some"))?;
+    let nodes = nodes.unwrap_or(NodeBox { low: [0; 3], nodes: Nodes([2; 3]) });
     let (mut bounds, spacing) = (Bounds { min: [0.0; 3], max: [0.0; 3] }, grid.placed.spacing());
     let corners = bounds.min.iter_mut().zip(&mut bounds.max);
     let along = nodes.low.into_iter().zip(nodes.nodes.0).zip(spacing).zip(grid.placed.first);

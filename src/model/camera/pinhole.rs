@@ -170,7 +170,7 @@ impl Camera {
         let lens = &self.lens;
         let longest = lens.width.max(lens.height) as f64;
         if let Some(focal) = lens.focal.iter().find(|&f| !FOCAL_SHARES.contains(&(f / longest))) {
-            let found = format!("focal length {focal} of a picture of {longest} pixels");
+            let found = format!("focal length {focal:e} of a picture of {longest} pixels");
             return bad(found, "a millionth to a million times the picture's longer side");
         }
         if !lens.center.iter().all(is_near) {

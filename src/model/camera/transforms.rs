@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::{Camera, Lens};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::base::text::without_mark;
 
 /// Picture size where neither the file nor its pictures say one.
 const DEFAULT_SIDE: usize = 800;
@@ -104,7 +105,7 @@ pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<Ca
 fn read_text(path: &Path, limits: &Limits) -> Result<String> {
     let file = crate::base::bytes::SourceFile::open(path)?;
     let bytes = file.read(0, file.length(), limits.header_bytes)?;
-    String::from_utf8(bytes).map_err(|_| {
+    String::from_utf8(without_mark(&bytes).to_vec()).map_err(|_| {
         let expected = "a camera file: JSON with frames";
         Error::wrong_kind("bytes that are no text", expected).in_file(path)
     })

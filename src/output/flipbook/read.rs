@@ -47,21 +47,36 @@ pub fn read(files: &WrittenFiles, limits: &Limits) -> Result<VolumePoints> {
         if z >= slices || value == [0.0; 4] {
             continue;
         }
-        let at = [x, y, z].map(|at| (at / SIDE) as i32);
-        if !leaves.contains_key(&at) {
-            budget.spend((POINTS * 16) as u64, "bytes of a volume", &Place::File)?;
+        for [x, y, z] in copies([x, y, z], described.dims) {
+            let at = [x, y, z].map(|at| at.div_euclid(SIDE as i32));
+            if !leaves.contains_key(&at) {
+                budget.spend((POINTS * 16) as u64, "bytes of a volume", &Place::File)?;
+            }
+            let leaf = leaves.entry(at).or_insert_with(|| vec![[0.0; 4]; POINTS]);
+            let [x, y, z] = [x, y, z].map(|at| at.rem_euclid(SIDE as i32) as usize);
+            leaf[(x * SIDE + y) * SIDE + z] = value;
         }
-        let leaf = leaves.entry(at).or_insert_with(|| vec![[0.0; 4]; POINTS]);
-        let [x, y, z] = [x, y, z].map(|at| at % SIDE);
-        leaf[(x * SIDE + y) * SIDE + z] = value;
     }
     let half = described.spacing.map(|spacing| 0.5 * spacing);
     Ok(VolumePoints {
         first: std::array::from_fn(|axis| described.bounds[0][axis] + half[axis]),
         spacing: described.spacing,
         extinction: described.step.map_or(Extinction::Density, Extinction::Opacity),
+        // The box of the description, half a distance of points beyond the points.
+        faces: Some(described.dims.map(|count| [-0.5, count as f64 - 0.5])),
         leaves,
     })
+}
+
+/// A point and its copies beyond the faces that it lies on: engines clamp textures.
+fn copies(at: [usize; 3], counts: [usize; 3]) -> impl Iterator<Item = [i32; 3]> {
+    let [xs, ys, zs] = [0, 1, 2].map(|axis| {
+        let place = at[axis] as i32;
+        let is_last = at[axis] + 1 == counts[axis];
+        place - i32::from(place == 0)..=place + i32::from(is_last)
+    });
+    let rows = xs.flat_map(move |x| ys.clone().map(move |y| (x, y)));
+    rows.flat_map(move |(x, y)| zs.clone().map(move |z| [x, y, z]))
 }
 
 /// Sides of a picture, and its pixels: opacity or density, and linear light.

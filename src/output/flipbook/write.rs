@@ -74,7 +74,7 @@ impl ExportFormat for Flipbook {
     ) -> Result<Exported> {
         let output = files.output().to_owned();
         let sheet = Sheet::of(&output)?;
-        let volume = volume(source, options, points_of(source, options)?, progress)?;
+        let volume = volume(source, options, points_of(source, options)?, false, progress)?;
         let counts = volume.lattice.counts();
         let [columns, rows] = tiles(counts)?;
         let stem = output.file_stem().unwrap_or_default().to_string_lossy();

@@ -85,7 +85,7 @@ pub(super) fn splats(
     })?;
     let count: usize = found.iter().map(Vec::len).sum();
     if count == 0 {
-        return Err(Error::unsupported(Place::File, "nothing that shows", "a field with matter"));
+        return Err(Error::usage("the field shows nothing, so there is nothing to make splats of"));
     }
     // Each with what an optimizer remembers of it.
     let bytes = 4 * (count * size_of::<GaussianSplat>()) as u64;

@@ -9,7 +9,7 @@ use super::metadata::MetaValue;
 use super::read_back::{points_of, read_points};
 use super::tree::GridContent;
 use crate::base::bytes::Output;
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Step};
 use crate::output::export_files::{ExportFiles, WrittenFiles};
@@ -19,6 +19,9 @@ use crate::view::render::Renderer;
 
 /// Points for each node along an axis.
 const FACTOR: usize = 2;
+/// Volume of a voxel, in world units, below which OpenVDB's readers refuse a transform as singular
+/// (`isApproxEqual` of its determinant and 0).
+const SINGULAR: f64 = 1e-15;
 /// The largest half float.
 const LARGEST_HALF: f32 = 65_504.0;
 
@@ -70,13 +73,19 @@ impl ExportFormat for Vdb {
 /// Refuses volumes of more points than there may be.
 ///
 /// # Errors
-/// Options out of range, and more points than the limits allow.
+/// Options out of range, more points than the limits allow, and voxels too small for readers.
 pub fn check_volume(source: &ExportSource, options: &ExportOptions) -> Result<()> {
     if options.features && source.field.view().features == 0 {
         let message = "--features: the field has no features, and no harmonics beyond band 0";
         return Err(Error::usage(message));
     }
-    lattice(source, options, FACTOR).map(|_| ())
+    let spacing = lattice(source, options, FACTOR)?.spacing;
+    if spacing.into_iter().product::<f64>() > SINGULAR {
+        return Ok(());
+    }
+    let found = format!("points {spacing:?} apart");
+    let expected = "a larger box: OpenVDB takes voxels of such a volume for none";
+    Err(Error::unsupported(Place::File, found, expected))
 }
 
 /// Writes density and colours into a file.
@@ -89,7 +98,7 @@ pub fn write_volume(
     output: &mut Output,
     progress: &dyn Progress,
 ) -> Result<(Exported, SparseVolume)> {
-    let volume = volume(source, options, lattice(source, options, FACTOR)?, progress)?;
+    let volume = volume(source, options, lattice(source, options, FACTOR)?, true, progress)?;
     let half = !options.float32;
     let largest = volume.largest_density();
     let scale = if options.normalize_density && largest > 0.0 { largest } else { 1.0 };

@@ -53,5 +53,5 @@ pub fn points_of([density, color]: [VdbGrid; 2], limits: &Limits) -> Result<Volu
     add(&color.tree, &|point, value| point[1..].copy_from_slice(value))?;
     // The writer's voxels run along the world's axes.
     let (first, spacing) = (density.placed.first, density.placed.spacing());
-    Ok(VolumePoints { first, spacing, extinction: Extinction::Density, leaves })
+    Ok(VolumePoints { first, spacing, extinction: Extinction::Density, faces: None, leaves })
 }

@@ -42,6 +42,9 @@ pub struct VolumePoints {
     pub spacing: [f64; 3],
     /// Meaning of the first values.
     pub extinction: Extinction,
+    /// Rays are followed between these places along each axis, in distances of points from point 0.
+    /// None: wherever there are leaves.
+    pub faces: Option<[[f64; 2]; 3]>,
     /// By the number of a leaf: density or opacity, and linear red, green and blue of its points.
     pub leaves: HashMap<[i32; 3], Vec<[f32; 4]>>,
 }
@@ -55,6 +58,8 @@ pub struct VolumeModel {
     /// Number of the lowest leaf along each axis, and how many there are.
     lowest: [i32; 3],
     counts: [usize; 3],
+    /// Rays are followed between these places along each axis, in distances of points.
+    faces: [[f64; 2]; 3],
     /// Leaf of each place, or [`NO_LEAF`].
     table: Vec<u32>,
     /// Leaves with aprons.
@@ -98,7 +103,12 @@ impl VolumeModel {
             fill(points, *at, values);
         }
         let (first, spacing, extinction) = (points.first, points.spacing, points.extinction);
-        Ok(Self { first, spacing, extinction, lowest, counts, table, values })
+        let leaves = [0, 1, 2].map(|axis| {
+            let low = f64::from(lowest[axis]) * SIDE as f64;
+            [low, low + (counts[axis] * SIDE) as f64]
+        });
+        let faces = points.faces.unwrap_or(leaves);
+        Ok(Self { first, spacing, extinction, lowest, counts, faces, table, values })
     }
 
     /// The values of the leaf that owns a cell, and the cell in it.
@@ -176,8 +186,7 @@ impl TrainedModel for VolumeModel {
         let near = f64::from(rules.near) * ray.direction.length();
         let (mut from, mut to) = (near, f64::INFINITY);
         for axis in 0..3 {
-            let low = f64::from(self.lowest[axis]) * SIDE as f64;
-            let high = low + (self.counts[axis] * SIDE) as f64;
+            let [low, high] = self.faces[axis];
             let (a, b) = ((low - start[axis]) / along[axis], (high - start[axis]) / along[axis]);
             if along[axis] != 0.0 {
                 (from, to) = (from.max(a.min(b)), to.min(a.max(b)));

@@ -35,7 +35,7 @@ pub fn lattice(source: &ExportSource, options: &ExportOptions, factor: usize) ->
     }
 }
 
-/// The volume at the points of a lattice.
+/// The volume at the points of a lattice, and `beyond` it colours.
 ///
 /// # Errors
 ///
@@ -44,9 +44,10 @@ pub fn volume(
     source: &ExportSource,
     options: &ExportOptions,
     lattice: Lattice,
+    beyond: bool,
     progress: &dyn Progress,
 ) -> Result<SparseVolume> {
-    let wanted = VolumeOptions { level: options.level, features: options.features };
+    let wanted = VolumeOptions { level: options.level, features: options.features, beyond };
     SparseVolume::new(&source.field, lattice, wanted, &options.limits, progress)
 }
 

@@ -41,6 +41,8 @@ pub struct VolumeOptions {
     pub level: usize,
     /// Features too.
     pub features: bool,
+    /// Colours of points beyond the lattice too, for programs that interpolate towards them.
+    pub beyond: bool,
 }
 
 /// Leaves with matter or colours, by their numbers: x slowest.
@@ -87,7 +89,7 @@ impl SparseVolume {
         }
         let mut volume = Self { lattice, leaves, features };
         volume.find_colors(field, options, progress)?;
-        volume.color_neighbours(&mut budget)?;
+        volume.color_neighbours(options.beyond, &mut budget)?;
         progress.advance(Step::Encode, counts[0] as u64);
         Ok(volume)
     }
@@ -153,18 +155,19 @@ impl SparseVolume {
 
     /// Gives points beside matter the colour of their nearest neighbour that has matter. Of equally
     /// near ones it is one along z, whose value is stored beside: such bytes compress.
-    fn color_neighbours(&mut self, budget: &mut Budget) -> Result<()> {
+    fn color_neighbours(&mut self, beyond: bool, budget: &mut Budget) -> Result<()> {
         let by_place: HashMap<[i32; 3], usize> =
             self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
         let steps = neighbours();
         let mut nearest: HashMap<[i32; 3], Vec<Neighbour>> = HashMap::new();
-        let counts = self.lattice.counts().map(|count| count as i32);
+        let margin = i32::from(beyond);
+        let ends = self.lattice.counts().map(|count| count as i32 + margin);
         for leaf in &self.leaves {
             for point in points(&leaf.matter) {
                 let own = place(leaf.at, point).map(|at| at as i32);
                 for (rank, step) in (0..).zip(&steps) {
                     let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + step[axis]);
-                    if (0..3).any(|axis| at[axis] < 0 || at[axis] >= counts[axis]) {
+                    if (0..3).any(|axis| at[axis] < -margin || at[axis] >= ends[axis]) {
                         continue;
                     }
                     let (home, inside) = home(at);

@@ -8,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use super::line::SceneLine;
 use super::options::OptionKind;
 use crate::base::error::{Error, Place, Result};
+use crate::base::text::without_mark;
 
 /// Bytes of a line, at most.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -50,6 +51,7 @@ impl Lines {
             if line.len() as u64 > LONGEST_LINE {
                 return Err(wrong("more than 1048576 bytes", "a JSON object a line"));
             }
+            let line = if self.number == 1 { without_mark(&line).to_vec() } else { line };
             let line = String::from_utf8(line).map_err(|_| wrong("no UTF-8", "UTF-8"))?;
             let line = line.trim();
             if !line.is_empty() {
