@@ -9,6 +9,9 @@ use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 
+/// The name of unpacked containers in errors.
+pub const UNPACKED: &str = "an unpacked container";
+
 /// A family with keys that no other has.
 struct Reader {
     family: Family,
@@ -36,6 +39,14 @@ fn reader(file: &TensorFile) -> Option<&'static Reader> {
     READERS.iter().find(|reader| (reader.knows)(file))
 }
 
+/// Refuses an unpacked container: its levels are no model, and are shown once they are packed.
+fn refuse_unpacked(file: &TensorFile) -> Result<()> {
+    match file.unpacked_metadata() {
+        None => Ok(()),
+        Some(_) => Err(Error::wrong_kind(UNPACKED, "a model or a container")),
+    }
+}
+
 /// The family that wrote a file, if its keys alone tell.
 pub(super) fn family(file: &TensorFile) -> Option<Family> {
     reader(file).map(|reader| reader.family)
@@ -49,6 +60,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     options.check()?;
     let reader = reader(file);
     let in_file = |error: Error| error.in_file(file.file.path());
+    refuse_unpacked(file).map_err(in_file)?;
     refuse_ignored(reader.map(|reader| reader.family), options).map_err(in_file)?;
     let open = reader.map_or(checkpoint::open_tensors as _, |reader| reader.open);
     let source = open(file, options, limits).map_err(in_file)?;
@@ -97,6 +109,7 @@ pub(super) fn describe(
     options: &SourceOptions,
     limits: &Limits,
 ) -> Result<(Source, Option<[usize; 3]>)> {
+    refuse_unpacked(file)?;
     let Some(reader) = reader(file) else {
         let (source, mask) = checkpoint::describe(file, options, limits)?;
         return Ok((rescale(source, options), mask));

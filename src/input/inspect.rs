@@ -125,6 +125,10 @@ pub fn inspect_tensors(
         assumptions: Vec::new(),
         values: list.values,
     };
+    // It is no model, and can be baked all the same.
+    if file.unpacked_metadata().is_some() {
+        return Ok(inspection);
+    }
     match families::describe(file, options, limits) {
         Ok((source, free_space)) => {
             let field = source.field;

@@ -84,6 +84,7 @@ fn fill(here: &Path) {
     succeed(here, "attach room.glb a.mipvog --external -o ex.glb");
     succeed(here, "attach room.gltf b.mipvog -o f.gltf");
     succeed(here, "unpack b.mipvog -o b.safetensors");
+    succeed(here, "unpack b.mipvog --levels 1 -o part.safetensors");
     let sweep = "sweep s/fine_last.tar --cameras cams.json --bits 8 --filter rate-tent --repeat 1 \
                  --scales 1 -o sw";
     succeed(here, sweep);

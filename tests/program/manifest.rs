@@ -246,6 +246,15 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
         assert!(words.contains("help: correct this line"), "{words}");
         assert!(output.stdout.is_empty() && !here.join("in/x.mipvog").exists());
     }
+    // Only a folder of the command line bounds the outputs: a line may name any place by itself.
+    for output in ["../x.mipvog", "/x.mipvog", "a/../../x.mipvog"] {
+        let line = format!(r#"{{"input": "tiny.tar", "output": "{output}"}}"#);
+        std::fs::write(here.join("in/bad.jsonl"), line).expect("writable");
+        let output = run(here, &["bake", "--manifest", "in/bad.jsonl", "-o", "out"]);
+        assert_eq!(code(&output), 3, "{}", words(&output));
+        assert!(words(&output).contains("expected a path below the folder of --output"));
+        assert!(!here.join("out").exists());
+    }
     std::fs::write(here.join("in/bad.jsonl"), b"\xff\n").expect("writable");
     assert_eq!(code(&run(here, &["bake", "--manifest", "in/bad.jsonl"])), 3);
     std::fs::write(here.join("in/bad.jsonl"), "\n\n").expect("writable");

@@ -7,7 +7,7 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::limits::Limits;
-use crate::codec::unpack::{Unpacked, metadata_text};
+use crate::codec::unpack::Unpacked;
 use crate::input;
 use crate::input::SourceOptions;
 use crate::input::tensor::{self, TensorFile};
@@ -23,7 +23,7 @@ pub fn check(
 ) -> Result<Option<Health>> {
     let tensors = tensor::open_file(&file, limits);
     let Some(tensors) = checked(tensors, Code::Input, report)? else { return Ok(None) };
-    let opened = match metadata_text(&tensors) {
+    let opened = match tensors.unpacked_metadata() {
         Some(_) => unpacked(&tensors, limits),
         None => trained(&tensors, options, limits, report),
     };

@@ -10,7 +10,7 @@ use super::stdin::named;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place};
 use crate::base::limits::Limits;
-use crate::input::tensor;
+use crate::input::{UNPACKED, tensor};
 use crate::output::gltf::asset::{Asset, EXTENSION};
 use crate::output::gltf::attach::companions;
 
@@ -124,6 +124,10 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
                 None => OTHER_JSON.to_owned(),
             }
         }
+        _ if found == UNPACKED => format!(
+            "pack it first: mipvog-bake bake {shown} -o {}",
+            path.with_extension("mipvog").display()
+        ),
         // The verb took the file for what it is, and found the wrong tensors.
         _ if found != kind => return None,
         _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => format!(

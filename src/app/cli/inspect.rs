@@ -125,6 +125,9 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
     if let Some(problem) = &inspection.problem {
         writeln!(text, "  cannot be baked: {problem}").ok();
     }
+    if inspection.scene.is_none() && inspection.problem.is_none() {
+        writeln!(text, "  an unpacked container: mipvog-bake bake packs it").ok();
+    }
     for assumption in &inspection.assumptions {
         writeln!(text, "  note: {}", assumed(&assumption.message)).ok();
     }

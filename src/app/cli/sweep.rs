@@ -20,7 +20,6 @@ use crate::base::error::{Error, Result};
 use crate::base::progress::Step;
 use crate::base::shard::Shard;
 use crate::codec::quantize::Bits;
-use crate::codec::unpack::metadata_text;
 use crate::input;
 use crate::input::tensor;
 
@@ -121,7 +120,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let cameras = arguments.cameras.file();
     let found = arguments.scene.settings(&arguments.input, cameras.as_deref(), &limits)?;
     let file = tensor::open(&input::file_of(&arguments.input), &limits)?;
-    if metadata_text(&file).is_some() {
+    if file.unpacked_metadata().is_some() {
         let message = "an unpacked container holds what one setting kept; a sweep needs the \
                        trained input it came from";
         return Err(Error::usage(message).in_file(&arguments.input));

@@ -17,6 +17,5 @@ mod tensors;
 pub use levels::{LevelValues, Unpacked, UnpackedLevel};
 use planes::check_levels;
 pub(crate) use planes::fill_plane;
-pub use read::metadata_text;
 pub use slices::{SliceFormat, write_slices};
 pub use tensors::{TensorFormat, read_tensors, write_tensors};

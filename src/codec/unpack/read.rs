@@ -13,20 +13,6 @@ use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Element, Nodes};
 use crate::model::view_mlp::{Layer, ViewMlp};
 
-/// The text of `__metadata__.mipvog`, by which an unpacked container is known.
-pub fn metadata_text(file: &TensorFile) -> Option<&str> {
-    metadata_of(file, "mipvog")
-}
-
-/// A text of `__metadata__`, which is a dictionary in safetensors and a prefix in NumPy archives.
-fn metadata_of<'a>(file: &'a TensorFile, name: &str) -> Option<&'a str> {
-    let nested = file.root.at(&["__metadata__", name]);
-    match nested.or_else(|| file.root.get(&format!("__metadata__.{name}"))) {
-        Some(Value::Text(text)) => Some(text),
-        _ => None,
-    }
-}
-
 impl Unpacked {
     /// Reads metadata, tables, network and mask of an unpacked container; not the levels' values.
     pub fn open(file: &TensorFile, limits: &Limits) -> Result<Self> {
@@ -35,19 +21,25 @@ impl Unpacked {
 
     fn read(file: &TensorFile, limits: &Limits) -> Result<Self> {
         let place = Place::Key("__metadata__.mipvog".to_owned());
-        let text = metadata_text(file).unwrap_or_default();
+        let text = file.unpacked_metadata().unwrap_or_default();
         let metadata: Metadata = from_canonical(text.as_bytes(), &place)?;
         check_metadata(&metadata, limits, &place)?;
-        let provenance = match metadata_of(file, "mipvog_provenance") {
+        let provenance = match file.metadata("mipvog_provenance") {
             Some(text) => {
                 let place = Place::Key("__metadata__.mipvog_provenance".to_owned());
                 from_canonical(text.as_bytes(), &place)?
             }
             _ => Json::Null,
         };
-        let content =
-            metadata_of(file, CONTENT).and_then(|text| u32::from_str_radix(text, 16).ok());
+        let content = file.metadata(CONTENT).and_then(|text| u32::from_str_radix(text, 16).ok());
         let mut budget = Budget::new(limits);
+        let count = metadata.levels.len();
+        let is_there = |level: &usize| file.root.get(&format!("level{level}.occupied")).is_some();
+        let there = (0..count).filter(is_there).count();
+        if there > 0 && there < count {
+            let found = format!("{there} of {count} levels");
+            return Err(Error::wrong_kind(found, "all levels: unpack it without --levels"));
+        }
         let mut levels = Vec::new();
         for (number, level) in metadata.levels.iter().enumerate() {
             let name = |part: &str| format!("level{number}.{part}");

@@ -24,6 +24,22 @@ impl TensorFile {
     pub fn setting(&self, key: &str) -> Option<&Value> {
         self.root.get(key).or_else(|| self.root.at(&["__metadata__", key]))
     }
+
+    /// A text of `__metadata__`, which is a dictionary in safetensors and a prefix in NumPy
+    /// archives.
+    pub fn metadata(&self, name: &str) -> Option<&str> {
+        let nested = self.root.at(&["__metadata__", name]);
+        match nested.or_else(|| self.root.get(&format!("__metadata__.{name}"))) {
+            Some(Value::Text(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The metadata of the container that the file was unpacked from, as a text. Unpacked containers
+    /// are known by it.
+    pub fn unpacked_metadata(&self) -> Option<&str> {
+        self.metadata("mipvog")
+    }
 }
 
 /// Formats of files of tensors.

@@ -18,7 +18,7 @@ use crate::bake::{BakeOptions, Preset};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::codec::unpack::{Unpacked, metadata_text};
+use crate::codec::unpack::Unpacked;
 use crate::input::tensor::{self, TensorFile};
 
 /// Bake a trained scene into a container, or a container into another one
@@ -119,7 +119,7 @@ impl Arguments {
             None => tensor::open(&stdin::resolve(&self.input)?, limits)?,
         };
         let file = Some(Arc::clone(&tensors.file));
-        let content = match metadata_text(&tensors) {
+        let content = match tensors.unpacked_metadata() {
             Some(_) => Content::Stored(Box::new(Unpacked::open(&tensors, limits)?)),
             None => Content::Trained(tensors),
         };

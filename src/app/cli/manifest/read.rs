@@ -75,16 +75,28 @@ fn plain(path: &str) -> PathBuf {
     Path::new(path).components().filter(|part| *part != Component::CurDir).collect()
 }
 
+/// True if a path leads nowhere but into the folder that it is joined to.
+fn is_below(path: &str) -> bool {
+    let mut parts = Path::new(path).components();
+    parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
 impl<'a> Manifest<'a> {
-    /// Reads every line once.
+    /// Reads every line once. With `has_folder` the outputs lie in a folder of the command line,
+    /// and no line may lead out of it.
     ///
     /// # Errors
     /// Those of the operating system; `Malformed` with the line that breaks the form, that names an
-    /// output of a former line, or for a file without lines.
-    pub fn open(path: &Path, known: &'a [OptionKind]) -> Result<Self> {
+    /// output of a former line or one outside the folder, or for a file without lines.
+    pub fn open(path: &Path, known: &'a [OptionKind], has_folder: bool) -> Result<Self> {
         let mut manifest = Self { lines: Lines::open(path)?, known, scenes: 0 };
         let mut outputs: HashMap<PathBuf, u64> = HashMap::new();
         while let Some((number, line)) = manifest.next_scene()? {
+            if has_folder && !is_below(&line.output) {
+                let found = format!("output {}", line.output);
+                let expected = "a path below the folder of --output";
+                return Err(Error::malformed(Place::Line(number), found, expected).in_file(path));
+            }
             if let Some(former) = outputs.insert(plain(&line.output), number) {
                 let found = format!("output {} of line {former} again", line.output);
                 let error = Error::malformed(Place::Line(number), found, "an output of its own");

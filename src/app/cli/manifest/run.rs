@@ -45,7 +45,7 @@ pub fn run(
     let &Many { manifest, arguments, given, outputs, force } = many;
     refuse_stdout(outputs, "--output is a folder beside --manifest")?;
     let part = Part::of(arguments)?;
-    let mut lines = Manifest::open(manifest, known)?;
+    let mut lines = Manifest::open(manifest, known, given.has("output"))?;
     let count = lines.scenes;
     if let Part::Scene(number) = part
         && number >= count
