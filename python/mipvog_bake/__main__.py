@@ -1,5 +1,6 @@
 """The program `mipvog-bake`: `python -m mipvog_bake` runs the same."""
 
+import signal
 import sys
 
 from ._native import main as _main
@@ -7,6 +8,8 @@ from ._native import main as _main
 
 def main() -> int:
     """Runs the program with the arguments of this process, and gives its exit code."""
+    # The program watches signals itself. Python's own handler would end it with a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _main(["mipvog-bake", *sys.argv[1:]])
 
 

@@ -1,5 +1,6 @@
 """The program in the wheel."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -29,3 +30,17 @@ def test_files_bake_to_the_bytes_of_the_program(tmp_path):
     report = mipvog_bake.bake(trained, tmp_path / "b.mipvog", limit={"memory": 1 << 30}, threads=1)
     assert (tmp_path / "a.mipvog").read_bytes() == (tmp_path / "b.mipvog").read_bytes()
     assert report["output_bytes"] == (tmp_path / "b.mipvog").stat().st_size
+
+
+def test_an_interrupt_ends_the_program_without_a_traceback(tmp_path):
+    trained = Path(__file__).parents[2] / "fixtures" / "trained" / "tiny" / "fine_last.tar"
+    baked = tmp_path / "a.mipvog"
+    assert run(PROGRAM, "bake", trained, "-o", baked).returncode == 0
+    with subprocess.Popen(
+        [PROGRAM, "view", baked, "--no-open"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as served:
+        address = served.stdout.readline()
+        served.send_signal(signal.SIGINT)
+        more, words = served.communicate(timeout=60)
+    assert b"127.0.0.1" in address and not more, (address, more)
+    assert b"Traceback" not in words and served.returncode == 130, words

@@ -9,7 +9,13 @@
 5. `program`: finds and runs the program, which forecasts, bakes and sums up.
 """
 
-from .driver import Options, bake_all
-from .manifest import Scene, read
+try:
+    from .driver import Options, bake_all
+    from .manifest import Scene, read
+except ModuleNotFoundError as error:
+    if error.name not in ("ray", "fsspec"):
+        raise
+    message = f"found no module {error.name}; install it: pip install 'mipvog-bake[ray]'"
+    raise ModuleNotFoundError(message, name=error.name) from None
 
 __all__ = ["Options", "Scene", "bake_all", "read"]

@@ -160,7 +160,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     options.cameras.clone_from(&cameras);
     format.check(&source, &options, &arguments.output)?;
     let mut files = ExportFiles::new(&arguments.output, arguments.force);
-    let exported = format.write(&source, &options, &mut files, &bar)?;
+    let in_file = |error: Error| error.in_file(&arguments.field);
+    let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
     let cameras = match cameras.is_empty() {
         true => vec![overview(&source.field, [SIZE; 2], &bar)?],
         false => cameras,

@@ -59,6 +59,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         wrong_kind(&arguments.file, expected)
     })?;
     let (output, levels) = (&arguments.output, &arguments.levels);
+    let in_file = |error: Error| error.in_file(&arguments.file);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
     let input = arguments.file.to_string_lossy();
     if is_folder(output) {
@@ -67,7 +68,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             Slices::Png => SliceFormat::Png,
         };
         remove_stale(output);
-        write_slices(&container, levels, format, output, arguments.force)?;
+        write_slices(&container, levels, format, output, arguments.force).map_err(in_file)?;
         let report = json!({ "input": input, "output": output.to_string_lossy(), "levels": count });
         let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
@@ -76,7 +77,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut tensors = create_output(output, arguments.force)?;
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Decode, 1.0)]);
-    write_tensors(&container, levels, format, &mut tensors, &bar)?;
+    write_tensors(&container, levels, format, &mut tensors, &bar).map_err(in_file)?;
     drop(bar);
     let bytes = tensors.length();
     tensors.finish()?;

@@ -23,10 +23,10 @@ pub(super) struct Arrays {
     pub(super) bounds: Bounds,
 }
 
-/// True for a file with the keys of the open door.
+/// True for a file with the arrays of the open door. A box that is missing is told when it opens.
 pub fn knows(file: &TensorFile) -> bool {
     let is_tensor = |key: &str| file.root.get(key).is_some_and(|value| value.tensor().is_some());
-    is_tensor("density") && is_tensor("aabb") && (is_tensor("sh") || is_tensor("color"))
+    is_tensor("density") && (is_tensor("sh") || is_tensor("color"))
 }
 
 /// The numbers of a setting; of a text, those between commas.
@@ -187,13 +187,12 @@ fn harmonics(file: &TensorFile, functions: usize) -> Result<Harmonics> {
 #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
 fn bounds(file: &TensorFile) -> Result<Bounds> {
     let place = Place::Tensor("aabb".to_owned());
-    let corners = numbers(file, "aabb")?.unwrap_or_default();
+    let expected = "two corners of three numbers";
+    let Some(corners) = numbers(file, "aabb")? else {
+        return Err(Error::malformed(place, "no such tensor", expected));
+    };
     let &[a, b, c, d, e, f] = corners.as_slice() else {
-        return Err(Error::malformed(
-            place,
-            format!("{corners:?}"),
-            "two corners of three numbers",
-        ));
+        return Err(Error::malformed(place, format!("{corners:?}"), expected));
     };
     let corner = |corner: [f64; 3]| corner.map(|value| value as f32);
     let bounds = Bounds { min: corner([a, b, c]), max: corner([d, e, f]) };

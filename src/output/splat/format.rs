@@ -86,10 +86,11 @@ impl ExportFormat for Splat {
         details.insert("splats".to_owned(), json!(fit.splats.len()));
         details.insert("placed".to_owned(), json!(placed_count));
         details.insert("targets".to_owned(), json!(targets.len()));
-        let mut lost = vec![
-            "density: splats are surfaces as seen from the targets' cameras".to_owned(),
-            "colour beyond harmonics of degree 3".to_owned(),
-        ];
+        let mut lost =
+            vec!["density: splats are surfaces as seen from the targets' cameras".to_owned()];
+        if source.field.has_network() {
+            lost.push("colour beyond harmonics of degree 3".to_owned());
+        }
         if source.field.levels() > 1 {
             lost.push("other levels".to_owned());
         }

@@ -23,7 +23,8 @@ pub fn dry_run(
     let (source, settings) = open(arguments, file, options, common)?;
     let options = with_cameras(arguments, options, &source.field)?;
     let bar = Bar::new(common);
-    let forecast = forecast(&source.field, &options, &bar)?;
+    let forecast =
+        forecast(&source.field, &options, &bar).map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
     let memory = peak_memory_bytes().zip(forecast.more_memory_bytes).map(|(own, more)| own + more);
     let mut json = json!({
