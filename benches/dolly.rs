@@ -3,16 +3,16 @@
 //!
 //! ```text
 //! cargo bench --bench dolly -- [SCENE] [--made-up NAME] [--side PIXELS] [--filters NAME,...]
-//!                              [--svg FILE] [--stepsize S] [--near T] [--far T]
+//!                              [--shifts N] [--svg FILE] [--stepsize S] [--near T] [--far T]
 //! ```
 //!
 //! Each frame, one ray a pixel, is compared with the unbaked scene at 4x4 rays a pixel. Pixels that
 //! show nothing do not count. Every frame has pictures from the same 8 directions around the box. Far
-//! away few pixels count, and their positions are noise of a decibel or two. So a frame at n times
-//! the distance has at least 4 n^2 pictures, whose pixels lie at different places. Prints
-//! the curve of errors in dB, one column a filter, and the largest second difference of each: a
-//! level that pops is a kink. `--svg` draws the curves. Without arguments the scene is
-//! `fixtures/trained/lego64`.
+//! away few pixels count, and their positions are noise of a decibel or two. So each direction has
+//! `--shifts` pictures, whose pixels lie at different places, and a frame at n times the distance has
+//! at least `--shifts` times n^2 in all. Prints the curve of errors in dB, one column a filter, and
+//! the largest second difference of each: a level that pops is a kink. `--svg` draws the curves.
+//! Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]
@@ -37,8 +37,8 @@ const FARTHEST: f64 = 16.0;
 const SUPERSAMPLE: usize = 4;
 /// Directions that each frame is taken from.
 const DIRECTIONS: usize = 8;
-/// Pictures from each direction, at least.
-const LEAST_SHIFTS: usize = 4;
+/// Pictures from each direction, at least, unless `--shifts` says another number.
+const SHIFTS: usize = 4;
 /// Steps from one shift of pixels to the next, in pixels along x and y: the R2 sequence, which is
 /// even in two dimensions for any count (Roberts 2018).
 const SHIFT: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_3];
@@ -46,7 +46,7 @@ const SHIFT: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_3];
 const LEAST_OPACITY: f32 = 1e-3;
 
 fn main() {
-    let arguments = Arguments::read(&["--made-up", "--side", "--filters", "--svg"]);
+    let arguments = Arguments::read(&["--made-up", "--side", "--filters", "--shifts", "--svg"]);
     let field = arguments.own("--made-up").map_or_else(|| arguments.field(), made_up::scene);
     let names = arguments.own("--filters").unwrap_or("rate-tent,fit,coverage,paper,code");
     let filters: Vec<Filter> = names
@@ -54,7 +54,8 @@ fn main() {
         .map(|name| name.parse().unwrap_or_else(|error| panic!("{name}: {error}")))
         .collect();
     let side = arguments.own("--side").map_or(400, number);
-    let cameras = dolly(&field.scene.bounds, side);
+    let shifts = arguments.own("--shifts").map_or(SHIFTS, number);
+    let cameras = dolly(&field.scene.bounds, side, shifts);
     let unbaked = unbounded(Renderer::trained(&field, None, &Limits::default()).expect("a field"));
     let options = FrameOptions { levels: LevelChoice::Fixed(0), supersample: SUPERSAMPLE };
     let frame = |camera: &Camera| render(&unbaked, camera, &options, &Silent).expect("a frame");
@@ -74,7 +75,7 @@ fn distance(i: usize) -> f64 {
 }
 
 /// The cameras, frame by frame. Pictures are cut to the box's rectangle.
-fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
+fn dolly(bounds: &Bounds, side: usize, least: usize) -> Vec<Vec<Camera>> {
     let corner = |corner: [f32; 3]| DVec3::from_array(corner.map(f64::from));
     let middle = 0.5 * (corner(bounds.min) + corner(bounds.max));
     let moved = |mut camera: Camera, distance: f64, shift: usize| {
@@ -90,8 +91,8 @@ fn dolly(bounds: &Bounds, side: usize) -> Vec<Vec<Camera>> {
     let directions = turntable(bounds, DIRECTIONS, [side; 2]);
     let frame = |i: usize| {
         let distance = distance(i);
-        let shifts = (4.0 * distance.powi(2) / DIRECTIONS as f64).ceil() as usize;
-        let shifts = shifts.max(LEAST_SHIFTS);
+        let shifts = (least as f64 * distance.powi(2) / DIRECTIONS as f64).ceil() as usize;
+        let shifts = shifts.max(least);
         let pictures = directions.iter().flat_map(|camera| (0..shifts).map(move |i| (camera, i)));
         pictures.map(|(camera, shift)| moved(camera.clone(), distance, shift)).collect()
     };
