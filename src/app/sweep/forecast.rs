@@ -104,7 +104,8 @@ pub fn forecast_sweep(
         repeat: options.repeat,
         threads: parallel::threads(),
         output_bytes: settings.iter().filter_map(|told| told.output_bytes).sum(),
-        seconds: seconds.map(|seconds| seconds * options.repeat as f64),
+        // The sum of no numbers is -0.
+        seconds: seconds.map(|seconds| seconds * options.repeat as f64 + 0.0),
         settings,
     })
 }

@@ -165,7 +165,8 @@ struct Header {
 /// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the
 /// `L` of Python 2 and commas at the end.
 fn read_header(literal: &[u8]) -> Option<Header> {
-    let mut json: String = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
+    let words: Vec<&str> = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
+    let mut json = words.join(" ");
     for (python, plain) in [
         ("'", "\""),
         ("(", "["),
@@ -175,7 +176,9 @@ fn read_header(literal: &[u8]) -> Option<Header> {
         ("L,", ","),
         ("L]", "]"),
         (",]", "]"),
+        (", ]", "]"),
         (",}", "}"),
+        (", }", "}"),
     ] {
         json = json.replace(python, plain);
     }
@@ -207,6 +210,7 @@ mod tests {
             "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), 'shape': ()}",
             "{'descr': '<f4', 'fortran_order': 0, 'shape': (3, 4)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (-3, 4)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (4 5 6)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999,)}",
             "{'descr': [[[, 'fortran_order': False",
             "{'descr': '<f4",
