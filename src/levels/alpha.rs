@@ -139,8 +139,13 @@ fn logit_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, em
             alphas.fill(0.0);
             continue;
         }
+        // Two loops: processors wait for the end of a long chain of operations, and look ahead over
+        // more vectors where chains are shorter.
         for (alpha, &raw) in alphas.iter_mut().zip(raw) {
-            let opacity = lanes::opacity(lanes::softplus(raw + shift) * interval);
+            *alpha = lanes::softplus(raw + shift) * interval;
+        }
+        for (alpha, &raw) in alphas.iter_mut().zip(raw) {
+            let opacity = lanes::opacity(*alpha);
             *alpha = if raw > empty_up_to { opacity } else { 0.0 };
         }
     }

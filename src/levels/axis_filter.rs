@@ -89,8 +89,9 @@ impl AxisFilter<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where `readers` read it. Some rows at a time, as soon as `fill(rows, plane)` has made those: they
-    /// are then still in a processor's cache.
+    /// Filters one channel of a plane of the finer level along y, where `readers` read it. Some
+    /// rows at a time, as soon as `fill(rows, plane)` has made those: they are then still in a
+    /// processor's cache.
     pub(super) fn filter_plane(
         &self,
         readers: &Readers,
