@@ -1,8 +1,9 @@
 //! Numbers of several blocks, block by block or node by node.
 //!
 //! Rows hold a block each, lanes the same node of `L` blocks. Tiles of eight nodes are turned at a
-//! time: compilers make shuffles of loops over them, where strides through memory take one number
-//! at a time.
+//! time, in three steps: each deals numbers into two halves by turns, or the other way round. The
+//! lowest digit of a number's place becomes the highest one so. Vectors have instructions for that,
+//! where strides through memory take one number at a time.
 
 use multiversion::multiversion;
 
@@ -69,11 +70,10 @@ pub fn gather<T: Code, const L: usize>(
 
 #[inline(always)]
 fn to_lanes<T: Code, const L: usize>(rows: &[[T; TILE]; L], lanes: &mut [[T; L]; TILE]) {
-    for lane in 0..L {
-        for node in 0..TILE {
-            lanes[node][lane] = rows[lane][node];
-        }
-    }
+    let [mut once, mut twice] = [[[T::default(); L]; TILE]; 2];
+    deal(rows.as_flattened(), once.as_flattened_mut());
+    deal(once.as_flattened(), twice.as_flattened_mut());
+    deal(twice.as_flattened(), lanes.as_flattened_mut());
 }
 
 #[inline(always)]
@@ -82,10 +82,30 @@ fn to_rows<T: Code, const L: usize>(
     rows: &mut [[[T; TILE]; TILES]; L],
     at: usize,
 ) {
-    for lane in 0..L {
-        for node in 0..TILE {
-            rows[lane][at][node] = lanes[node][lane];
-        }
+    let [mut once, mut twice, mut tile] = [[[T::default(); TILE]; L]; 3];
+    collect(lanes.as_flattened(), once.as_flattened_mut());
+    collect(once.as_flattened(), twice.as_flattened_mut());
+    collect(twice.as_flattened(), tile.as_flattened_mut());
+    for (row, tile) in rows.iter_mut().zip(tile) {
+        row[at] = tile;
+    }
+}
+
+/// Numbers to two halves by turns.
+#[inline(always)]
+fn deal<T: Copy>(numbers: &[T], dealt: &mut [T]) {
+    let (low, high) = dealt.split_at_mut(numbers.len() / 2);
+    for ((&[even, odd], low), high) in numbers.as_chunks().0.iter().zip(low).zip(high) {
+        (*low, *high) = (even, odd);
+    }
+}
+
+/// The inverse of [`deal`].
+#[inline(always)]
+fn collect<T: Copy>(dealt: &[T], numbers: &mut [T]) {
+    let (low, high) = dealt.split_at(dealt.len() / 2);
+    for (([even, odd], low), high) in numbers.as_chunks_mut().0.iter_mut().zip(low).zip(high) {
+        (*even, *odd) = (*low, *high);
     }
 }
 

@@ -39,16 +39,21 @@ pub fn sums<T: Code, const L: usize>(
         }
         let (off, mean) = (&channel.off[at.node], channel.means(at.node));
         let (beyond, others) = (beyond(&channel.codes, at, &mean), others(before, at.node, &none));
-        let mut all = [[T::Sum::default(); L]; WEIGHTS + 1];
+        let mut wide = [[T::Wide::default(); L]; WEIGHTS + 1];
         for lane in 0..L {
-            // The mean is right for nodes that are not live, whatever the weights.
-            let live = live[at.node][lane] != T::default();
-            let factor = |term| if live { T::factor(term) } else { T::Sum::default() };
-            let terms = terms::<T, L>(lane, mean[lane].wide(), beyond, others);
-            for (all, term) in all.iter_mut().zip(terms) {
-                all[lane] = factor(term);
+            let [e, k, d1, d2, d3] = terms::<T, L>(lane, mean[lane].wide(), beyond, others);
+            for (wide, term) in wide.iter_mut().zip([e, k, d1, d2, d3, off[lane]]) {
+                wide[lane] = term;
             }
-            all[WEIGHTS][lane] = factor(off[lane]);
+        }
+        let mut all = [[T::Sum::default(); L]; WEIGHTS + 1];
+        for (all, wide) in all.iter_mut().zip(&wide) {
+            for lane in 0..L {
+                // The mean is right for nodes that are not live, whatever the weights. A choice
+                // between two numbers is no branch, which vectors do not have.
+                let (factor, live) = (T::factor(wide[lane]), live[at.node][lane]);
+                all[lane] = if live == T::default() { T::Sum::default() } else { factor };
+            }
         }
         for (size, own) in sizes.iter_mut().zip(&all[WEIGHTS]) {
             *size = *size + own.size();
