@@ -1,8 +1,8 @@
 //! Numbers of several blocks, block by block or node by node.
 //!
-//! Rows hold a block each, lanes the same node of `L` blocks. Tiles of eight nodes are turned at a
-//! time, in three steps: each deals numbers into two halves by turns, or the other way round. The
-//! lowest digit of a number's place becomes the highest one so. Vectors have instructions for that,
+//! Rows hold a block each, lanes the same node of `L` blocks, a power of two. Tiles of eight nodes
+//! are turned at a time, in steps. Each step takes numbers from two halves by turns, so that the
+//! first binary digit of a number's place becomes the last. Vectors have instructions for that,
 //! where strides through memory take one number at a time.
 
 use multiversion::multiversion;
@@ -11,28 +11,30 @@ use super::code_word::Code;
 
 /// Nodes of a tile.
 const TILE: usize = 8;
-/// Tiles that are written to a row at once: whole cache lines. Rows are often a power of two apart,
-/// and then lines of different rows drive each other out of a cache.
+/// Tiles of a row that are read or written at once: whole cache lines. Rows are often a power of
+/// two apart, and then lines of different rows drive each other out of a cache.
 const TILES: usize = 8;
 
 /// Rows of `nodes` numbers to lanes; there are at most `L`, and lanes without a row stay.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn spread<T: Code, const L: usize>(rows: &[T], nodes: usize, lanes: &mut [[T; L]]) {
-    let mut tile = [[T::default(); TILE]; L];
-    for (i, lanes) in lanes.chunks_mut(TILE).enumerate() {
-        for (tile, row) in tile.iter_mut().zip(rows.chunks_exact(nodes)) {
-            let row = &row[i * TILE..];
-            match row.first_chunk() {
-                Some(whole) => *tile = *whole,
-                None => tile[..row.len()].copy_from_slice(row),
+    let mut tiles = [[[T::default(); TILE]; TILES]; L];
+    for (i, lanes) in lanes.chunks_mut(TILES * TILE).enumerate() {
+        for (tiles, row) in tiles.iter_mut().zip(rows.chunks_exact(nodes)) {
+            let (tiles, row) = (tiles.as_flattened_mut(), &row[i * TILES * TILE..]);
+            match row.first_chunk::<{ TILES * TILE }>() {
+                Some(whole) => tiles.copy_from_slice(whole),
+                None => tiles[..row.len()].copy_from_slice(row),
             }
         }
-        match lanes.as_chunks_mut::<TILE>() {
-            ([lanes], _) => to_lanes(&tile, lanes),
-            (_, lanes) => {
-                let mut whole = [[T::default(); L]; TILE];
-                to_lanes(&tile, &mut whole);
-                lanes.copy_from_slice(&whole[..lanes.len()]);
+        for (at, lanes) in lanes.chunks_mut(TILE).enumerate() {
+            match lanes.as_chunks_mut::<TILE>() {
+                ([lanes], _) => to_lanes(&tiles, at, lanes),
+                (_, lanes) => {
+                    let mut whole = [[T::default(); L]; TILE];
+                    to_lanes(&tiles, at, &mut whole);
+                    lanes.copy_from_slice(&whole[..lanes.len()]);
+                }
             }
         }
     }
@@ -69,11 +71,18 @@ pub fn gather<T: Code, const L: usize>(
 }
 
 #[inline(always)]
-fn to_lanes<T: Code, const L: usize>(rows: &[[T; TILE]; L], lanes: &mut [[T; L]; TILE]) {
-    let [mut once, mut twice] = [[[T::default(); L]; TILE]; 2];
-    deal(rows.as_flattened(), once.as_flattened_mut());
-    deal(once.as_flattened(), twice.as_flattened_mut());
-    deal(twice.as_flattened(), lanes.as_flattened_mut());
+fn to_lanes<T: Code, const L: usize>(
+    rows: &[[[T; TILE]; TILES]; L],
+    at: usize,
+    lanes: &mut [[T; L]; TILE],
+) {
+    const { assert!(L.is_power_of_two()) }
+    let [mut tile, mut spare] = [[[T::default(); TILE]; L]; 2];
+    for (tile, row) in tile.iter_mut().zip(rows) {
+        *tile = row[at];
+    }
+    let turned = turn(tile.as_flattened_mut(), spare.as_flattened_mut(), L.ilog2());
+    lanes.as_flattened_mut().copy_from_slice(turned);
 }
 
 #[inline(always)]
@@ -82,31 +91,25 @@ fn to_rows<T: Code, const L: usize>(
     rows: &mut [[[T; TILE]; TILES]; L],
     at: usize,
 ) {
-    let [mut once, mut twice, mut tile] = [[[T::default(); TILE]; L]; 3];
-    collect(lanes.as_flattened(), once.as_flattened_mut());
-    collect(once.as_flattened(), twice.as_flattened_mut());
-    collect(twice.as_flattened(), tile.as_flattened_mut());
-    for (row, tile) in rows.iter_mut().zip(tile) {
-        row[at] = tile;
+    let [mut tile, mut spare] = [*lanes; 2];
+    let turned = turn(tile.as_flattened_mut(), spare.as_flattened_mut(), TILE.ilog2());
+    for (row, tile) in rows.iter_mut().zip(turned.as_chunks().0) {
+        row[at] = *tile;
     }
 }
 
-/// Numbers to two halves by turns.
+/// Moves so many first binary digits of each number's place behind the others. The result is in the
+/// tile or in its spare.
 #[inline(always)]
-fn deal<T: Copy>(numbers: &[T], dealt: &mut [T]) {
-    let (low, high) = dealt.split_at_mut(numbers.len() / 2);
-    for ((&[even, odd], low), high) in numbers.as_chunks().0.iter().zip(low).zip(high) {
-        (*low, *high) = (even, odd);
+fn turn<'a, T: Copy>(mut tile: &'a mut [T], mut spare: &'a mut [T], digits: u32) -> &'a [T] {
+    for _ in 0..digits {
+        let (low, high) = tile.split_at(tile.len() / 2);
+        for (pair, (low, high)) in spare.as_chunks_mut().0.iter_mut().zip(low.iter().zip(high)) {
+            *pair = [*low, *high];
+        }
+        (tile, spare) = (spare, tile);
     }
-}
-
-/// The inverse of [`deal`].
-#[inline(always)]
-fn collect<T: Copy>(dealt: &[T], numbers: &mut [T]) {
-    let (low, high) = dealt.split_at(dealt.len() / 2);
-    for (([even, odd], low), high) in numbers.as_chunks_mut().0.iter_mut().zip(low).zip(high) {
-        (*even, *odd) = (*low, *high);
-    }
+    tile
 }
 
 #[cfg(test)]
