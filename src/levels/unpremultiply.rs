@@ -129,7 +129,7 @@ impl<'a> LevelFinisher<'a> {
         let mut direction =
             self.direction.map(|of| DirectionPlane::new(of, self.level, nodes, &self.pool));
         let [mut column, mut weights, mut totals] = [(); 3].map(|()| vec![0.0; nz]);
-        let mut means = vec![0.0; nz];
+        let [zeros, mut means] = [(); 2].map(|()| vec![0.0; nz]);
         for y in 0..ny {
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
             let retained = self.retained.row(x, y);
@@ -139,12 +139,14 @@ impl<'a> LevelFinisher<'a> {
                 let mut total = |channel: usize, totals: &mut [f64]| {
                     let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
                     let column = &mut column[..high - low];
-                    column.fill(0.0);
-                    for planes in &around {
-                        for y in rows.clone() {
-                            add(column, &planes[channel][y * nz + low..y * nz + high]);
-                        }
+                    // Rows outside the grid count nothing.
+                    let mut nine = [&zeros[low..high]; 9];
+                    let places =
+                        around.iter().flat_map(|plane| rows.clone().map(move |y| (plane, y)));
+                    for (row, (plane, y)) in nine.iter_mut().zip(places) {
+                        *row = &plane[channel][y * nz..][low..high];
                     }
+                    add_rows(nine, column);
                     let own = &own[channel][span.clone()];
                     add_neighbours(own, column, start - low, &mut totals[..end - start]);
                 };
@@ -180,10 +182,12 @@ impl<'a> LevelFinisher<'a> {
     }
 }
 
+/// The sums of nine rows.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add(sums: &mut [f64], row: &[f32]) {
-    for (sum, &value) in sums.iter_mut().zip(row) {
-        *sum += f64::from(value);
+fn add_rows(rows: [&[f32]; 9], sums: &mut [f64]) {
+    let rows = rows.map(|row| &row[..sums.len()]);
+    for (i, sum) in sums.iter_mut().enumerate() {
+        *sum = rows.iter().fold(0.0, |sum, row| sum + f64::from(row[i]));
     }
 }
 
