@@ -15,12 +15,12 @@ const TILE: usize = 8;
 /// two apart, and then lines of different rows drive each other out of a cache.
 const TILES: usize = 8;
 
-/// Rows of `nodes` numbers to lanes; there are at most `L`, and lanes without a row stay.
+/// Rows to lanes. There are at most `L` rows, each as long as `lanes`; lanes without a row stay.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub fn spread<T: Code, const L: usize>(rows: &[T], nodes: usize, lanes: &mut [[T; L]]) {
+pub fn spread<T: Code, const L: usize>(rows: &[&[T]], lanes: &mut [[T; L]]) {
     let mut tiles = [[[T::default(); TILE]; TILES]; L];
     for (i, lanes) in lanes.chunks_mut(TILES * TILE).enumerate() {
-        for (tiles, row) in tiles.iter_mut().zip(rows.chunks_exact(nodes)) {
+        for (tiles, row) in tiles.iter_mut().zip(rows) {
             let (tiles, row) = (tiles.as_flattened_mut(), &row[i * TILES * TILE..]);
             match row.first_chunk::<{ TILES * TILE }>() {
                 Some(whole) => tiles.copy_from_slice(whole),
@@ -121,7 +121,8 @@ mod tests {
         for (nodes, rows) in [(1, 1), (7, 4), (8, 3), (27, 4), (64, 2), (131, 3), (512, 4)] {
             let numbers: Vec<u16> = (0..nodes * rows).map(|i| i as u16).collect();
             let mut lanes = vec![[u16::MAX; 4]; nodes];
-            spread(&numbers, nodes, &mut lanes);
+            let all: Vec<&[u16]> = numbers.chunks(nodes).collect();
+            spread(&all, &mut lanes);
             for (node, lanes) in lanes.iter().enumerate() {
                 for (row, &number) in lanes[..rows].iter().enumerate() {
                     assert_eq!(usize::from(number), row * nodes + node);

@@ -142,14 +142,14 @@ impl<'a> RunParts<'a> {
                 rest.iter_mut().zip(byte_masks(bits)).for_each(|(live, bits)| *live = mask(bits));
             }
         }
-        spread(rows, nodes, live);
+        spread(&rows.chunks_exact(nodes).collect::<Vec<_>>(), live);
         // The channel that is made, after those that its predictions look at.
         let mut known: Vec<Channel<T, L>> = Vec::with_capacity(CHANNELS_BEFORE + 1);
         for channel in 0..channels {
             for (lane, row) in rows.chunks_exact_mut(nodes).enumerate() {
                 self.take_residuals(first + lane, channel, row);
             }
-            spread(rows, nodes, residuals);
+            spread(&rows.chunks_exact(nodes).collect::<Vec<_>>(), residuals);
             let weights =
                 lane_weights::<T, L>(modes, |mode| self.weights[usize::from(mode)][channel]);
             if known.len() > CHANNELS_BEFORE {

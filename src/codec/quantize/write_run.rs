@@ -40,15 +40,13 @@ impl<T: Code, const L: usize> Encoder<T, L> {
                     frame.retained.iter().map(|&retained| T::default().with_all_if(retained)),
                 );
             }
-            spread(&rows, nodes, &mut retained);
+            spread(&rows.chunks_exact(nodes).collect::<Vec<_>>(), &mut retained);
             let mut channels = Vec::with_capacity(shape.channels);
             for channel in 0..shape.channels {
-                rows.clear();
-                for frame in frames {
-                    rows.extend(&T::of(&frame.codes)[channel * nodes..][..nodes]);
-                }
+                let rows = frames.iter().map(|frame| &T::of(&frame.codes)[channel * nodes..]);
+                let rows: Vec<_> = rows.map(|codes| &codes[..nodes]).collect();
                 let mut lanes = Channel::new(nodes);
-                spread(&rows, nodes, &mut lanes.codes);
+                spread(&rows, &mut lanes.codes);
                 let dont_care_max = T::narrow(dont_care_max);
                 predict::set_dont_care(
                     shape.edge,

@@ -81,8 +81,10 @@ impl Element {
         out.clear();
         match self {
             Self::F16 => {
-                out.resize(rows.len() / row_bytes.max(1), 0.0);
-                halves(columns.map(|bytes| bytes.first_chunk().copied().unwrap_or_default()), out);
+                let column = columns.map(|bytes| bytes.first_chunk().copied().unwrap_or_default());
+                let column: Vec<_> = column.collect();
+                out.resize(column.len(), 0.0);
+                halves(&column, out);
             }
             Self::F32 => {
                 out.extend(columns.map(|bytes| {
@@ -108,7 +110,7 @@ impl Element {
             };
         }
         match self {
-            Self::F16 => halves(bytes.as_chunks().0.iter().copied(), out),
+            Self::F16 => halves(bytes.as_chunks().0, out),
             Self::BF16 => each!(2, |b| half::bf16::from_le_bytes(b).to_f32()),
             Self::F32 => each!(4, f32::from_le_bytes),
             Self::F64 => each!(8, |b| f64::from_le_bytes(b) as f32),
@@ -123,12 +125,13 @@ impl Element {
     }
 }
 
-/// Decodes float16 numbers, many at a time: one by one, each would be a call.
-fn halves(mut bytes: impl Iterator<Item = [u8; 2]>, out: &mut [f32]) {
-    let mut piece = [half::f16::ZERO; 64];
-    for out in out.chunks_mut(piece.len()) {
-        let (piece, _) = piece.split_at_mut(out.len());
-        for (half, bytes) in piece.iter_mut().zip(&mut bytes) {
+/// Decodes float16 numbers, many at a time: one by one, each would be a call. Vectors copy a piece
+/// and, later, convert it: they would wait for numbers that were stored one by one just before.
+fn halves(bytes: &[[u8; 2]], out: &mut [f32]) {
+    let mut piece = [half::f16::ZERO; 512];
+    for (bytes, out) in bytes.chunks(piece.len()).zip(out.chunks_mut(piece.len())) {
+        let piece = &mut piece[..out.len()];
+        for (half, &bytes) in piece.iter_mut().zip(bytes) {
             *half = half::f16::from_le_bytes(bytes);
         }
         piece.convert_to_f32_slice(out);

@@ -186,7 +186,7 @@ pub fn or_shifted_up(row: &mut [u64]) {
 
 /// Removes the bits from `end` on.
 pub fn clear_from(row: &mut [u64], end: usize) {
-    for (i, word) in row.iter_mut().enumerate() {
+    for (i, word) in row.iter_mut().enumerate().skip(end / 64) {
         *word &= word_between(i, 0, end);
     }
 }
