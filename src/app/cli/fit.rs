@@ -16,7 +16,7 @@ use crate::model::camera::{self, Camera};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Fit")]
 pub struct FitArguments {
-    /// Steps of `--filter fit`, at most, each of which moves all levels [default: 130, or 1000 with
+    /// Steps of `--filter fit`, at most, each of which moves all levels [default: 130, or 1500 with
     /// --photographs]
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
     fit_steps: Option<u32>,
@@ -38,8 +38,8 @@ pub struct FitArguments {
 const FEWEST_PHOTOGRAPHS: usize = 8;
 
 /// Steps of a fit to photographs, which levels are farther from than from pictures of level 0: so
-/// many gain 1.2 dB at 1/8 over as many as those pictures need.
-const PHOTOGRAPH_STEPS: usize = 1000;
+/// many gain 1.5 dB at 1/8 over as many as those pictures need.
+const PHOTOGRAPH_STEPS: usize = 1500;
 
 impl FitArguments {
     /// The camera file, if there is one.

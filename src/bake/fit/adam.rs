@@ -11,8 +11,11 @@ use crate::model::grid::NodeMask;
 use crate::view::render::View;
 use crate::view::sample::{Dense, NodesMut};
 
-/// Step length at the start of the square root of optical depth.
+/// Step length at the start of the square root of optical depth, in fits of up to [`FEW_STEPS`].
 const DENSITY_RATE: f32 = 0.014;
+/// With more steps, densities take shorter ones: by the root of the number, so that they can wander
+/// as far as ever. With the same length 1000 steps gain 0.15 dB less at a quarter of the size.
+const FEW_STEPS: f32 = 130.0;
 /// Step lengths at the start of logits, and of linear colours and coefficients. A step of a logit
 /// moves a colour by at most as much as one of a linear colour.
 const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
@@ -40,6 +43,21 @@ struct Moments<const C: usize> {
     color: [Means; C],
     /// Steps in which the node got a derivative.
     steps: u32,
+}
+
+/// Lengths of one step, as parts of those at the start.
+#[derive(Debug, Clone, Copy)]
+pub struct StepLength {
+    density: f32,
+    color: f32,
+}
+
+impl StepLength {
+    /// In a fit of so many steps, of which a part is `done`, from 0 to 1.
+    pub fn of(steps: usize, done: f32) -> Self {
+        let color = fade(done);
+        Self { density: color * (FEW_STEPS / steps as f32).min(1.0).sqrt(), color }
+    }
 }
 
 /// The values of a level's fitted nodes.
@@ -122,18 +140,16 @@ impl<const C: usize> Adam<C> {
         }
     }
 
-    /// Takes a step against the sum of the `gradients` of level `index + 1`, and clears them;
-    /// `progress` goes from 0 to 1.
+    /// Takes a step against the sum of the `gradients` of level `index + 1`, and clears them.
     pub fn step(
         &mut self,
         field: &mut Dense<C>,
         gradients: &mut [Gradient<C>],
         index: usize,
-        progress: f32,
+        length: StepLength,
     ) -> Result<()> {
-        let fade = fade(progress);
-        let density_rate = DENSITY_RATE * fade;
-        let color_rates = self.color_rates.map(|rate| rate * fade);
+        let density_rate = DENSITY_RATE * length.density;
+        let color_rates = self.color_rates.map(|rate| rate * length.color);
         let nodes = self.moments.len();
         let parts: Vec<_> = gradients.iter().map(|gradient| &gradient.levels[index][..]).collect();
         let squares = *self.squares.get_or_insert_with(|| mean_squares(&parts, nodes));
