@@ -104,8 +104,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
                     best = self.reached(psnr);
                 }
                 if stalled == PATIENCE {
-                    // Long steps may hide what shorter ones gain, so none of the lengths is left
-                    // out.
+                    // Long steps hide what shorter ones gain, so the fit does not end here.
                     (stalled, pace) = (0, 2 * pace);
                 }
             }
