@@ -1,8 +1,8 @@
 //! Measures fits of levels: time against the renderer's, and errors against the default levels'.
 //!
 //! ```text
-//! cargo bench --bench fit -- [SCENE] [--sides 128,256] [--made-up foliage,wires,fog,full,empty]
-//!                            [--stepsize S] [--near T] [--far T]
+//! cargo bench --bench fit -- [SCENE] [--sides 128,256] [--stepsize S] [--near T] [--far T]
+//!                            [--made-up foliage,wires,fog,full,empty,stick,slab]
 //! ```
 //!
 //! Takes the scene, upsampled to each of the sides if any are given, or made-up scenes. Prints the

@@ -4,18 +4,25 @@ use mipvog_bake::unstable::model::field::RadianceField;
 
 use crate::common::Random;
 
-/// Nodes of every scene; odd shares of the box, so that levels do not line up with it.
+/// Nodes of most scenes; odd shares of the box, so that levels do not line up with it.
 const NODES: [usize; 3] = [112, 120, 104];
+/// Nodes of boxes without an inside.
+const STICK: [usize; 3] = [2, 2, 65];
+const SLAB: [usize; 3] = [65, 65, 2];
 /// Raw densities of empty space and of opaque matter.
 const EMPTY: f32 = -30.0;
 const OPAQUE: f32 = 12.0;
 
 /// Names of the scenes.
-pub const SCENES: [&str; 5] = ["foliage", "wires", "fog", "full", "empty"];
+pub const SCENES: [&str; 7] = ["foliage", "wires", "fog", "full", "empty", "stick", "slab"];
 
 /// One of [`SCENES`].
 pub fn scene(name: &str) -> RadianceField {
-    let mut nodes = Painted::empty();
+    let mut nodes = Painted::empty(match name {
+        "stick" => STICK,
+        "slab" => SLAB,
+        _ => NODES,
+    });
     let mut random = Random::new(11);
     match name {
         "foliage" => (0..500).for_each(|_| nodes.leaf(&mut random)),
@@ -25,7 +32,7 @@ pub fn scene(name: &str) -> RadianceField {
             let middle = (x - 0.5).powi(2) + (y - 0.5).powi(2) + (z - 0.5).powi(2);
             1.5 + 1.5 * wave - 30.0 * middle
         }),
-        "full" => nodes.fill(|_| OPAQUE),
+        "full" | "stick" | "slab" => nodes.fill(|_| OPAQUE),
         "empty" => {}
         _ => panic!("{name} is none of {SCENES:?}"),
     }
@@ -34,22 +41,23 @@ pub fn scene(name: &str) -> RadianceField {
 
 /// Values of nodes.
 struct Painted {
+    nodes: [usize; 3],
     density: Vec<f32>,
     color: Vec<f32>,
 }
 
 impl Painted {
-    fn empty() -> Self {
-        let count = NODES.iter().product();
-        Self { density: vec![EMPTY; count], color: vec![0.0; 3 * count] }
+    fn empty(nodes: [usize; 3]) -> Self {
+        let count = nodes.iter().product();
+        Self { nodes, density: vec![EMPTY; count], color: vec![0.0; 3 * count] }
     }
 
     /// Matter of this raw density at each place, `0..1`, in waves of colour.
     fn fill(&mut self, density: impl Fn([f32; 3]) -> f32) {
-        let [nx, ny, nz] = NODES;
+        let [nx, ny, nz] = self.nodes;
         for node in 0..nx * ny * nz {
             let at = [node / nz / ny, node / nz % ny, node % nz];
-            let place = [0, 1, 2].map(|axis| at[axis] as f32 / (NODES[axis] - 1) as f32);
+            let place = [0, 1, 2].map(|axis| at[axis] as f32 / (self.nodes[axis] - 1) as f32);
             let [x, y, z] = place;
             let color = [23.0 * x + 9.0 * y, 31.0 * y + 7.0 * z, 27.0 * z + 11.0 * x];
             self.put(at, density(place), color.map(|phase| 3.0 * libm::sinf(phase)));
@@ -58,7 +66,7 @@ impl Painted {
 
     /// A thin disc of one colour, anywhere and any way round.
     fn leaf(&mut self, random: &mut Random) {
-        let middle = NODES.map(|nodes| random.between(8.0, nodes as f32 - 9.0));
+        let middle = self.nodes.map(|nodes| random.between(8.0, nodes as f32 - 9.0));
         let normal = direction(random);
         let radius = random.between(3.0, 7.0);
         let color = [0; 3].map(|_| random.between(-3.0, 3.0));
@@ -71,7 +79,7 @@ impl Painted {
 
     /// A straight wire about a node thick, from face to face of the box's inside.
     fn wire(&mut self, random: &mut Random) {
-        let middle = NODES.map(|nodes| random.between(20.0, nodes as f32 - 21.0));
+        let middle = self.nodes.map(|nodes| random.between(20.0, nodes as f32 - 21.0));
         let way = direction(random);
         let color = [0; 3].map(|_| random.between(-3.0, 3.0));
         self.around(middle, 45.0, |off| {
@@ -90,7 +98,7 @@ impl Painted {
     ) {
         let [xs, ys, zs] = [0, 1, 2].map(|axis| {
             let low = (middle[axis] - reach).max(0.0) as usize;
-            low..((middle[axis] + reach) as usize + 1).min(NODES[axis])
+            low..((middle[axis] + reach) as usize + 1).min(self.nodes[axis])
         });
         for x in xs {
             for y in ys.clone() {
@@ -106,7 +114,7 @@ impl Painted {
     }
 
     fn put(&mut self, [x, y, z]: [usize; 3], density: f32, color: [f32; 3]) {
-        let node = (x * NODES[1] + y) * NODES[2] + z;
+        let node = (x * self.nodes[1] + y) * self.nodes[2] + z;
         if density > self.density[node] {
             self.density[node] = density;
             for (channel, value) in color.into_iter().enumerate() {
@@ -116,8 +124,8 @@ impl Painted {
     }
 
     fn built(self) -> RadianceField {
-        let half = NODES.map(|nodes| (nodes - 1) as f32 / 100.0);
-        let builder = RadianceField::builder(NODES, self.density, self.color);
+        let half = self.nodes.map(|nodes| (nodes - 1) as f32 / 100.0);
+        let builder = RadianceField::builder(self.nodes, self.density, self.color);
         let builder = builder.bounds(half.map(|half| -half), half).shift(-4.0);
         builder.stepsize(0.5).background([1.0; 3]).build().expect("a field")
     }

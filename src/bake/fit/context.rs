@@ -124,11 +124,6 @@ pub struct FitContext<'a> {
     pub progress: &'a dyn Progress,
 }
 
-/// PSNR of a mean squared error, in dB.
-pub fn psnr(mean_square: f64) -> f64 {
-    -10.0 * libm::log10(mean_square.max(1e-12))
-}
-
 /// A level's values by channel: density, and those lanes of colour.
 fn channels<const C: usize>(field: &Dense<C>, level: usize, lanes: &[usize]) -> Vec<Vec<f32>> {
     let (density, color) = field.values(level);

@@ -128,17 +128,18 @@ impl<const C: usize> Rays<'_, C> {
         }
     }
 
-    /// The squared error of ray `number`, over three channels.
+    /// The picture of ray `number`, and its squared error over three channels; none if no picture
+    /// shows anything.
     pub fn square(
         &self,
         scale: usize,
         number: usize,
         windows: Windows,
         gradient: &mut Gradient<C>,
-    ) -> f32 {
-        let target = self.targets.draw(scale, number, windows);
-        let traced = target.and_then(|target| self.trace(&target, &mut gradient.samples));
-        traced.map_or(0.0, |traced| traced.square)
+    ) -> Option<(usize, f32)> {
+        let target = self.targets.draw(scale, number, windows)?;
+        let traced = self.trace(&target, &mut gradient.samples);
+        Some((target.picture, traced.map_or(0.0, |traced| traced.square)))
     }
 
     /// Adds a sample's part to the derivatives of the level's nodes around it.

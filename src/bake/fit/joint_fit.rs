@@ -1,10 +1,11 @@
 //! The fit of all levels at once, from its first step to its best state.
 
 use super::adam::{Adam, State, StepLength};
-use super::context::{FitContext, Fitted, FittedLevel, psnr};
+use super::context::{FitContext, Fitted, FittedLevel};
 use super::curve::{ByKnots, Curve};
 use super::finest::Finest;
 use super::gradient::Gradient;
+use super::quality::Quality;
 use super::target::Windows;
 use super::trace::Rays;
 use crate::base::error::{Error, Result};
@@ -23,8 +24,6 @@ const BATCH: usize = 13312;
 const THINNING: f64 = 0.8;
 /// Rays of a scale in a step, at least.
 const LEAST_RAYS: usize = 512;
-/// Validation rays of each scale, a multiple of [`PARTS`].
-const VALIDATION: usize = 2048;
 /// Steps between two measurements.
 const STEPS_BETWEEN: usize = 25;
 /// Gain of the mean over scales between two measurements, in dB, below which the fit has stalled.
@@ -58,8 +57,7 @@ struct Reached<const C: usize> {
     states: States<C>,
     rule: LevelOfDetail,
     curve: Curve,
-    /// PSNR of each scale, in dB.
-    psnr: Vec<f64>,
+    quality: Quality,
 }
 
 impl<'a, const C: usize> JointFit<'a, C> {
@@ -77,10 +75,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
     pub fn run(mut self) -> Result<Fitted> {
         let FitContext { options, progress, .. } = self.context;
         let rule = SharedFilter::from(Filter::RateTent).rule();
-        let psnr = self.quality_of(rule)?;
-        let unfitted = Reached { rule, ..self.reached(psnr) };
-        let psnr = self.quality_of(self.curve.rule())?;
-        let mut best = self.reached(psnr);
+        let quality = self.quality_of(rule)?;
+        let unfitted = Reached { rule, ..self.reached(quality) };
+        let quality = self.quality_of(self.curve.rule())?;
+        let mut best = self.reached(quality);
         let nodes: Vec<usize> = self.adams.iter().map(Adam::nodes).collect();
         let mut gradients: Vec<Gradient<C>> = (0..PARTS).map(|_| Gradient::new(&nodes)).collect();
         let (mut taken, mut stalled) = (0, 0);
@@ -92,16 +90,16 @@ impl<'a, const C: usize> JointFit<'a, C> {
             self.tell(taken, &best);
             let by_seconds = (self.spent() - first) / (seconds - first);
             let done = by_seconds.max(passed as f64 / options.steps as f64);
-            self.step(&mut gradients, taken, done as f32, &best.psnr)?;
+            self.step(&mut gradients, taken, done as f32, &best.quality.psnr)?;
             (taken, passed) = (taken + 1, passed + pace);
             progress.advance(Step::Fit, 1);
             cut_short = progress.enough() || self.spent() >= seconds;
             if taken.is_multiple_of(STEPS_BETWEEN) || passed >= options.steps || cut_short {
-                let psnr = self.quality_of(self.curve.rule())?;
-                let gain = mean(&psnr) - mean(&best.psnr);
+                let quality = self.quality_of(self.curve.rule())?;
+                let gain = quality.mean() - best.quality.mean();
                 stalled = if gain < LEAST_GAIN { stalled + 1 } else { 0 };
                 if gain > 0.0 {
-                    best = self.reached(psnr);
+                    best = self.reached(quality);
                 }
                 if stalled == PATIENCE {
                     // Long steps hide what shorter ones gain, so the fit does not end here.
@@ -116,8 +114,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let report = |level: usize| FittedLevel {
             level,
             steps: taken,
-            psnr_before: at(&unfitted.psnr, level),
-            psnr_after: at(&best.psnr, level),
+            psnr_before: at(&unfitted.quality.psnr, level),
+            psnr_after: at(&best.quality.psnr, level),
             kept: kept[level - 1],
         };
         let levels = (1..=self.adams.len()).map(report).collect();
@@ -130,10 +128,9 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// which are fitted.
     fn keep_best(&mut self, unfitted: &Reached<C>, best: &mut Reached<C>) -> Result<Vec<bool>> {
         let levels = self.adams.len();
-        let fits =
-            |psnr: &[f64]| psnr.iter().zip(&unfitted.psnr).all(|(now, before)| now >= before);
+        let fits = |quality: &Quality| quality.is_nowhere_below(&unfitted.quality);
         self.restore(&best.states);
-        if fits(&best.psnr) {
+        if fits(&best.quality) {
             return Ok(vec![true; levels]);
         }
         let which = |kept: &dyn Fn(usize) -> bool| (0..levels).map(kept).collect::<Vec<_>>();
@@ -142,17 +139,17 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let far = (1..levels).flat_map(|first| {
             far_rules.iter().map(move |&rule| (which(&|level| level >= first), rule))
         });
-        let (mut rule_kept, mut psnr_kept) = (unfitted.rule, unfitted.psnr.clone());
+        let (mut rule_kept, mut quality_kept) = (unfitted.rule, unfitted.quality.clone());
         let mut fitted = which(&|_| false);
         for (kept, rule) in without_one.chain(far) {
             self.restore_each(&kept, best, unfitted);
-            let psnr = self.quality_of(rule)?;
-            if fits(&psnr) && mean(&psnr) > mean(&psnr_kept) {
-                (rule_kept, psnr_kept, fitted) = (rule, psnr, kept);
+            let quality = self.quality_of(rule)?;
+            if fits(&quality) && quality.mean() > quality_kept.mean() {
+                (rule_kept, quality_kept, fitted) = (rule, quality, kept);
             }
         }
         self.restore_each(&fitted, best, unfitted);
-        (best.rule, best.psnr) = (rule_kept, psnr_kept);
+        (best.rule, best.quality) = (rule_kept, quality_kept);
         Ok(fitted)
     }
 
@@ -168,9 +165,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
         self.adams.iter().map(|adam| adam.state(&self.field)).collect()
     }
 
-    /// The state now, which has this PSNR.
-    fn reached(&self, psnr: Vec<f64>) -> Reached<C> {
-        Reached { states: self.states(), rule: self.curve.rule(), curve: self.curve.clone(), psnr }
+    /// The state now, which has this quality.
+    fn reached(&self, quality: Quality) -> Reached<C> {
+        let (rule, curve) = (self.curve.rule(), self.curve.clone());
+        Reached { states: self.states(), rule, curve, quality }
     }
 
     fn restore(&mut self, states: &States<C>) {
@@ -226,7 +224,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
 
     /// Names the step and the quality so far.
     fn tell(&self, taken: usize, best: &Reached<C>) {
-        let (step, steps, psnr) = (taken + 1, self.context.options.steps, mean(&best.psnr));
+        let (step, steps, psnr) = (taken + 1, self.context.options.steps, best.quality.mean());
         let part = format!("all levels, step {step}/{steps}, {psnr:.1} dB");
         self.context.progress.part(Step::Fit, &part);
     }
@@ -241,29 +239,9 @@ impl<'a, const C: usize> JointFit<'a, C> {
         Rays { view, field, finest, targets: context.targets, numbers, curve, every: 1 }
     }
 
-    /// PSNR of each scale under a rule, in dB.
-    fn quality_of(&mut self, rule: LevelOfDetail) -> Result<Vec<f64>> {
+    /// The quality under a rule.
+    fn quality_of(&mut self, rule: LevelOfDetail) -> Result<Quality> {
         self.view.level_of_detail = Some(rule);
-        let rays = self.rays(&[]);
-        let scales = self.context.targets.scales;
-        let progress = self.context.progress;
-        let sums = parallel::map(scales * PARTS, |part| {
-            let (scale, share) = (part / PARTS, VALIDATION / PARTS);
-            let mut gradient = Gradient::new(&[]);
-            let mut sum = 0.0;
-            for number in part % PARTS * share..(part % PARTS + 1) * share {
-                if progress.cancelled() {
-                    return Err(Error::cancelled());
-                }
-                sum += f64::from(rays.square(scale, number, Windows::Validation, &mut gradient));
-            }
-            Ok(sum)
-        })?;
-        let square = |sums: &[f64]| sums.iter().sum::<f64>() / (3 * VALIDATION) as f64;
-        Ok(sums.chunks(PARTS).map(|sums| psnr(square(sums))).collect())
+        Quality::of(&self.rays(&[]), self.context.progress)
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
 }

@@ -14,9 +14,9 @@
 //!    differentiates their colour by the values of all levels and by the knots of the curve: through
 //!    the view network, compositing, blending of levels, activation and interpolation.
 //! 6. [`adam`] takes steps. [`moments`] says how far, from derivatives so far.
-//! 7. [`joint_fit`] takes steps with rays of all scales. It measures rays of pictures that no step
-//!    uses, keeps the best state, and shortens steps sooner when the fit has stalled. A fit that is
-//!    worse than the filter's levels at any scale loses a level, or all.
+//! 7. [`joint_fit`] takes steps with rays of all scales. It measures the [`quality`] of rays of
+//!    pictures that no step uses, keeps the best state, and shortens steps sooner when the fit has
+//!    stalled. A fit that is worse than the filter's levels at any scale loses a level, or all.
 //!
 //! Only visible nodes change. The budget is in steps, rays are drawn by a fixed generator, and sums
 //! of gradients are in a fixed order. So the same bytes come out for any number of threads. A fit
@@ -32,6 +32,7 @@ mod gradient;
 mod joint_fit;
 mod moments;
 mod options;
+mod quality;
 mod run;
 mod shown;
 mod summed_area;

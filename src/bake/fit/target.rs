@@ -40,6 +40,8 @@ const VALIDATION: usize = 8;
 /// A picture of level 0.
 #[derive(Debug)]
 struct Picture {
+    /// Among the pictures of all series.
+    number: usize,
     camera: Camera,
     /// Colour over the background.
     color: SummedArea,
@@ -62,6 +64,8 @@ pub struct Targets {
     series: Vec<Series>,
     /// Scales that windows have: those of scale `s` are `2^(s + 1)` pixels wide.
     pub scales: usize,
+    /// Pictures of all series.
+    pub pictures: usize,
 }
 
 /// The windows that a ray is drawn from.
@@ -82,6 +86,8 @@ pub struct Target {
     pub aside: [Ray; 2],
     /// Mean colour of the window.
     pub color: [f32; 3],
+    /// The picture, below [`Targets::pictures`].
+    pub picture: usize,
 }
 
 impl Targets {
@@ -134,6 +140,7 @@ impl Targets {
         let mut render_series = |(cameras, reduction): (Vec<Camera>, usize)| {
             let (mut pictures, mut shown) = (Vec::new(), [Vec::new(), Vec::new()]);
             for (number, camera) in cameras.into_iter().enumerate() {
+                let place = rendered;
                 rendered += 1;
                 progress.part(Step::Targets, &format!("picture {rendered}/{count}"));
                 let shot = match photographs {
@@ -148,7 +155,7 @@ impl Targets {
                 let pixels = pixels.map(|(pixel, place)| [place, number as u32, pixel]);
                 shown[usize::from(is_held_out(number))].extend(pixels);
                 let color = SummedArea::new(&color, camera.lens.width, largest);
-                pictures.push(Picture { color, camera });
+                pictures.push(Picture { number: place, color, camera });
                 progress.advance(Step::Targets, 1);
             }
             Ok(Series { pictures, shown: shown.map(Shown::new), reduction })
@@ -159,7 +166,7 @@ impl Targets {
             |picture: &Picture| picture.camera.lens.width.min(picture.camera.lens.height);
         let least = series[0].pictures.iter().map(shortest).min().unwrap_or(0);
         let scales = (0..=coarser).take_while(|scale| 2 << scale <= least).count();
-        Ok(Self { series, scales })
+        Ok(Self { series, scales, pictures: count })
     }
 
     /// The target of window `number`; none if no picture shows anything.
@@ -194,7 +201,8 @@ impl Targets {
         let half = 0.5 * side as f64;
         let (x, y) = (x as f64 + half, y as f64 + half);
         let ray = |x: f64, y: f64| picture.camera.ray(x, y);
-        Some(Target { ray: ray(x, y), aside: [ray(x + half, y), ray(x, y + half)], color })
+        let aside = [ray(x + half, y), ray(x, y + half)];
+        Some(Target { ray: ray(x, y), aside, color, picture: picture.number })
     }
 
     /// One of the series whose windows of a scale have enough pixels, drawn by numbers of pictures.

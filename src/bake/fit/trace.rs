@@ -148,7 +148,7 @@ impl<'a, const C: usize> Rays<'a, C> {
 
     #[inline(always)]
     fn follow(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
-        let Target { ray, aside, color } = target;
+        let Target { ray, aside, color, .. } = target;
         let route = Route::new(self.view, self.field.levels(), ray, Some(*aside), None)?;
         samples.list.clear();
         samples.colors.clear();
