@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::Arrays;
 use crate::error::raised;
+use crate::watch::watched;
 
 /// Directions of nodes, flat, and their number at each node.
 type Directions<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<i64>>);
@@ -36,16 +37,16 @@ impl NativeFit {
         cameras: Vec<[f64; 3]>,
     ) -> PyResult<Self> {
         let file = arrays.get().file();
-        let made = py.detach(|| {
+        let made = watched(py, None, |watch| {
             let limits = Limits::default();
             let tensors = tensor::open_file(&file, &limits)?;
             let Source { field, .. } =
                 input::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
             let offset = field.harmonics().map_or(0.5, |rules| f64::from(rules.offset));
-            let fitted = CellViews::of_fit(&field, degree, &cameras, &limits)?;
-            let judged = CellViews::of_judges(&field, &cameras, &limits)?;
+            let fitted = CellViews::of_fit(&field, degree, &cameras, &limits, &**watch)?;
+            let judged = CellViews::of_judges(&field, &cameras, &limits, &**watch)?;
             Result::Ok(Self { fitted, judged, functions: (degree + 1).pow(2), offset })
-        });
+        })?;
         made.map_err(|error| raised(py, &error))
     }
 

@@ -4,12 +4,13 @@
 //! codes. They wait as frames until all threads have runs of them to compress.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::MaxErrors;
 use super::importance::LevelImportance;
 use super::run_store::RunStore;
 use crate::base::error::{Error, Place, Result};
+use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::codec::container::{CompressedRun, EncodedAtlas, EncodedLevel, frames_per_run};
 use crate::codec::quantize::{
@@ -72,39 +73,18 @@ impl ErrorBound {
     }
 }
 
-/// Quantizes planes of one level.
-#[derive(Debug)]
-pub struct LevelPlanes<'a> {
-    codes: CodePlanes<'a>,
-    /// The group of each channel.
-    groups: Vec<Group>,
-    level: usize,
-}
-
-impl LevelPlanes<'_> {
-    /// Takes plane `x` of a channel, counted over the groups in their order. From any thread.
-    ///
-    /// # Errors
-    ///
-    /// A retained value that moves by more than the bound, where there is one.
-    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
-        let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
-        let Moved { at: [y, z], bound } = moved;
-        let place = format!("level{}.{}", self.level, self.groups[channel].name());
-        let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
-        let expected = "values as they were unpacked, or other bits";
-        Err(Error::malformed(Place::Tensor(place), found, expected))
-    }
-}
-
-/// Encodes one level, slab by slab.
+/// Encodes one level: planes come from any thread, slabs in order.
 #[derive(Debug)]
 pub struct LevelEncoder<'a> {
     table: Table,
     retained: &'a NodeMask,
-    planes: Arc<LevelPlanes<'a>>,
+    codes: CodePlanes<'a>,
+    /// The group of each channel.
+    channel_groups: Vec<Group>,
     options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
+    /// The frames of each group. Locked for a moment only, for blocks are made in parallel.
+    frames: Mutex<Vec<GroupFrames>>,
 }
 
 #[derive(Debug)]
@@ -113,6 +93,11 @@ struct GroupEncoder {
     /// The group's first channel in a slab.
     first_channel: usize,
     encoder: BlockEncoder,
+}
+
+/// The blocks of a group that were made so far.
+#[derive(Debug, Default)]
+struct GroupFrames {
     /// The most that coarsening moved a colour or opacity.
     moved: f64,
     /// Frames that are not compressed yet.
@@ -139,30 +124,37 @@ impl<'a> LevelEncoder<'a> {
                 group,
                 first_channel: channel_groups.len(),
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
-                moved: 0.0,
-                pending: Vec::new(),
-                runs: Vec::new(),
             });
             channel_groups.extend(std::iter::repeat_n(group, channels));
             bounds.push(GroupCodes { encoding, channels, bound, everywhere: is_everywhere(group) });
         }
         let codes = CodePlanes::new(retained, options.activation, bounds);
-        let planes = LevelPlanes { codes, groups: channel_groups, level: options.level };
-        let planes = Arc::new(planes);
-        Self { table, retained, planes, options, groups }
+        let frames = groups.iter().map(|_| GroupFrames::default()).collect();
+        let frames = Mutex::new(frames);
+        Self { table, retained, codes, channel_groups, options, groups, frames }
     }
 
-    /// The planes of the level.
-    pub fn planes(&self) -> Arc<LevelPlanes<'a>> {
-        Arc::clone(&self.planes)
+    /// Takes plane `x` of a channel, counted over the groups in their order. From any thread.
+    ///
+    /// # Errors
+    ///
+    /// A retained value that moves by more than the bound, where there is one.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
+        let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
+        let Moved { at: [y, z], bound } = moved;
+        let group = self.channel_groups[channel].name();
+        let place = format!("level{}.{group}", self.options.level);
+        let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
+        let expected = "values as they were unpacked, or other bits";
+        Err(Error::malformed(Place::Tensor(place), found, expected))
     }
 
     /// Encodes the stored blocks of planes that have come. They are told about in order, each time
     /// a block's thickness.
-    pub fn take(&mut self, planes: Range<usize>) -> Result<()> {
+    pub fn take(&self, planes: Range<usize>) -> Result<()> {
         let grid = self.table.grid();
         let row = planes.start / grid.edge;
-        let slab = self.planes.codes.take(planes);
+        let slab = self.codes.take(planes);
         let [_, by, bz] = grid.counts();
         let places: Vec<[usize; 3]> = (0..by * bz)
             .map(|block| [row, block / bz, block % bz])
@@ -182,52 +174,61 @@ impl<'a> LevelEncoder<'a> {
             };
             Ok(groups.iter().map(frame).collect::<Vec<_>>())
         })?;
-        self.planes.codes.reuse(slab);
-        for frame in frames {
-            for (group, frame) in self.groups.iter_mut().zip(frame) {
+        self.codes.reuse(slab);
+        if self.add(frames) >= PENDING_BYTES {
+            self.compress(false)?;
+        }
+        Ok(())
+    }
+
+    /// Adds blocks, each with a frame or none for every group. Returns the bytes that now wait.
+    fn add(&self, blocks: Vec<Vec<Option<(Frame, f64)>>>) -> usize {
+        let mut all = lock(&self.frames);
+        for block in blocks {
+            for (group, frame) in all.iter_mut().zip(block) {
                 let Some((frame, moved)) = frame else { continue };
                 group.moved = group.moved.max(moved);
                 group.pending.push(frame);
             }
         }
-        let waiting = |group: &GroupEncoder| group.pending.len() * group.encoder.shape().bytes();
-        if self.groups.iter().map(waiting).sum::<usize>() >= PENDING_BYTES {
-            self.compress(false)?;
-        }
-        Ok(())
+        let bytes = |(group, frames): (&GroupEncoder, &GroupFrames)| {
+            frames.pending.len() * group.encoder.shape().bytes()
+        };
+        self.groups.iter().zip(&*all).map(bytes).sum()
     }
 
     /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and the
     /// error that coarsening added.
     pub fn max_errors(&self) -> [Option<f32>; GROUPS] {
         let mut errors = [None; GROUPS];
-        for group in &self.groups {
-            errors[group.group.index()] = Some(group.encoder.encoding().error_after(group.moved));
+        for (group, frames) in self.groups.iter().zip(&*lock(&self.frames)) {
+            errors[group.group.index()] = Some(group.encoder.encoding().error_after(frames.moved));
         }
         errors
     }
 
     /// Compresses the remaining frames.
-    pub fn finish(mut self) -> Result<EncodedLevel> {
+    pub fn finish(self) -> Result<EncodedLevel> {
         self.compress(true)?;
         let mut atlases = [const { None }; GROUPS];
-        for group in self.groups {
-            let atlas = EncodedAtlas::new(frames_per_run(group.encoder.shape()), group.runs)?;
+        let frames = std::mem::take(&mut *lock(&self.frames));
+        for (group, frames) in self.groups.iter().zip(frames) {
+            let atlas = EncodedAtlas::new(frames_per_run(group.encoder.shape()), frames.runs)?;
             atlases[group.group.index()] = Some(atlas);
         }
         Ok(EncodedLevel { table: self.table, atlases })
     }
 
     /// Compresses all full runs, and with `rest` the last ones too.
-    fn compress(&mut self, rest: bool) -> Result<()> {
+    fn compress(&self, rest: bool) -> Result<()> {
         let mut runs = Vec::new();
-        for (number, group) in self.groups.iter_mut().enumerate() {
-            let length = frames_per_run(group.encoder.shape());
-            let mut frames = std::mem::take(&mut group.pending).into_iter();
+        for (number, waiting) in lock(&self.frames).iter_mut().enumerate() {
+            let length = frames_per_run(self.groups[number].encoder.shape());
+            let mut frames = std::mem::take(&mut waiting.pending).into_iter();
             while frames.len() >= length || (rest && frames.len() > 0) {
                 runs.push((number, frames.by_ref().take(length).collect::<Vec<_>>()));
             }
-            group.pending = frames.collect();
+            waiting.pending = frames.collect();
         }
         let (groups, level) = (&self.groups, self.options.zstd_level);
         let compressed = parallel::map(runs.len(), |i| {
@@ -238,8 +239,9 @@ impl<'a> LevelEncoder<'a> {
             self.options.store.map_or(Ok(()), |store| store.keep(&mut run))?;
             Ok(run)
         })?;
+        let mut all = lock(&self.frames);
         for ((number, _), run) in runs.into_iter().zip(compressed) {
-            self.groups[number].runs.push(run);
+            all[number].runs.push(run);
         }
         Ok(())
     }

@@ -4,9 +4,7 @@
 //! [`LevelSource`] alone.
 
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
 
-use super::LevelPlanes;
 use super::encode::{EncodeOptions, ErrorBound, Importance, LevelEncoder};
 use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
@@ -92,37 +90,29 @@ impl Packing<'_> {
             let encodings = Group::ALL.map(|group| level.encoding(group));
             LevelEncoder::new(table, retained, encodings, options)
         };
-        let encoders: Vec<LevelEncoder> = levels.enumerate().map(encoder).collect();
-        EncodeSink {
-            planes: encoders.iter().map(LevelEncoder::planes).collect(),
-            encoders: encoders.into_iter().map(Mutex::new).collect(),
-        }
+        EncodeSink { encoders: levels.enumerate().map(encoder).collect() }
     }
 }
 
 /// Encodes each level's planes.
 struct EncodeSink<'a> {
-    planes: Vec<Arc<LevelPlanes<'a>>>,
-    encoders: Vec<Mutex<LevelEncoder<'a>>>,
+    encoders: Vec<LevelEncoder<'a>>,
 }
 
 impl PlaneSink for EncodeSink<'_> {
     fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
-        self.planes[level].put(x, channel, values)
+        self.encoders[level].put(x, channel, values)
     }
 
     fn slab(&self, level: usize, planes: Range<usize>) -> Result<()> {
-        self.encoders[level].lock().unwrap_or_else(PoisonError::into_inner).take(planes)
+        self.encoders[level].take(planes)
     }
 }
 
 impl EncodeSink<'_> {
     /// The encoded levels. Errors in the metadata grow by as much as coarsening moved values.
     fn finish(self, metadata: &mut Metadata) -> Result<Vec<EncodedLevel>> {
-        let Self { planes, encoders } = self;
-        drop(planes);
-        let finish = |(level, encoder): (&mut LevelMetadata, Mutex<LevelEncoder>)| {
-            let encoder = encoder.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let finish = |(level, encoder): (&mut LevelMetadata, LevelEncoder)| {
             for (group, error) in Group::ALL.into_iter().zip(encoder.max_errors()) {
                 if let (Some(encoding), Some(error)) = (level.encoding_mut(group), error) {
                     encoding.max_error = error;
@@ -130,6 +120,6 @@ impl EncodeSink<'_> {
             }
             encoder.finish()
         };
-        metadata.levels.iter_mut().zip(encoders).map(finish).collect()
+        metadata.levels.iter_mut().zip(self.encoders).map(finish).collect()
     }
 }

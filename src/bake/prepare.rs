@@ -38,7 +38,7 @@ impl<'a> Prepared<'a> {
     ) -> Result<Self> {
         let filter = &*options.filter;
         let sizes = filter.level_sizes(field.scene.nodes, options.levels);
-        let planes = visible::masked_planes(field, options.nonfinite)?;
+        let planes = visible::masked_planes(field, options.nonfinite, progress)?;
         let nearby = options.is_seen_nearby();
         let mut visible =
             Visible::find(&planes, &sizes, filter, options.alpha_threshold, nearby, progress)?;

@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use super::MaxErrors;
 use super::level_source::LevelSource;
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::codec::quantize::{
@@ -93,13 +94,13 @@ impl<'a> RangeSink<'a> {
         let Plane { level, x, channel, values } = plane;
         let LevelRanges { ranges, groups, .. } = &self.levels[*level];
         let Some(range) = &ranges[groups[*channel].index()] else { return };
-        let mut own = *range.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut own = *lock(range);
         for (y, row) in values.chunks_exact(counted.nodes().0[2]).enumerate() {
             for (start, end) in row::runs(counted.row(*x, y)) {
                 own.take(&row[start..end]);
             }
         }
-        range.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
+        lock(range).join(&own);
     }
 
     /// Gives coarser levels the ranges that means of level 0's values may have.

@@ -1,10 +1,11 @@
 //! A place for compressed runs that wait until the coarsest level is there.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use crate::base::bytes::Spill;
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::codec::container::CompressedRun;
 
 /// Memory for compressed runs, and a file for those that find no room in it.
@@ -43,7 +44,7 @@ impl RunStore {
 
     /// Counts a run of this many bytes. The file, if memory has no room for them.
     fn spill_for(&self, bytes: u64) -> Result<Option<Arc<Spill>>> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = lock(&self.state);
         if let Some(rest) = state.bytes_left.checked_sub(bytes) {
             state.bytes_left = rest;
             return Ok(None);

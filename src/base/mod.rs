@@ -5,6 +5,7 @@ pub mod bytes;
 pub mod error;
 pub mod finding;
 pub mod limits;
+pub mod lock;
 pub mod parallel;
 pub mod picture;
 mod place;

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 #[cfg(feature = "parallel")]
 use crate::base::error::Error;
 use crate::base::error::Result;
+use crate::base::lock;
 
 /// Calls `make(i)` for `i` in `0..count` and returns the results in order, or the error with the
 /// lowest index.
@@ -26,7 +27,9 @@ pub fn map_mut<I: Send, T: Send>(
     items: &mut [I],
     change: impl Fn(usize, &mut I) -> Result<T> + Sync + Send,
 ) -> Result<Vec<T>> {
-    // A lock for each item, which no two threads ever want: the price of a loop without types.
+    lock::assert_none_held();
+    // A lock for each item, which no two threads ever want: the price of a loop without types. Work
+    // under it may be parallel again, so it is none of `base::lock`.
     let places: Vec<_> = items.iter_mut().map(|item| Mutex::new((item, None))).collect();
     for_each(places.len(), &|i| {
         let mut place = places[i].lock().unwrap_or_else(PoisonError::into_inner);
@@ -57,6 +60,7 @@ pub fn join<A: Send, B: Send>(
     first: impl FnOnce() -> A + Send,
     second: impl FnOnce() -> B + Send,
 ) -> (A, B) {
+    lock::assert_none_held();
     #[cfg(feature = "parallel")]
     return rayon::join(first, second);
     #[cfg(not(feature = "parallel"))]
@@ -77,6 +81,7 @@ pub fn threads() -> usize {
 ///
 /// The system gives no more threads.
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    lock::assert_none_held();
     #[cfg(feature = "parallel")]
     {
         let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);

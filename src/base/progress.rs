@@ -4,6 +4,8 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Step {
+    /// Finding the views that see each part of a scene, to which colours are fitted.
+    Views,
     /// Finding the visible nodes of every level.
     Prune,
     /// Finding the parts that cameras see, camera by camera.
@@ -30,6 +32,7 @@ impl Step {
     /// A verb for people.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Views => "find views",
             Self::Prune => "prune",
             Self::Cover => "look from the cameras",
             Self::Targets => "reference pictures",

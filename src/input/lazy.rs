@@ -1,38 +1,34 @@
 //! Things that are loaded when they are first asked for.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use crate::base::error::Result;
 
 /// A thing that is loaded once, or once more where loading failed.
+///
+/// Loading may run in parallel, so nobody holds a lock meanwhile, and two threads that ask at the
+/// same time both load. [`crate::model::field::NodeValues::prepare`] asks before the loops begin.
 #[derive(Debug)]
 pub struct Lazy<T> {
-    loaded: Mutex<Option<Arc<T>>>,
+    loaded: OnceLock<Arc<T>>,
 }
 
 impl<T> Default for Lazy<T> {
     fn default() -> Self {
-        Self { loaded: Mutex::new(None) }
+        Self { loaded: OnceLock::new() }
     }
 }
 
 impl<T> Lazy<T> {
-    /// The thing. Others who ask while it is loaded wait for it.
+    /// The thing.
     ///
     /// # Errors
     /// Those of loading.
     pub fn get(&self, load: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
-        let mut loaded = lock(&self.loaded);
-        if let Some(thing) = &*loaded {
+        if let Some(thing) = self.loaded.get() {
             return Ok(Arc::clone(thing));
         }
         let thing = Arc::new(load()?);
-        *loaded = Some(Arc::clone(&thing));
-        Ok(thing)
+        Ok(Arc::clone(self.loaded.get_or_init(|| thing)))
     }
-}
-
-/// A lock that a panic elsewhere does not poison.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

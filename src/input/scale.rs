@@ -9,6 +9,7 @@ use super::options::SourceOptions;
 use super::source::Source;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
@@ -58,11 +59,11 @@ struct Scaled {
 }
 
 impl TrainedModel for Scaled {
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let scale = self.scale as f32;
         let ray = Ray { origin: ray.origin * self.scale, direction: ray.direction };
         let (near, far) = (rules.near * scale, rules.far.map(|far| far * scale));
-        let light = self.model.ray_color(&ray, &RayRules { near, far, ..*rules });
+        let light = self.model.ray_color(&ray, &RayRules { near, far, ..*rules }, progress);
         RayColor { distance: light.distance / scale, ..light }
     }
 

@@ -12,6 +12,7 @@ use super::{
     PlaneSource, Pyramid, RequiredNodes, Verify, Visibility,
 };
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::base::progress::{Progress, Step};
 use crate::model::field::{NonfiniteCount, Planes, Scene};
 use crate::model::grid::{Bounds, NodeMask, Nodes, row};
@@ -188,7 +189,7 @@ fn mark_above(mask: &Mutex<NodeMask>, nodes: Nodes, x: usize, values: &[f32], th
     for (values, row) in values.chunks_exact(nz).zip(rows.chunks_exact_mut(words)) {
         row::pack_above(values, threshold, row);
     }
-    mask.lock().unwrap_or_else(PoisonError::into_inner).plane_mut(x).copy_from_slice(&rows);
+    lock(mask).plane_mut(x).copy_from_slice(&rows);
 }
 
 fn into_mask(mask: Mutex<NodeMask>) -> NodeMask {

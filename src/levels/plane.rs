@@ -1,9 +1,10 @@
 //! Planes of values: all that travels through a pyramid.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use crate::base::error::Result;
+use crate::base::lock::lock;
 
 /// One plane of one channel of one level.
 #[derive(Debug)]
@@ -60,7 +61,7 @@ pub struct PlanePool(Mutex<Vec<Vec<f32>>>);
 impl PlanePool {
     /// A plane of so many numbers of any value.
     pub fn take(&self, length: usize) -> Vec<f32> {
-        let mut planes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut planes = lock(&self.0);
         match planes.iter().rposition(|plane| plane.len() == length) {
             Some(i) => planes.swap_remove(i),
             None => {
@@ -72,6 +73,6 @@ impl PlanePool {
 
     /// Gives planes back.
     pub fn give(&self, planes: impl IntoIterator<Item = Vec<f32>>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(planes);
+        lock(&self.0).extend(planes);
     }
 }

@@ -4,6 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::PlaneSource;
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::model::field::{NonfiniteCount, PlaneRead, Planes, verify_crc32};
 use crate::model::grid::NodeMask;
 
@@ -112,7 +113,7 @@ impl PlaneSource for FieldPass<'_> {
         let checksummed = all.is_some() || (channel == 0 && self.verify == Verify::Density);
         let read = self.planes.read(channel, x, required, values, checksummed)?;
         let nx = self.planes.field().scene.nodes.0[0];
-        let mut reads = self.reads.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reads = lock(&self.reads);
         reads[channel * nx + x] = Some(read);
         Ok(())
     }

@@ -14,6 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use multiversion::multiversion;
 
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::grid::Nodes;
@@ -142,7 +143,7 @@ impl TransmittanceSweep<'_> {
             }
             bent_plane = plane.bent;
             own.bent.iter_mut().zip(&bent_plane).for_each(|(own, part)| round(part, own));
-            let mut met = met[x].lock().unwrap_or_else(PoisonError::into_inner);
+            let mut met = lock(&met[x]);
             match &mut *met {
                 Some(other) => other.add(&own),
                 first => *first = Some(std::mem::replace(&mut own, self.dark_plane(bent))),

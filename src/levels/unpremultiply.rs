@@ -10,7 +10,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use multiversion::multiversion;
 
@@ -19,6 +19,7 @@ use super::direction::DirectionPlane;
 use super::plane::PlanePool;
 use super::{AlphaDomain, Direction, Plane, PlaneSink};
 use crate::base::error::Result;
+use crate::base::lock::{Locked, lock};
 use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::field::ColorDomain;
@@ -76,8 +77,8 @@ impl<'a> LevelFinisher<'a> {
         1 + self.channels + if has_brightness { MOMENTS } else { 0 }
     }
 
-    fn waiting(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    fn waiting(&self) -> Locked<'_, Waiting> {
+        lock(&self.waiting)
     }
 
     /// Keeps a premultiplied plane, and leaves another one in its place.

@@ -25,6 +25,7 @@ use super::AlphaDomain;
 use super::importance::NodeImportance;
 use super::transmittance::{BentNormals, NEGLIGIBLE, PlaneLight, TransmittanceSweep};
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::field::{Activation, DensityFunction};
@@ -90,7 +91,7 @@ impl OpticalDepthGrid {
             0 => raw_optical_depths(&mut plane, &self.domain),
             _ => self.domain.optical_depths(values, &mut plane),
         }
-        *self.depths[x].lock().unwrap_or_else(PoisonError::into_inner) = plane;
+        *lock(&self.depths[x]) = plane;
     }
 
     /// The visibility of all nodes, once every plane of the level was taken.

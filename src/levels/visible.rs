@@ -182,12 +182,18 @@ pub fn visibility(
     Ok(search.run(&Silent)?.visibility)
 }
 
-/// The planes of a field with everything emptied that its free-space mask cannot reach.
+/// The planes of a field, prepared for loops that read them, with everything emptied that its
+/// free-space mask cannot reach.
 ///
 /// # Errors
 ///
-/// None of its own.
-pub fn masked_planes(field: &RadianceField, nonfinite: Nonfinite) -> Result<Planes<'_>> {
+/// Those of preparing the field, and a request to stop.
+pub fn masked_planes<'a>(
+    field: &'a RadianceField,
+    nonfinite: Nonfinite,
+    progress: &dyn Progress,
+) -> Result<Planes<'a>> {
+    field.prepare(progress)?;
     let outside = match &field.free_space {
         Some(free_space) => {
             let cells = inside_cells(free_space, &field.scene.bounds, field.scene.nodes)?;

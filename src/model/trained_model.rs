@@ -3,8 +3,10 @@
 use std::fmt::Debug;
 
 use super::camera::Ray;
-use crate::base::error::Result;
+use super::field::March;
+use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 
 /// The light that comes along a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,13 +31,44 @@ pub struct RayRules {
     pub background: [f32; 3],
 }
 
+/// The samples that a ray may still take. Every loop over a ray asks for each, so that none is
+/// endless, whatever the ray and the model are, and a request to stop is heard within a ray.
+pub struct Samples<'a> {
+    left: u32,
+    progress: &'a dyn Progress,
+}
+
+/// Samples between two looks at a request to stop.
+const UNHEARD: u32 = 256;
+
+impl<'a> Samples<'a> {
+    /// Those of a ray with a first sample at a distance, `step` farther each. None where the ray
+    /// comes from so far away that a step is lost in the rounding of distances: it would stay where
+    /// it is.
+    pub fn new(start: f64, step: f64, progress: &'a dyn Progress) -> Self {
+        let left = if start + step > start { March::MAX_SAMPLES } else { 0 };
+        Self { left, progress }
+    }
+
+    /// Takes one, if there is one. After a request to stop there is none, and the ray is good for
+    /// nothing.
+    #[inline]
+    pub fn take(&mut self) -> bool {
+        let is_left =
+            self.left > 0 && !(self.left.is_multiple_of(UNHEARD) && self.progress.cancelled());
+        self.left = if is_left { self.left - 1 } else { 0 };
+        is_left
+    }
+}
+
 /// A trained model in memory, evaluated by the rules of the program that trained it: its places of
 /// samples, its activations, its rules to stop.
 ///
 /// Models whose rules are those of a [`RadianceField`](super::field::RadianceField) need none.
 pub trait TrainedModel: Debug + Send + Sync {
-    /// The light along a ray. Its direction need not have unit length.
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor;
+    /// The light along a ray. Its direction need not have unit length. After a request to stop the
+    /// light is incomplete.
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor;
 
     /// Optical depth per world unit at a position of the world; 0 outside.
     fn density(&self, position: [f64; 3]) -> f32;
@@ -43,6 +76,17 @@ pub trait TrainedModel: Debug + Send + Sync {
     /// The colours of the matter at a position, seen along unit directions that point into the
     /// scene, before they are composited.
     fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]>;
+}
+
+impl dyn TrainedModel + '_ {
+    /// The light along a ray, complete.
+    ///
+    /// # Errors
+    /// A request to stop.
+    pub fn follow(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> Result<RayColor> {
+        let light = self.ray_color(ray, rules, progress);
+        if progress.cancelled() { Err(Error::cancelled()) } else { Ok(light) }
+    }
 }
 
 /// Loads a model's values into memory.

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::parallel;
+use crate::base::progress::Silent;
 use crate::model::field::{Grid, Nonfinite, NonfiniteCount, Planes, RadianceField, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
@@ -92,6 +93,7 @@ struct Plane {
 
 fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
     let [nx, ny, nz] = field.scene.nodes.0;
+    field.prepare(&Silent)?;
     let activation = &field.scene.activation;
     let threshold = activation.raw_at_opacity(EMPTY_OPACITY) as f32;
     parallel::map(nx, |x| {

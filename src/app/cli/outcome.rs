@@ -1,13 +1,14 @@
 //! The report of a verb, and the ways to print it.
 
 use std::io::{ErrorKind as IoErrorKind, Write};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::common::{Common, Format};
 use crate::base::error::{Error, Result};
+use crate::base::lock::{Locked, lock};
 
 /// A verb's output.
 pub(super) struct Outcome {
@@ -98,9 +99,9 @@ pub(super) fn say(line: &str) {
 }
 
 /// The bar that is drawn on stderr, if any.
-pub(super) fn drawn() -> MutexGuard<'static, Option<ProgressBar>> {
+pub(super) fn drawn() -> Locked<'static, Option<ProgressBar>> {
     static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
-    DRAWN.lock().unwrap_or_else(PoisonError::into_inner)
+    lock(&DRAWN)
 }
 
 /// A count and its noun.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -13,6 +13,7 @@ use super::outcome::{drawn, say};
 use super::plan::Plan;
 use super::watcher::SharedWatcher;
 use crate::base::error::{Error, Result};
+use crate::base::lock::{Locked, lock};
 use crate::base::progress::{Progress, Step};
 
 /// Parts of the bar: finer than any terminal shows.
@@ -102,8 +103,8 @@ impl Bar {
         if self.cancelled() { Err(Error::cancelled()) } else { Ok(()) }
     }
 
-    fn current(&self) -> MutexGuard<'_, Current> {
-        self.current.lock().unwrap_or_else(PoisonError::into_inner)
+    fn current(&self) -> Locked<'_, Current> {
+        lock(&self.current)
     }
 
     /// Shows the current state; `new` if a step has just begun.

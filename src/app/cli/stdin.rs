@@ -5,13 +5,14 @@
 
 use std::io::{IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use tempfile::NamedTempFile;
 
 use super::output::STANDARD_STREAM;
 use crate::base::bytes::{SourceFile, Unfinished};
 use crate::base::error::{Error, Result};
+use crate::base::lock::lock;
 use crate::codec::container::is_container;
 use crate::input::{self, tensor};
 use crate::output::gltf::asset::is_asset;
@@ -40,7 +41,7 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
     if path != Path::new(STANDARD_STREAM) {
         return Ok(input::file_of(path));
     }
-    let mut spooled = SPOOLED.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut spooled = lock(&SPOOLED);
     let copy = match spooled.take() {
         Some(copy) => copy,
         None => spool()?,
@@ -52,12 +53,12 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
 
 /// Removes the copy. A value that lives as long as the program is not dropped at its end.
 pub fn remove_copy() {
-    drop(SPOOLED.lock().unwrap_or_else(PoisonError::into_inner).take());
+    drop(lock(&SPOOLED).take());
 }
 
 /// A message with the copy's name replaced by that of the standard input.
 pub fn named(message: &str) -> String {
-    let spooled = SPOOLED.lock().unwrap_or_else(PoisonError::into_inner);
+    let spooled = lock(&SPOOLED);
     let path = spooled.as_ref().map(|copy| copy.file.path().display().to_string());
     path.map_or_else(|| message.to_owned(), |path| message.replace(&path, STANDARD_INPUT))
 }

@@ -1,7 +1,8 @@
 //! Files that are being read. No output replaces one of them, by whatever name it is called.
 
+use crate::base::lock::lock;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 
 use same_file::Handle;
 
@@ -17,7 +18,7 @@ impl Guard {
     /// Guards the file at a path. `None` if it cannot be opened: then nothing reads it either.
     pub fn of(path: &Path) -> Option<Self> {
         let handle = Arc::new(handle(path)?);
-        let mut guarded = GUARDED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut guarded = lock(&GUARDED);
         guarded.retain(|file| file.strong_count() > 0);
         guarded.push(Arc::downgrade(&handle));
         Some(Self(handle))
@@ -27,7 +28,7 @@ impl Guard {
 /// True if the path names a guarded file, through links and other spellings too.
 pub fn is_guarded(path: &Path) -> bool {
     let Some(handle) = handle(path) else { return false };
-    let guarded = GUARDED.lock().unwrap_or_else(PoisonError::into_inner);
+    let guarded = lock(&GUARDED);
     guarded.iter().filter_map(Weak::upgrade).any(|file| *file == handle)
 }
 

@@ -12,11 +12,12 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::address::shown;
 use super::fetch::{Answer, fetch};
 use crate::base::error::{Error, Result};
+use crate::base::lock::lock;
 
 /// Bytes of a block.
 const BLOCK: u64 = 128 << 10;
@@ -151,7 +152,7 @@ impl RemoteFile {
     /// A block; those up to byte `end` that are missing come with it.
     fn block(&self, number: u64, end: u64) -> Result<Arc<[u8]>> {
         // Others wait: they may want the same blocks.
-        let mut blocks = self.blocks.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut blocks = lock(&self.blocks);
         if let Some(block) = blocks.get(number) {
             return Ok(block);
         }

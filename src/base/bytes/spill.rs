@@ -4,9 +4,10 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use crate::base::error::{Error, Result};
+use crate::base::lock::lock;
 
 /// A nameless file: it is gone with the last handle to it, however the program ends.
 #[derive(Debug)]
@@ -33,7 +34,7 @@ impl Spill {
     ///
     /// If they cannot be written: a full disk.
     pub fn append(&self, bytes: &[u8]) -> Result<Range<u64>> {
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut file = lock(&self.file);
         let start = file.seek(SeekFrom::End(0));
         let start = start.and_then(|start| file.write_all(bytes).map(|()| start));
         let start = start.map_err(|error| Error::io(error, &self.folder))?;
@@ -47,7 +48,7 @@ impl Spill {
     /// If it cannot be read.
     pub fn read(&self, range: Range<u64>) -> Result<Vec<u8>> {
         let mut bytes = vec![0; (range.end - range.start) as usize];
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut file = lock(&self.file);
         let read = file.seek(SeekFrom::Start(range.start));
         let read = read.and_then(|_| file.read_exact(&mut bytes));
         read.map_err(|error| Error::io(error, &self.folder))?;

@@ -5,10 +5,11 @@
 //! the next run that writes to the folder removes it. If a file system has no locks, nothing is
 //! removed.
 
+use crate::base::lock::lock;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use tempfile::NamedTempFile;
 
@@ -21,7 +22,7 @@ pub const SUFFIX: &str = ".partial";
 /// pictures are large.
 pub fn remove(folder: &Path) {
     static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    let mut cleaned = CLEANED.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut cleaned = lock(&CLEANED);
     let Ok(folder) = folder.canonicalize() else { return };
     if !cleaned.insert(folder.clone()) {
         return;

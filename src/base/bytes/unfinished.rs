@@ -3,16 +3,17 @@
 //! Their owners remove them when they are dropped. A program that is ended from outside, by a
 //! signal, drops nothing: it removes all of them by their names.
 
+use crate::base::lock::{Locked, lock};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Mutex, PoisonError, RwLock};
 
 /// Locked for good by the end of the program.
 static ENDS: RwLock<()> = RwLock::new(());
 
-fn noted() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+fn noted() -> Locked<'static, BTreeSet<PathBuf>> {
     static NOTED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    NOTED.lock().unwrap_or_else(PoisonError::into_inner)
+    lock(&NOTED)
 }
 
 /// A file or folder that is unfinished as long as this lives.

@@ -5,10 +5,11 @@
 //! are there, and blocks are cut from them.
 
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::code::{Quantizer, decode_codes};
 use super::code_word::Code;
+use crate::base::lock::lock;
 use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, row};
@@ -97,7 +98,7 @@ impl<'a> CodePlanes<'a> {
     /// group's bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, everywhere, spare } = &self.channels[channel];
-        let used = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let used = lock(spare).pop();
         let number = quantizer.encoding().number;
         let mut codes = used.unwrap_or_else(|| Codes::zeroed(number, values.len()));
         match everywhere {
@@ -105,14 +106,14 @@ impl<'a> CodePlanes<'a> {
             false => with_codes!(&mut codes, codes => self.quantize(x, quantizer, values, codes)),
         }
         let moved = bound.and_then(|bound| self.moved(x, quantizer, values, &codes, bound));
-        *self.planes[x][channel].lock().unwrap_or_else(PoisonError::into_inner) = codes;
+        *lock(&self.planes[x][channel]) = codes;
         moved
     }
 
     /// Takes away planes that have come.
     pub fn take(&self, planes: Range<usize>) -> CodeSlab {
         let take = |plane: &Mutex<Codes>| {
-            let mut plane = plane.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut plane = lock(plane);
             std::mem::replace(&mut *plane, Codes::U8(Vec::new()))
         };
         let first = planes.start;
@@ -124,7 +125,7 @@ impl<'a> CodePlanes<'a> {
     pub fn reuse(&self, slab: CodeSlab) {
         for plane in slab.planes {
             for (channel, codes) in self.channels.iter().zip(plane) {
-                channel.spare.lock().unwrap_or_else(PoisonError::into_inner).push(codes);
+                lock(&channel.spare).push(codes);
             }
         }
     }

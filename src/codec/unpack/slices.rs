@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use super::{check_levels, fill_plane};
 use crate::base::bytes::Provisional;
 use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::base::picture::{self, Samples};
 use crate::codec::container::Container;
@@ -58,7 +59,7 @@ pub fn write_slices(
         parallel::map(level_metadata.dimensions[0], |x| {
             let files = slice(level, level_metadata, metadata, format, x)?;
             for (name, bytes) in names(level_metadata, format, x).iter().zip(files) {
-                let mut made = made.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut made = lock(&made);
                 made.write(&path(number, name), &bytes, overwrite)?;
             }
             Ok(())

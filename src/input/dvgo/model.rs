@@ -11,13 +11,14 @@
 
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::checkpoint::{Inner, StoredGrid};
 use crate::input::factors::{Between, Mixed, Scratch};
 use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
 use crate::model::field::RadianceField;
 use crate::model::grid::{Bounds, Nodes};
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
 
 /// Transmittance below which a ray ends.
 const ENDS: f64 = 1e-3;
@@ -171,7 +172,7 @@ impl Dvgo {
 
 impl TrainedModel for Dvgo {
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let direction = (ray.direction / ray.direction.length()).to_array();
         let origin = ray.origin.to_array();
         let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -190,7 +191,8 @@ impl TrainedModel for Dvgo {
             None => (enters, self.step()),
         };
         let (mut passes, mut sum, mut distance, mut number) = (1.0, [0.0; 3], 0.0, 0.0);
-        while passes >= ENDS {
+        let mut samples = Samples::new(start.max(enters), step, progress);
+        while passes >= ENDS && samples.take() {
             let t = start + number * step;
             if t > leaves + ON_FACE {
                 break;

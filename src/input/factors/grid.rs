@@ -1,9 +1,12 @@
 //! Products of factors at nodes, plane by plane.
 
+use std::sync::Arc;
+
 use super::mix::{FactorArrays, Scratch};
 use super::product::Between;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
 use crate::model::field::NodeValues;
@@ -28,6 +31,10 @@ impl FactorGrid {
     pub fn new(arrays: FactorArrays, channels: usize, limits: &Limits) -> Self {
         let (loaded, planes) = (Lazy::default(), PlaneCache::default());
         Self { arrays, channels, limits: limits.clone(), loaded, planes }
+    }
+
+    fn loaded(&self) -> Result<Arc<super::Mixed>> {
+        self.loaded.get(|| self.arrays.load(&mut Budget::new(&self.limits)))
     }
 }
 
@@ -61,14 +68,17 @@ impl NodeValues for FactorGrid {
         Ok(())
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.loaded().map(drop)
+    }
+
     #[expect(clippy::cast_possible_truncation, reason = "values at nodes are float32")]
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let Nodes([_, _, nz]) = self.nodes();
         let plane = out.len();
         let channels = [channel, self.channels];
         self.planes.read(self.nodes(), x, channels, region, out, |region, values| {
-            let load = || self.arrays.load(&mut Budget::new(&self.limits));
-            let (grid, mut scratch) = (self.loaded.get(load)?, Scratch::default());
+            let (grid, mut scratch) = (self.loaded()?, Scratch::default());
             visit(self.nodes(), region, |[y, z]| {
                 let found = grid.values(&[x, y, z].map(Between::on), &mut scratch);
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);

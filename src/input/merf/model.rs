@@ -6,6 +6,7 @@ use super::sums::{Assets, Sums, density};
 use super::texel::DENSITY;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::input::folder::{added_light, crossing};
 use crate::model::activate::sigmoid;
 use crate::model::camera::Ray;
@@ -55,7 +56,7 @@ impl Merf {
 
 impl TrainedModel for Merf {
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
         let parameters = &self.sums.parameters;
         let step = parameters.voxel_size();
         let world = (ray.direction / ray.direction.length()).to_array();

@@ -6,6 +6,7 @@ use super::parameters::LOW;
 use super::sums::{Assets, Sums, density};
 use super::texel::DENSITY;
 use crate::base::error::Result;
+use crate::base::progress::Progress;
 use crate::input::folder::raw_density;
 use crate::input::network::{PlaneCache, visit};
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
@@ -61,6 +62,10 @@ impl NodeValues for DensityValues {
         Ok(())
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.0.sums().map(drop)
+    }
+
     fn read(&self, _: usize, x: usize, _: &[u64], out: &mut [f32]) -> Result<u64> {
         let sums = self.0.sums()?;
         let (Nodes([_, _, nz]), edge) = (self.nodes(), self.0.parameters.voxel_size());
@@ -106,6 +111,10 @@ impl NodeValues for ColorValues {
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         see(&[]);
         Ok(())
+    }
+
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.assets.sums().map(drop)
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

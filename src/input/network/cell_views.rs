@@ -5,6 +5,7 @@ use super::seen::Seen;
 use super::views::{Views, judging_eyes};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::model::field::RadianceField;
 
 /// Directions of a fit, at most: of functions up to degree 2, and of more.
@@ -33,40 +34,43 @@ impl CellViews {
     /// field, whose colours do not count.
     ///
     /// # Errors
-    /// Those of reading density.
+    /// Those of reading density, and a request to stop.
     pub fn of_fit(
         matter: &RadianceField,
         degree: usize,
         cameras: &[[f64; 3]],
         limits: &Limits,
+        progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::find(matter, Views::new(cameras), degree, limits)
+        Self::find(matter, Views::new(cameras), degree, limits, progress)
     }
 
     /// Of the eyes that judge a fit to these cameras.
     ///
     /// # Errors
-    /// Those of reading density.
+    /// Those of reading density, and a request to stop.
     pub fn of_judges(
         matter: &RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
+        progress: &dyn Progress,
     ) -> Result<Self> {
         let eyes = judging_eyes(cameras, &matter.scene.bounds);
-        Self::find(matter, Views::Cameras(eyes), 0, limits)
+        Self::find(matter, Views::Cameras(eyes), 0, limits, progress)
     }
 
     /// Of all views that see a cell, as many as a fit of a degree takes.
     ///
     /// # Errors
-    /// Those of reading density.
+    /// Those of reading density, and a request to stop.
     pub(super) fn find(
         matter: &RadianceField,
         views: Views,
         degree: usize,
         limits: &Limits,
+        progress: &dyn Progress,
     ) -> Result<Self> {
-        Ok(Self { seen: Seen::find(matter, &views, limits)?, views, most: most(degree) })
+        Ok(Self { seen: Seen::find(matter, &views, limits, progress)?, views, most: most(degree) })
     }
 
     /// Bytes that it takes while it is found, at most.

@@ -14,6 +14,7 @@ use super::shaded::Shaded;
 use super::views::Views;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::{Progress, Silent};
 use crate::input::lazy::Lazy;
 use crate::model::field::{NodeValues, RadianceField};
 use crate::model::grid::Nodes;
@@ -50,11 +51,11 @@ pub trait NodeColors: Debug + Send + Sync {
     /// Those of reading.
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
 
-    /// Reads the network.
+    /// Reads the network, and prepares its inputs.
     ///
     /// # Errors
-    /// Those of reading.
-    fn load(&self) -> Result<Arc<Self::Network>>;
+    /// Those of reading, and a request to stop.
+    fn load(&self, progress: &dyn Progress) -> Result<Arc<Self::Network>>;
 
     /// Prepares unit directions.
     fn along(&self, network: &Self::Network, directions: &[[f64; 3]]) -> Self::Along;
@@ -126,6 +127,15 @@ impl<N: NodeColors> FittedColors<N> {
         Self { harmonics: Harmonics { degree: 0, ..self.harmonics }, is_plain: true, ..self }
     }
 
+    fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
+        self.prepared.get(|| {
+            let Self { colors, harmonics, matter, views, limits, .. } = self;
+            let network = colors.load(progress)?;
+            let cells = CellViews::find(matter, views.clone(), harmonics.degree, limits, progress)?;
+            Ok(Prepared { network, cells })
+        })
+    }
+
     /// The fit of a cell's nodes.
     fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
         let directions = prepared.cells.directions(at);
@@ -136,15 +146,7 @@ impl<N: NodeColors> FittedColors<N> {
     /// All channels of the nodes of plane `x` in a region, channel by channel.
     #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
     fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
-        let prepared = self.prepared.get(|| {
-            let cells = CellViews::find(
-                &self.matter,
-                self.views.clone(),
-                self.harmonics.degree,
-                &self.limits,
-            )?;
-            Ok(Prepared { network: self.colors.load()?, cells })
-        })?;
+        let prepared = self.prepared(&Silent)?;
         let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
         let shaded = self.shaded.within(&self.matter, x, region)?;
@@ -209,6 +211,10 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
             places.iter().flatten().for_each(|value| see(&value.to_le_bytes()));
         }
         self.colors.digest(see)
+    }
+
+    fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        self.prepared(progress).map(drop)
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

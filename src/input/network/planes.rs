@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use crate::base::error::Result;
-use crate::input::lazy::lock;
+use crate::base::lock::lock;
 use crate::model::grid::{Nodes, row};
 
 /// Planes that are kept: those of a slab, which threads read at once, and one more.

@@ -9,8 +9,10 @@
 //! The cells around the node itself do not count: matter does not hide its own surface.
 
 use super::views::Views;
-use crate::base::error::{Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::parallel;
+use crate::base::progress::{Progress, Step};
 use crate::model::field::{Nonfinite, Planes, RadianceField};
 use crate::model::grid::{Nodes, row};
 
@@ -22,6 +24,8 @@ const SAMPLED: usize = 128;
 const FAINT: f64 = 1e-4;
 /// The way to the eye begins so many cells away.
 const START: f64 = 1.5;
+/// Steps along the longest edge of a cell, at most: boxes may be as flat as paper.
+const STEPS: f64 = 16.0;
 /// Optical depth that leaves a tenth of the light.
 const HIDDEN: f64 = std::f64::consts::LN_10;
 
@@ -48,27 +52,34 @@ impl Seen {
     /// Of the matter of a field: its density within its free-space mask.
     ///
     /// # Errors
-    /// Those of reading density.
-    pub(super) fn find(matter: &RadianceField, views: &Views, limits: &Limits) -> Result<Self> {
+    /// Those of reading density, and a request to stop.
+    pub(super) fn find(
+        matter: &RadianceField,
+        views: &Views,
+        limits: &Limits,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        matter.density.prepare(progress)?;
         let grid = CellGrid::new(matter);
         let depths = grid.depths(matter, limits)?;
         let words = views.count().div_ceil(64);
         let [nx, ny, nz] = grid.cells;
-        let mut bits = vec![0; nx * ny * nz * words];
-        for (number, bits) in bits.chunks_exact_mut(words).enumerate() {
-            let cell = [number / (ny * nz), number / nz % ny, number % nz];
-            if !grid.is_near_matter(&depths, cell) {
-                continue;
-            }
-            for view in 0..views.count() {
-                let (direction, distance) = views.at(view, grid.middle(cell));
-                if !grid.is_hidden(&depths, cell, direction, distance)
-                    && let Some(word) = bits.get_mut(view / 64)
-                {
-                    *word |= 1 << (view % 64);
+        let place = Place::Key("views".to_owned());
+        let mut bits: Vec<u64> =
+            Budget::new(limits).zeroed(nx * ny * nz * words, "bytes of views", &place)?;
+        progress.begin(Step::Views, (nx * ny) as u64);
+        let mut rows: Vec<&mut [u64]> = bits.chunks_mut((nz * words).max(1)).collect();
+        parallel::map_mut(&mut rows, |row, bits| {
+            for (z, bits) in bits.chunks_exact_mut(words).enumerate() {
+                if progress.cancelled() {
+                    return Err(Error::cancelled());
                 }
+                grid.note_views(&depths, [row / ny, row % ny, z], views, bits);
             }
-        }
+            progress.advance(Step::Views, 1);
+            Ok(())
+        })?;
+        drop(rows);
         Ok(Self { grid, words, bits })
     }
 
@@ -184,6 +195,21 @@ impl CellGrid {
         bits
     }
 
+    /// Sets the bits of the views that see a cell, of those near matter.
+    fn note_views(&self, depths: &[f64], cell: [usize; 3], views: &Views, bits: &mut [u64]) {
+        if !self.is_near_matter(depths, cell) {
+            return;
+        }
+        for view in 0..views.count() {
+            let (direction, distance) = views.at(view, self.middle(cell));
+            if !self.is_hidden(depths, cell, direction, distance)
+                && let Some(word) = bits.get_mut(view / 64)
+            {
+                *word |= 1 << (view % 64);
+            }
+        }
+    }
+
     fn is_near_matter(&self, depths: &[f64], cell: [usize; 3]) -> bool {
         let [xs, ys, zs] = {
             let mut ranges = [(); 3].map(|()| 0..0);
@@ -207,8 +233,9 @@ impl CellGrid {
         direction: [f64; 3],
         distance: f64,
     ) -> bool {
-        let step = self.edges.iter().copied().fold(f64::INFINITY, f64::min);
+        let shortest = self.edges.iter().copied().fold(f64::INFINITY, f64::min);
         let longest = self.edges.iter().copied().fold(0.0, f64::max);
+        let step = shortest.max(longest / STEPS);
         let from = self.middle(cell);
         let (mut t, mut passed) = (START * longest, 0.0);
         while t < distance {
@@ -238,6 +265,7 @@ impl CellGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::progress::Silent;
 
     /// A ball of radius 1 in a box of half size 1.5.
     fn ball(size: usize) -> RadianceField {
@@ -260,7 +288,7 @@ mod tests {
             let far = |at: f64| [8.0 * libm::cos(at), 8.0 * libm::sin(at), 0.0];
             let cameras: Vec<[f64; 3]> = (0..32).map(|at| far(f64::from(at) * 0.2)).collect();
             for views in [Views::new(&[]), Views::new(&cameras)] {
-                let seen = Seen::find(&field, &views, &limits).expect("densities");
+                let seen = Seen::find(&field, &views, &limits, &Silent).expect("densities");
                 // The node of the surface on the side of positive x.
                 let node = [(size - 1) * 5 / 6, size / 2, size / 2];
                 let found = seen.views(seen.cell(node));

@@ -8,6 +8,7 @@ use super::planes::visit;
 use super::run::{Network, NetworkFile};
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::model::field::Grid;
 use crate::model::grid::Nodes;
 
@@ -78,7 +79,8 @@ impl NodeColors for StoredFeatures {
         }
     }
 
-    fn load(&self) -> Result<Arc<Self::Network>> {
+    fn load(&self, progress: &dyn Progress) -> Result<Arc<Self::Network>> {
+        self.features.prepare(progress)?;
         let network = self.network.load(&mut Budget::new(&self.limits))?;
         let batches = BatchNetwork::new(&network);
         Ok(Arc::new((network, batches)))

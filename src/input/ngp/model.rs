@@ -8,8 +8,9 @@ use super::frame::Frame;
 use super::perceptron::LANES;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::model::camera::Ray;
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
 
 /// A file, ready to be loaded.
 #[derive(Debug)]
@@ -39,9 +40,9 @@ struct Path {
 
 impl Loaded {
     /// The next samples in occupied cells, in their order.
-    fn next(&self, path: &mut Path) -> Vec<(f64, [f64; 3])> {
+    fn next(&self, path: &mut Path, left: &mut Samples) -> Vec<(f64, [f64; 3])> {
         let mut samples = Vec::with_capacity(LANES);
-        while samples.len() < LANES && path.t <= path.end {
+        while samples.len() < LANES && path.t <= path.end && left.take() {
             let mut at = path.origin;
             at.iter_mut().zip(path.direction).for_each(|(at, by)| *at += path.t * by);
             if self.file.occupancy.contains(at) {
@@ -55,7 +56,7 @@ impl Loaded {
 
 impl TrainedModel for Loaded {
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let (frame, own) = (self.file.frame, self.file.rules);
         let unit = (ray.direction / ray.direction.length()).to_array();
         let origin = frame.to_cube(ray.origin.to_array());
@@ -71,8 +72,9 @@ impl TrainedModel for Loaded {
         let mut path = Path { origin, direction, t: start, end: leaves };
         let seen = harmonics(&[unit; LANES]);
         let (mut passes, mut sums, mut distance) = (1.0, [0.0; 3], 0.0);
+        let mut left = Samples::new(enters.max(start), own.step, progress);
         'ray: loop {
-            let samples = self.next(&mut path);
+            let samples = self.next(&mut path, &mut left);
             if samples.is_empty() {
                 break;
             }

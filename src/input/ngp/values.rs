@@ -7,6 +7,7 @@ use super::file::NgpFile;
 use super::frame::Frame;
 use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
+use crate::base::progress::Progress;
 use crate::input::network::{NodeColors, SeeNode, visit};
 use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
@@ -83,6 +84,10 @@ impl NodeValues for DensityValues {
         self.0.file.digest(see)
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.0.file.load().map(drop)
+    }
+
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let model = self.0.file.load()?;
@@ -119,7 +124,7 @@ impl NodeColors for Samples {
         self.file.digest(see)
     }
 
-    fn load(&self) -> Result<Arc<Ngp>> {
+    fn load(&self, _: &dyn Progress) -> Result<Arc<Ngp>> {
         self.file.load()
     }
 

@@ -6,10 +6,11 @@ use super::basis::Basis;
 use super::keys::Arrays;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::sparse::Light;
 use crate::model::activate;
 use crate::model::camera::Ray;
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
 
 /// Added to the chord of each leaf, in units of the tree's box: svox's `step_size`, as volrend has
 /// it.
@@ -107,7 +108,7 @@ impl PlenOctree {
 }
 
 impl TrainedModel for PlenOctree {
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let unit = (ray.direction / ray.direction.length()).to_array();
         let functions = self.arrays.basis.values(unit);
         let origin = self.to_tree(ray.origin.to_array());
@@ -122,7 +123,9 @@ impl TrainedModel for PlenOctree {
         let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / length);
         let mut t = enter.max(near).min(far).max(0.0);
         let mut light = Light::default();
-        while t < end && light.depth < OPAQUE_DEPTH {
+        // Steps are as long as leaves, and never none: there is always a next number.
+        let mut samples = Samples::new(t, f64::INFINITY, progress);
+        while t < end && light.depth < OPAQUE_DEPTH && samples.take() {
             let mut at = origin;
             at.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
             let leaf = self.arrays.tree.leaf(at);
@@ -135,7 +138,7 @@ impl TrainedModel for PlenOctree {
                 light.add(chord * length * density / self.arrays.unit, t * length, seen);
             }
             // A chord is never shorter than what is added to it.
-            t += chord.max(MORE_LENGTH);
+            t = (t + chord.max(MORE_LENGTH)).max(t.next_up());
         }
         light.over_background(rules)
     }

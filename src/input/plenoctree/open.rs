@@ -1,7 +1,7 @@
 //! Opens a tree as a field, and as a model with its own rules.
 
 use std::fmt::Debug;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::basis::Basis;
 use super::keys::Arrays;
@@ -9,6 +9,7 @@ use super::model::TreeFile;
 use super::tree::Tree;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
+use crate::base::lock::lock;
 use crate::input::options::{SourceOptions, ViewChoice};
 use crate::input::source::{Assumption, Family, Source};
 use crate::input::sparse::{CellBox, Channel, Index, PlaneRows, RowArray, RowGrid};
@@ -143,7 +144,7 @@ impl Debug for Leaves {
 
 impl Leaves {
     fn full(&self) -> Result<Arc<[bool]>> {
-        let mut kept = self.full.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&self.full);
         if let Some(full) = &*kept {
             return Ok(Arc::clone(full));
         }

@@ -13,6 +13,7 @@ use super::arguments::RunArguments;
 use super::arrays::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::sparse::{ColoredRows, Light, LoadedRows};
 use crate::model::camera::Ray;
 use crate::model::harmonics::Harmonics;
@@ -55,7 +56,7 @@ struct Plenoxels {
 }
 
 impl TrainedModel for Plenoxels {
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let colored = &self.colored;
         let functions = colored.functions((ray.direction / ray.direction.length()).to_array());
         let mut light = Light::default();
@@ -63,7 +64,7 @@ impl TrainedModel for Plenoxels {
             // World units for a cell along the ray.
             let cell_length = 1.0 / path.direction.iter().map(|by| by * by).sum::<f64>().sqrt();
             let step = self.run.step_size * cell_length;
-            path.walk(&colored.rows, step, |t, cell| {
+            path.walk(&colored.rows, step, progress, |t, cell| {
                 let sigma = colored.rows.density(cell);
                 if sigma > self.run.sigma_thresh {
                     let is_opaque = self.run.last_sample_opaque && path.is_last(t, step);

@@ -4,6 +4,7 @@
 use super::keys::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::sparse::{ColoredRows, Lattice, Light, LoadedRows};
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
@@ -45,12 +46,12 @@ struct Sampled {
 }
 
 impl TrainedModel for Sampled {
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let colored = &self.colored;
         let functions = colored.functions((ray.direction / ray.direction.length()).to_array());
         let mut light = Light::default();
         if let Some(path) = colored.lattice.path(ray, rules) {
-            path.walk(&colored.rows, self.step, |t, cell| {
+            path.walk(&colored.rows, self.step, progress, |t, cell| {
                 let sigma = colored.rows.density(cell);
                 if sigma > 0.0 {
                     light.add(self.step * sigma, t, colored.color(cell, &functions));

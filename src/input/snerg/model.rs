@@ -8,6 +8,7 @@ use super::parameters::Parameters;
 use super::values::Folder;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::input::folder::{added_light, crossing, whole};
 use crate::model::camera::Ray;
 use crate::model::snerg::{APRON, CLEAR, FAINT, OPAQUE};
@@ -104,7 +105,7 @@ impl Snerg {
 
 impl TrainedModel for Snerg {
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
         let voxel = self.parameters.voxel_size;
         let world = (ray.direction / ray.direction.length()).to_array();
         let origin = self.parameters.to_voxels(ray.origin.to_array());

@@ -8,6 +8,7 @@ use super::files::Pictures;
 use super::parameters::Parameters;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::base::progress::Progress;
 use crate::input::folder::raw_density;
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
@@ -116,6 +117,10 @@ impl NodeValues for DensityValues {
         digest(see)
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.0.atlas().map(drop)
+    }
+
     fn read(&self, _: usize, x: usize, _: &[u64], out: &mut [f32]) -> Result<u64> {
         let texels = self.0.plane(x)?;
         for (out, [_, _, _, opacity, ..]) in out.iter_mut().zip(texels) {
@@ -154,6 +159,10 @@ impl NodeValues for ColorValues {
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         digest(see)
+    }
+
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.folder.atlas().map(drop)
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

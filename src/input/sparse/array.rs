@@ -1,11 +1,12 @@
 //! Rows of numbers in a file.
 
 use std::fmt::Debug;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
+use crate::base::lock::lock;
 use crate::input::tensor::Tensor;
 use crate::model::grid::Element;
 
@@ -277,7 +278,7 @@ impl RowArray {
 
     /// The bytes, verified at the first call.
     fn storage(&self) -> Result<Storage> {
-        let mut kept = self.storage.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&self.storage);
         if let Some(storage) = &*kept {
             return Ok(storage.clone());
         }

@@ -6,6 +6,7 @@ use super::array::RowArray;
 use super::index::Index;
 use super::slab::{Plane, Slabs};
 use crate::base::error::Result;
+use crate::base::progress::Progress;
 use crate::model::field::NodeValues;
 use crate::model::grid::{Nodes, row};
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
@@ -127,6 +128,10 @@ impl NodeValues for RowGrid {
             self.index.digest(see)?;
         }
         self.unchecked.iter().try_for_each(|array| array.sample(see))
+    }
+
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        Ok(())
     }
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {

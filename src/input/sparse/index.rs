@@ -1,11 +1,12 @@
 //! The row that a node has.
 
 use std::fmt::Debug;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::lock::lock;
 use crate::input::tensor::Tensor;
 use crate::model::grid::{Element, Nodes};
 
@@ -250,7 +251,7 @@ impl LoadedIndex {
 
 /// The bytes of links, verified at the first call.
 fn stored(tensor: &Tensor, limits: &Limits, kept: &Mutex<Option<Storage>>) -> Result<Storage> {
-    let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut kept = lock(kept);
     if let Some(storage) = &*kept {
         return Ok(storage.clone());
     }

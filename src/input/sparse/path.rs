@@ -1,9 +1,9 @@
 //! The samples of a ray on a grid in memory, and the light that they add up to.
 
 use super::loaded::{Cell, LoadedRows};
+use crate::base::progress::Progress;
 use crate::model::camera::Ray;
-use crate::model::field::March;
-use crate::model::trained_model::{RayColor, RayRules};
+use crate::model::trained_model::{RayColor, RayRules, Samples};
 
 /// Samples no farther beyond a face than this, in nodes, lie on it.
 const ON_FACE: f64 = 1e-9;
@@ -70,12 +70,18 @@ impl GridPath {
     /// Visits samples front to back, `step` world units from one to the next, with their distance
     /// and cell, until a visit says no. Where no density is above 0, samples are left out. So are
     /// those beyond the most that any ray may have.
-    pub fn walk(&self, rows: &LoadedRows, step: f64, mut visit: impl FnMut(f64, &Cell) -> bool) {
+    pub fn walk(
+        &self,
+        rows: &LoadedRows,
+        step: f64,
+        progress: &dyn Progress,
+        mut visit: impl FnMut(f64, &Cell) -> bool,
+    ) {
         let mut number = 0.0f64;
-        loop {
+        let mut samples = Samples::new(self.start, step, progress);
+        while samples.take() {
             let t = self.start + number * step;
-            // A step far shorter than its distance from the camera never reaches the end.
-            if t > self.end || number > f64::from(March::MAX_SAMPLES) {
+            if t > self.end {
                 return;
             }
             let at = rows.clamped(self.position(t));

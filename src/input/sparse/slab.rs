@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::array::RowArray;
 use super::index::{Index, NO_ROW};
 use crate::base::error::Result;
+use crate::base::lock::lock;
 use crate::model::grid::Element;
 
 /// Planes of a slab, at most: rows in Morton order then lie together.
@@ -103,7 +104,7 @@ impl Slabs {
     ) -> Result<u64> {
         let number = x / self.planes;
         let slot = self.slot(number);
-        let mut filled = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut filled = lock(&slot);
         let mut read = 0;
         let slab = match &*filled {
             Some(slab) => Arc::clone(slab),
@@ -124,7 +125,7 @@ impl Slabs {
     }
 
     fn slot(&self, number: usize) -> Slot {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&self.kept);
         let found = kept.iter().position(|own| own.number == number);
         let own = found.and_then(|at| kept.remove(at));
         let own = own.unwrap_or_else(|| Kept { number, slot: Slot::default(), bytes: 0 });
@@ -135,7 +136,7 @@ impl Slabs {
 
     /// Notes the bytes of a slab, and forgets those that were not wanted for longest.
     fn filled(&self, number: usize, bytes: u64) {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&self.kept);
         if let Some(own) = kept.iter_mut().find(|own| own.number == number) {
             own.bytes = bytes;
         }

@@ -14,6 +14,7 @@ use super::shading::Shading;
 use super::two_passes;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::factors::{Between, Mixed, Scratch};
 use crate::model::activate;
 use crate::model::camera::Ray;
@@ -207,7 +208,7 @@ impl Light {
 
 impl TrainedModel for Tensorf {
     #[expect(clippy::cast_possible_truncation, reason = "samples are few")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
         let settings = &self.settings;
         if settings.two_passes {
             return self.in_two_passes(ray, rules);

@@ -1,9 +1,12 @@
 //! Colours at nodes, plane by plane.
 
+use std::sync::Arc;
+
 use super::keys::Arrays;
 use super::shading::STORED_FUNCTIONS;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::input::factors::{Between, Mixed, Scratch};
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
@@ -36,6 +39,10 @@ impl ColorValues {
         let (arrays, limits) = (arrays.clone(), limits.clone());
         let (features, planes) = (Lazy::default(), PlaneCache::with_archive());
         Self { arrays, limits, features, harmonics, plain, planes }
+    }
+
+    fn features(&self) -> Result<Arc<Mixed>> {
+        self.features.get(|| self.arrays.features.load(&mut Budget::new(&self.limits)))
     }
 
     /// All channels of a node.
@@ -82,12 +89,15 @@ impl NodeValues for ColorValues {
         Ok(())
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.features().map(drop)
+    }
+
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let (plane, channels) = (out.len(), self.channels());
         let Nodes([_, _, nz]) = self.nodes();
         self.planes.read(self.nodes(), x, [channel, channels], region, out, |region, values| {
-            let load = || self.arrays.features.load(&mut Budget::new(&self.limits));
-            let features = self.features.get(load)?;
+            let features = self.features()?;
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);

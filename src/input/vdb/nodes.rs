@@ -7,6 +7,7 @@ use super::placed::Placed;
 use super::tree::{LEAF_VOXELS, is_on};
 use crate::base::error::{Place, Result};
 use crate::base::limits::{self, Budget, Limits};
+use crate::base::progress::Progress;
 use crate::base::srgb::display;
 use crate::model::field::NodeValues;
 use crate::model::grid::{Nodes, row};
@@ -161,6 +162,10 @@ impl NodeValues for GridValues {
         Ok(())
     }
 
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        Ok(())
+    }
+
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let Nodes([_, _, nz]) = self.nodes();
         let [low_x, low_y, low_z] = self.nodes.low;
@@ -207,6 +212,10 @@ impl NodeValues for White {
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
         see(&[]);
+        Ok(())
+    }
+
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
         Ok(())
     }
 

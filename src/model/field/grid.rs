@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::Volume;
 use crate::base::error::Result;
+use crate::base::progress::Progress;
 use crate::model::grid::{NodeMask, Nodes};
 
 /// Values at nodes that are no strided array: sparse rows, products of factors, samples of another
@@ -25,6 +26,13 @@ pub trait NodeValues: Debug + Send + Sync {
     /// # Errors
     /// Those of reading.
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+
+    /// Loads and finds what all planes need. Called before the loops that read planes, so that it
+    /// may run in parallel itself.
+    ///
+    /// # Errors
+    /// Those of reading, and a request to stop.
+    fn prepare(&self, progress: &dyn Progress) -> Result<()>;
 
     /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes may
     /// be filled or left as they are. Returns the bytes that were read.
@@ -57,6 +65,17 @@ impl Grid {
         match self {
             Self::Array(volume) => volume.channels,
             Self::Values(values) => values.channels(),
+        }
+    }
+
+    /// Loads and finds what all planes need; see [`NodeValues::prepare`].
+    ///
+    /// # Errors
+    /// Those of reading, and a request to stop.
+    pub fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        match self {
+            Self::Array(_) => Ok(()),
+            Self::Values(values) => values.prepare(progress),
         }
     }
 

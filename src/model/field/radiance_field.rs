@@ -2,6 +2,7 @@
 
 use super::{Activation, ColorDomain, DensityFunction, FreeSpace, Grid, Scene};
 use crate::base::error::{Error, Place, Result};
+use crate::base::progress::Progress;
 use crate::model::harmonics::Harmonics;
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
@@ -25,6 +26,16 @@ pub struct RadianceField {
 }
 
 impl RadianceField {
+    /// Loads and finds what all planes of its grids need; see
+    /// [`NodeValues::prepare`](super::NodeValues::prepare).
+    ///
+    /// # Errors
+    /// Those of reading, and a request to stop.
+    pub fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        let grids = std::iter::once(&self.density).chain(&self.color);
+        grids.into_iter().try_for_each(|grid| grid.prepare(progress))
+    }
+
     /// Refuses a field whose parts do not fit each other.
     ///
     /// # Errors

@@ -9,9 +9,10 @@ use std::collections::HashMap;
 use super::leaf::{POINTS, SIDE, place_of};
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::progress::Progress;
 use crate::base::srgb::{display, linear};
 use crate::model::camera::Ray;
-use crate::model::trained_model::{RayColor, RayRules, TrainedModel};
+use crate::model::trained_model::{RayColor, RayRules, Samples, TrainedModel};
 
 /// Samples between two points.
 const SAMPLES: f64 = 2.0;
@@ -176,7 +177,7 @@ fn fill(points: &VolumePoints, at: [i32; 3], out: &mut [[f32; 4]]) {
 }
 
 impl TrainedModel for VolumeModel {
-    fn ray_color(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let direction = ray.direction / ray.direction.length();
         let start = self.place(ray.origin.to_array());
         let along: [f64; 3] =
@@ -196,7 +197,8 @@ impl TrainedModel for VolumeModel {
         }
         let (mut depth, mut color, mut distance) = (0.0f64, [0.0f64; 3], 0.0f64);
         let mut number = 0.5;
-        while from + number * step < to && depth < OPAQUE {
+        let mut samples = Samples::new(from, step, progress);
+        while from + number * step < to && depth < OPAQUE && samples.take() {
             let t = from + number * step;
             let place: [f64; 3] = std::array::from_fn(|axis| start[axis] + t * along[axis]);
             let Some([value, rgb @ ..]) = self.at(place) else {

@@ -9,6 +9,7 @@ use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::harmonics::Clamp;
+use crate::model::trained_model::Samples;
 use crate::model::view_dependence::ViewDependence;
 use crate::view::render::Renderer;
 
@@ -58,11 +59,11 @@ pub fn compare_directions(
     let sums = parallel::map(RAYS.div_ceil(CHUNK), |chunk| {
         let mut sums = Sums::default();
         for number in chunk * CHUNK..((chunk + 1) * CHUNK).min(RAYS) {
+            if let Some(eye) = eyes.get(number % eyes.len().max(1)) {
+                follow(reference, baked, *eye, number, &mut sums, progress)?;
+            }
             if progress.cancelled() {
                 return Err(Error::cancelled());
-            }
-            if let Some(eye) = eyes.get(number % eyes.len().max(1)) {
-                follow(reference, baked, *eye, number, &mut sums)?;
             }
         }
         progress.advance(Step::Render, CHUNK as u64);
@@ -89,18 +90,22 @@ fn follow(
     eye: [f64; 3],
     number: usize,
     sums: &mut Sums,
+    progress: &dyn Progress,
 ) -> Result<()> {
     let view = baked.view();
     let [min, max] =
         [view.bounds.min, view.bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
     let share = [1, 2, 3].map(|power| (0.5 + number as f64 * SPREAD.powi(-power)).fract());
     let eye = DVec3::from(eye);
-    let direction = (min + (max - min) * DVec3::from(share) - eye).normalize_or_zero();
+    // An eye at that very point looks nowhere.
+    let to_point = min + (max - min) * DVec3::from(share) - eye;
+    let Some(direction) = to_point.try_normalize() else { return Ok(()) };
     let (a, b) = ((min - eye) / direction, (max - eye) / direction);
     let [enters, leaves] = [a.min(b).max_element().max(0.0), a.max(b).min_element()];
     let step = view.march.interval_length();
     let (mut passes, mut steps) = (1.0, 0.0);
-    while passes > OPAQUE && enters + steps * step <= leaves {
+    let mut samples = Samples::new(enters, step, progress);
+    while passes > OPAQUE && enters + steps * step <= leaves && samples.take() {
         let at = (eye + direction * (enters + steps * step)).to_array();
         steps += 1.0;
         let depth = f64::from(baked.sample(at, 0)?.density) * step;

@@ -179,11 +179,8 @@ fn render_model(
     let tiles = parallel::map(places.len(), |number| {
         let [_, [width, height]] = places[number];
         let follow = |i| {
-            if progress.cancelled() {
-                return Err(Error::cancelled());
-            }
             let [x, y] = pixel(places[number], i).map(|at| at as f64 + 0.5);
-            Ok(model.ray_color(&camera.ray(x, y), &rules))
+            model.follow(&camera.ray(x, y), &rules, progress)
         };
         let tile: Result<Vec<RayColor>> = (0..width * height).map(follow).collect();
         progress.advance(Step::Render, 1);

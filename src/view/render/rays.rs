@@ -83,10 +83,7 @@ fn of_model(
 ) -> Result<Vec<RayColor>> {
     let (rules, chunks) = (view.ray_rules(), rays.chunks(CHUNK).collect::<Vec<_>>());
     let colors = parallel::map(chunks.len(), |number| {
-        let follow = |ray| match progress.cancelled() {
-            true => Err(Error::cancelled()),
-            false => Ok(model.ray_color(ray, &rules)),
-        };
+        let follow = |ray| model.follow(ray, &rules, progress);
         let colors: Result<Vec<RayColor>> = chunks[number].iter().map(follow).collect();
         progress.advance(Step::Render, chunks[number].len() as u64);
         colors

@@ -1,12 +1,13 @@
 //! A field as trained, in memory.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use super::level::{Cell, Values, split};
 use super::skip::{OccupiedMacroCells, SkipGrid};
 use super::{Sample, interpolated_density};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
+use crate::base::lock::lock;
 use crate::base::progress::{Silent, Step};
 use crate::levels::pyramid::SLAB;
 use crate::levels::sizes::level_sizes;
@@ -195,7 +196,7 @@ fn fill<const C: usize>(
     nodes: &[Nodes],
     values: &mut [Values<C>],
 ) -> Result<()> {
-    let planes = visible::masked_planes(field, Nonfinite::Refuse)?;
+    let planes = visible::masked_planes(field, Nonfinite::Refuse, &Silent)?;
     let channels = planes.channels();
     if channels - 1 > C {
         let found = format!("{} colour channels", channels - 1);
@@ -236,7 +237,7 @@ struct DenseSink<'a, const C: usize> {
 
 impl<const C: usize> PlaneSink for DenseSink<'_, C> {
     fn plane(&self, Plane { level, x, channel, values }: Plane) -> Result<()> {
-        let mut plane = self.levels[level][x].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut plane = lock(&self.levels[level][x]);
         let ArrayPlane { density, color, anisotropy } = &mut *plane;
         let has_brightness = self.direction.is_some_and(|of| of.has_brightness(level));
         let brightness =
