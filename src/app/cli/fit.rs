@@ -65,16 +65,21 @@ impl FitArguments {
         cameras
     }
 
-    /// Explicit options override the preset's. `cameras` are those of `--cameras`, for photographs
-    /// alone.
+    /// Explicit numbers override the preset's.
+    pub fn apply_numbers(&self, options: &mut BakeOptions) {
+        options.fit_steps = self.fit_steps.map_or(options.fit_steps, |steps| steps as usize);
+        options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
+    }
+
+    /// All explicit options override the preset's. `cameras` are those of `--cameras`, for
+    /// photographs alone.
     pub fn apply(
         &self,
         options: &mut BakeOptions,
         cameras: impl FnOnce(&Limits) -> Result<Option<Vec<Camera>>>,
         limits: &Limits,
     ) -> Result<()> {
-        options.fit_steps = self.fit_steps.map_or(options.fit_steps, |steps| steps as usize);
-        options.fit_seconds = self.fit_seconds.or(options.fit_seconds);
+        self.apply_numbers(options);
         if let Some(path) = &self.fit_cameras {
             options.fit_cameras = camera::read(path, None, limits)?.cameras;
         }

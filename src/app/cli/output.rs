@@ -1,13 +1,66 @@
 //! Output files of the program.
 
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::base::bytes::{Output, remove_stale};
+use crate::base::bytes::{self, Output, remove_stale};
 use crate::base::error::{Error, Result};
 
 /// The name of the standard input or output.
 pub const STANDARD_STREAM: &str = "-";
+
+/// Arguments that name files to write. Every other argument that names a file is an input.
+pub const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
+
+/// The scheme of an address, such as `s3` of `s3://bucket/key`.
+fn scheme(path: &Path) -> Option<&str> {
+    let (scheme, _) = path.to_str()?.split_once("://")?;
+    let is_scheme = |letter: char| letter.is_ascii_alphanumeric() || "+-.".contains(letter);
+    (scheme.starts_with(|letter: char| letter.is_ascii_alphabetic())
+        && scheme.chars().all(is_scheme))
+    .then_some(scheme)
+}
+
+/// The reason why an output's path is refused, if it is an address: a folder of its name would look
+/// like an upload.
+pub fn address_reason(path: &Path) -> Option<String> {
+    let scheme = scheme(path)?;
+    Some(format!(
+        "the output is an address, {scheme}://, and outputs are local files: write to a folder and \
+         copy it from there, or let python -m mipvog_bake.ray write to a store"
+    ))
+}
+
+/// Refuses an output that is an address.
+///
+/// # Errors
+/// `Usage`.
+pub fn refuse_address(path: &Path) -> Result<()> {
+    let reason = address_reason(path).map(Error::usage);
+    reason.map_or(Ok(()), |error| Err(error.in_file(&shown(path))))
+}
+
+/// An address without its secrets.
+fn shown(path: &Path) -> PathBuf {
+    bytes::shown(&path.to_string_lossy())
+}
+
+/// Refuses an input that is an address of a kind that is not read.
+///
+/// # Errors
+/// `Usage`.
+pub fn refuse_unread_address(path: &Path) -> Result<()> {
+    match scheme(path) {
+        None | Some("https" | "http") => Ok(()),
+        Some(scheme) => {
+            let message = format!(
+                "the input is an address, {scheme}://: files and https:// addresses are read; copy \
+                 the file, or let python -m mipvog_bake.ray read from a store"
+            );
+            Err(Error::usage(message).in_file(&shown(path)))
+        }
+    }
+}
 
 /// Starts writing `path`, or to the standard output for `-`; an existing file is refused unless
 /// `force`. Files that ended runs of the program left in its folder are removed first.

@@ -1,5 +1,6 @@
 //! Parses the arguments and runs the verb.
 
+use std::cell::RefCell;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
@@ -12,7 +13,7 @@ use super::failure::{exit_code, message, remedy};
 use super::inputs::guards;
 use super::manifest::{Many, OptionKind};
 use super::outcome::{Outcome, print, say};
-use super::output::STANDARD_STREAM;
+use super::output::{OUTPUTS, STANDARD_STREAM, refuse_address, refuse_unread_address};
 use super::paint::{error_label, is_colored};
 use super::{
     attach, bake, compare, detach, document, export, inspect, interrupt, manifest, open, probe,
@@ -23,8 +24,6 @@ use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::text::printable;
 
-/// Arguments that name files to write. Every other argument that names a file is an input.
-const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
 /// What opens a field, which is no verb.
 const OPEN: &str = "open";
 
@@ -177,12 +176,15 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
             None => bake::run(arguments, common).map(Some),
             Some(manifest) => {
                 let scene = |words| bake_scene(words, common);
+                let command = RefCell::new(command());
+                let check = |words| check_scene(words, &mut command.borrow_mut());
                 let many = Many {
                     manifest,
                     arguments: &arguments.many,
                     given: &arguments.given,
                     outputs: &arguments.output,
                     force: arguments.force,
+                    check: &check,
                 };
                 manifest::run(&many, &bake_options(), common, &scene).map(Some)
             }
@@ -208,21 +210,39 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
     }
 }
 
-/// Bakes one scene of several, whose options are words of a command line.
-fn bake_scene(words: Vec<OsString>, common: &Common) -> Result<Outcome> {
-    let parsed = Cli::command().color(ColorChoice::Never).try_get_matches_from(words);
+/// The program's arguments, for words that nobody typed.
+fn command() -> clap::Command {
+    Cli::command().color(ColorChoice::Never)
+}
+
+/// The arguments of one scene of several, whose options are words of a command line.
+fn scene_arguments(
+    words: Vec<OsString>,
+    command: &mut clap::Command,
+) -> Result<(Box<bake::Arguments>, ArgMatches)> {
+    let parsed = command.try_get_matches_from_mut(words);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = parsed.map_err(|error| {
         let text = error.to_string();
         let reason = text.split("\n\n").next().unwrap_or_default();
         Error::usage(reason.trim_start_matches("error: ").trim())
     })?;
-    let names = FileNames::of(&matches);
-    names.check()?;
-    match &cli.verb {
-        Verb::Bake(arguments) => bake::run(arguments, common),
+    match cli.verb {
+        Verb::Bake(arguments) => Ok((arguments, matches)),
         _ => Err(Error::usage("found another verb, expected bake")),
     }
+}
+
+/// Refuses values of a scene's options before anything is baked.
+fn check_scene(words: Vec<OsString>, command: &mut clap::Command) -> Result<()> {
+    scene_arguments(words, command)?.0.check_values()
+}
+
+fn bake_scene(words: Vec<OsString>, common: &Common) -> Result<Outcome> {
+    let (arguments, matches) = scene_arguments(words, &mut command())?;
+    let names = FileNames::of(&matches);
+    names.check()?;
+    bake::run(&arguments, common)
 }
 
 /// The options of `bake`.
@@ -233,17 +253,19 @@ fn bake_options() -> Vec<OptionKind> {
 }
 
 /// The files that the arguments name.
+#[derive(Default)]
 struct FileNames {
     outputs: Vec<PathBuf>,
     /// True if an output is the standard output.
     to_stdout: bool,
+    inputs: Vec<PathBuf>,
     /// Inputs, which no output may replace: also those that a verb reads and closes again.
-    _inputs: Vec<Guard>,
+    _guards: Vec<Guard>,
 }
 
 impl FileNames {
     fn of(matches: &ArgMatches) -> Self {
-        let mut names = Self { outputs: Vec::new(), to_stdout: false, _inputs: Vec::new() };
+        let mut names = Self::default();
         let Some((_, matches)) = matches.subcommand() else { return names };
         for id in matches.ids().map(clap::Id::as_str) {
             // A group of arguments has no values of its own.
@@ -254,15 +276,20 @@ impl FileNames {
                         names.to_stdout |= value == Path::new(STANDARD_STREAM);
                         names.outputs.push(value.to_owned());
                     }
-                    false => names._inputs.extend(guards(value)),
+                    false => {
+                        names._guards.extend(guards(value));
+                        names.inputs.push(value.to_owned());
+                    }
                 }
             }
         }
         names
     }
 
-    /// Refuses two outputs of one name.
+    /// Refuses two outputs of one name, and addresses that are not read or written.
     fn check(&self) -> Result<()> {
+        self.outputs.iter().try_for_each(|path| refuse_address(path))?;
+        self.inputs.iter().try_for_each(|path| refuse_unread_address(path))?;
         let place = |path: &PathBuf| {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             let folder = folder.unwrap_or(Path::new("."));

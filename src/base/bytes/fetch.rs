@@ -51,12 +51,36 @@ enum Failure {
     Final(IoError),
 }
 
-/// Asks for bytes of a file, as many of them as there are.
+/// Asks for bytes of a file, as many of them as there are. A server may answer with fewer than it
+/// was asked for (RFC 9110, section 15.3.7): then the others are asked for too.
 ///
 /// # Errors
 /// `Io` where the server does not answer with them, even when asked again; `Usage` for an address
 /// that is not encrypted.
 pub fn fetch(address: &str, range: Range<u64>) -> Result<Answer> {
+    let mut answer = answered(address, &range)?;
+    let end = range.end.min(answer.length);
+    while answer.start == range.start {
+        let next = range.start + answer.bytes.len() as u64;
+        if next >= end {
+            break;
+        }
+        let rest = answered(address, &(next..end))?;
+        let goes_on = rest.start == next
+            && rest.length == answer.length
+            && rest.version == answer.version
+            && !rest.bytes.is_empty();
+        if !goes_on {
+            // The caller misses bytes, and knows that the file has changed.
+            break;
+        }
+        answer.bytes.extend(rest.bytes);
+    }
+    Ok(answer)
+}
+
+/// One answer, after as many tries as it takes.
+fn answered(address: &str, range: &Range<u64>) -> Result<Answer> {
     if let Some(rest) = address.strip_prefix("http://")
         && !is_here(rest)
     {
@@ -65,14 +89,14 @@ pub fn fetch(address: &str, range: Range<u64>) -> Result<Answer> {
     }
     let mut pause = PAUSE;
     for _ in 1..TRIES {
-        match once(address, &range) {
+        match once(address, range) {
             Ok(answer) => return Ok(answer),
             Err(Failure::Final(error)) => return Err(Error::io(error, &shown(address))),
             Err(Failure::Passing(_)) => std::thread::sleep(pause),
         }
         pause *= 4;
     }
-    once(address, &range).map_err(|failure| {
+    once(address, range).map_err(|failure| {
         let (Failure::Passing(error) | Failure::Final(error)) = failure;
         Error::io(error, &shown(address))
     })
@@ -100,11 +124,11 @@ fn once(address: &str, range: &Range<u64>) -> std::result::Result<Answer, Failur
     let whole = range.end - range.start;
     let (start, length, most) = match response.status() {
         StatusCode::PARTIAL_CONTENT => {
-            let (start, length) = content_range(response.headers()).ok_or_else(|| {
+            let (part, length) = content_range(response.headers()).ok_or_else(|| {
                 let message = "the server's answer does not say which bytes it holds";
                 Failure::Final(IoError::new(Kind::InvalidData, message))
             })?;
-            (start, Some(length), whole)
+            (part.start, Some(length), whole.min(part.end - part.start))
         }
         StatusCode::OK => (0, content_length(response.headers()), LARGEST_WHOLE),
         // No byte of an empty file can be asked for.
@@ -149,12 +173,14 @@ fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
     headers.get(name).and_then(|value| value.to_str().ok())
 }
 
-/// The first byte of a part, and the length of the whole.
-fn content_range(headers: &HeaderMap) -> Option<(u64, u64)> {
+/// The bytes of a part, and the length of the whole.
+fn content_range(headers: &HeaderMap) -> Option<(Range<u64>, u64)> {
     let range = text(headers, "content-range")?.strip_prefix("bytes ")?;
     let (part, length) = range.split_once('/')?;
-    let (first, _) = part.split_once('-')?;
-    Some((first.parse().ok()?, length.parse().ok()?))
+    let (first, last) = part.split_once('-')?;
+    let (first, last) = (first.parse().ok()?, last.parse::<u64>().ok()?);
+    let is_part = first <= last;
+    is_part.then(|| Some((first..last.checked_add(1)?, length.parse().ok()?)))?
 }
 
 fn content_length(headers: &HeaderMap) -> Option<u64> {

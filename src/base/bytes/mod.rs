@@ -21,7 +21,7 @@ mod storage;
 mod unfinished;
 
 #[cfg(feature = "network")]
-pub use address::address;
+pub use address::{address, shown};
 pub use digest::{hex, sha256};
 pub use file::{HeldBytes, SourceFile};
 pub use guard::{Guard, is_guarded};

@@ -66,6 +66,8 @@ struct Blocks {
     clock: u64,
     /// The next block of reads that may go on, and the blocks that were read ahead.
     streams: Vec<(u64, u64)>,
+    /// Blocks that are on their way, each with a lock that its thread holds until they are there.
+    on_their_way: Vec<(Range<u64>, Arc<Mutex<()>>)>,
 }
 
 impl Blocks {
@@ -85,6 +87,12 @@ impl Blocks {
                 self.kept.remove(&oldest);
             }
         }
+    }
+
+    /// True for a block that is there or on its way.
+    fn comes(&self, number: u64) -> bool {
+        self.kept.contains_key(&number)
+            || self.on_their_way.iter().any(|(blocks, _)| blocks.contains(&number))
     }
 
     /// Blocks to read beyond the missing ones.
@@ -151,27 +159,48 @@ impl RemoteFile {
 
     /// A block; those up to byte `end` that are missing come with it.
     fn block(&self, number: u64, end: u64) -> Result<Arc<[u8]>> {
-        // Others wait: they may want the same blocks.
-        let mut blocks = lock(&self.blocks);
-        if let Some(block) = blocks.get(number) {
-            return Ok(block);
+        loop {
+            let mut blocks = lock(&self.blocks);
+            if let Some(block) = blocks.get(number) {
+                return Ok(block);
+            }
+            let way = blocks.on_their_way.iter().find(|(blocks, _)| blocks.contains(&number));
+            if let Some(way) = way.map(|(_, way)| Arc::clone(way)) {
+                drop(blocks);
+                // If they do not come, this thread asks for them itself.
+                drop(lock(&way));
+                continue;
+            }
+            let last = end.div_ceil(BLOCK).min(number + LARGEST_AHEAD).max(number + 1);
+            let next = (number + 1..last).find(|next| blocks.comes(*next));
+            let missing = number..next.unwrap_or(last);
+            let ahead = blocks.ahead(&missing);
+            let to = (missing.end..missing.end + ahead).find(|next| blocks.comes(*next));
+            let asked = number..to.unwrap_or(missing.end + ahead);
+            let way = Arc::new(Mutex::new(()));
+            let here = lock(&way);
+            blocks.on_their_way.push((asked.clone(), Arc::clone(&way)));
+            drop(blocks);
+            let fetched = self.fetch(&asked);
+            let mut blocks = lock(&self.blocks);
+            blocks.on_their_way.retain(|(_, other)| !Arc::ptr_eq(other, &way));
+            drop(here);
+            let bytes = fetched?;
+            let pieces = bytes.chunks(BLOCK as usize).zip(number..);
+            pieces.for_each(|(block, at)| blocks.keep(at, block));
+            return blocks.get(number).ok_or_else(|| self.changed());
         }
-        let last = end.div_ceil(BLOCK).min(number + LARGEST_AHEAD).max(number + 1);
-        let next = (number + 1..last).find(|next| blocks.kept.contains_key(next));
-        let missing = number..next.unwrap_or(last);
-        let to = missing.end + blocks.ahead(&missing);
-        let bytes = number * BLOCK..self.length.min(to * BLOCK);
+    }
+
+    /// The bytes of blocks, as far as the file has them.
+    fn fetch(&self, blocks: &Range<u64>) -> Result<Vec<u8>> {
+        let bytes = blocks.start * BLOCK..self.length.min(blocks.end * BLOCK);
         let answer = fetch(&self.address, bytes.clone())?;
         let whole = answer.start == bytes.start
             && answer.bytes.len() as u64 == bytes.end - bytes.start
             && answer.length == self.length
             && answer.version == self.version;
-        if !whole {
-            return Err(self.changed());
-        }
-        let pieces = answer.bytes.chunks(BLOCK as usize).zip(number..);
-        pieces.for_each(|(block, at)| blocks.keep(at, block));
-        blocks.get(number).ok_or_else(|| self.changed())
+        if whole { Ok(answer.bytes) } else { Err(self.changed()) }
     }
 
     fn changed(&self) -> Error {

@@ -140,6 +140,21 @@ impl Arguments {
         self.stored.apply(&mut options, measures);
         self.fit.apply(&mut options, |limits| self.gate.cameras_of_file(limits), limits)?;
         options.limits = limits.clone();
+        // Those of a container count only where it is baked anew, and are checked there.
+        self.check_options(&options, matches!(content, Content::Trained(_)))?;
+        Ok(options)
+    }
+
+    /// Refuses values that no input is baked with. No file is opened.
+    pub fn check_values(&self) -> Result<()> {
+        let mut options = self.preset.map_or_else(BakeOptions::default, Preset::options);
+        self.stored.apply(&mut options, self.gate.measures()?);
+        self.fit.apply_numbers(&mut options);
+        self.check_options(&options, true)
+    }
+
+    fn check_options(&self, options: &BakeOptions, is_trained: bool) -> Result<()> {
+        let measures = self.gate.measures()?;
         if options.memory.is_some() && measures {
             let message = "--memory excludes --cameras and --turntable: pictures are rendered \
                            from the whole field; use compare afterwards";
@@ -154,8 +169,7 @@ impl Arguments {
                            --filter fit";
             return Err(Error::usage(message));
         }
-        // Those of a container count only where it is baked anew, and are checked there.
-        if let Content::Trained(_) = content {
+        if is_trained {
             options.check()?;
         }
         self.scene.source_options().check()?;
@@ -164,6 +178,6 @@ impl Arguments {
                 "--min-weight and --coarseness need --cameras or --turntable to be seen from";
             return Err(Error::usage(message));
         }
-        Ok(options)
+        Ok(())
     }
 }

@@ -3,6 +3,8 @@
 use clap::{Arg, ArgAction};
 use serde_json::Value;
 
+use super::super::output::OUTPUTS;
+
 /// Options that choose scenes, and no scene's own.
 pub const OF_ALL: [&str; 6] = ["output", "manifest", "index", "index-from-env", "shard", "results"];
 /// An option that the command line gives for all scenes at once: a line cannot.
@@ -17,6 +19,8 @@ pub struct OptionKind {
     pub takes_value: bool,
     /// True if it is given again for each value of a list; else commas are between them.
     pub again: bool,
+    /// True if it names a file to write.
+    pub is_output: bool,
 }
 
 impl OptionKind {
@@ -27,6 +31,7 @@ impl OptionKind {
             name: argument.get_long()?.to_owned(),
             takes_value: argument.get_action().takes_values(),
             again: again && argument.get_value_delimiter().is_none(),
+            is_output: OUTPUTS.contains(&argument.get_id().as_str()),
         })
     }
 

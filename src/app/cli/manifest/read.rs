@@ -1,12 +1,16 @@
 //! Reads files of JSON lines, one line at a time.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
+use super::super::failure::message;
+use super::super::output::address_reason;
 use super::line::SceneLine;
 use super::options::OptionKind;
+use super::words::{Words, Written};
 use crate::base::error::{Error, Place, Result};
 use crate::base::text::without_mark;
 
@@ -70,37 +74,66 @@ pub struct Manifest<'a> {
     pub scenes: u64,
 }
 
-/// A path without steps that lead nowhere: `./a` and `a` are one file.
-fn plain(path: &str) -> PathBuf {
-    Path::new(path).components().filter(|part| *part != Component::CurDir).collect()
+/// Refuses the words of a scene's command line whose values no bake takes.
+pub type CheckScene<'a> = &'a dyn Fn(Vec<OsString>) -> Result<()>;
+
+/// The one name of a file that is there or will be, as far as links do not matter.
+fn place(base: &Path, path: &Path) -> Result<PathBuf> {
+    let joined = base.join(path);
+    let absolute = std::path::absolute(&joined).map_err(|error| Error::io(error, &joined))?;
+    let mut place = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => drop(place.pop()),
+            part => place.push(part),
+        }
+    }
+    Ok(place)
 }
 
 /// True if a path leads nowhere but into the folder that it is joined to.
-fn is_below(path: &str) -> bool {
-    let mut parts = Path::new(path).components();
+fn is_below(path: &Path) -> bool {
+    let mut parts = path.components();
     parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
 }
 
 impl<'a> Manifest<'a> {
-    /// Reads every line once. With `has_folder` the outputs lie in a folder of the command line,
-    /// and no line may lead out of it.
+    /// Reads every line once. Where `words` has a folder of outputs, no line leads out of it.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` with the line that breaks the form, that names an
-    /// output of a former line or one outside the folder, or for a file without lines.
-    pub fn open(path: &Path, known: &'a [OptionKind], has_folder: bool) -> Result<Self> {
-        let mut manifest = Self { lines: Lines::open(path)?, known, scenes: 0 };
-        let mut outputs: HashMap<PathBuf, u64> = HashMap::new();
+    /// Those of the operating system; `Malformed` with the line that breaks the form, that writes a
+    /// file of a former line or one outside the folder, or whose options `check` refuses, and for a
+    /// file without lines; `Usage` for an output that is an address.
+    pub fn open(path: &Path, words: &Words<'a>, check: CheckScene) -> Result<Self> {
+        let mut manifest = Self { lines: Lines::open(path)?, known: words.known, scenes: 0 };
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let has_folder = !words.outputs.as_os_str().is_empty();
+        let own = if has_folder { words.outputs } else { folder };
+        let (mut places, mut checked) = (HashMap::new(), HashSet::new());
         while let Some((number, line)) = manifest.next_scene()? {
-            if has_folder && !is_below(&line.output) {
-                let found = format!("output {}", line.output);
-                let expected = "a path below the folder of --output";
-                return Err(Error::malformed(Place::Line(number), found, expected).in_file(path));
+            let wrong = |found: String, expected: &str| {
+                Error::malformed(Place::Line(number), found, expected).in_file(path)
+            };
+            for file in words.written(&line) {
+                let Written { option, path: named, is_own } = &file;
+                let shown = format!("{option} {}", named.display());
+                if let Some(reason) = address_reason(named) {
+                    let message = format!("line {number}: {shown}: {reason}");
+                    return Err(Error::usage(message).in_file(path));
+                }
+                if *is_own && has_folder && !is_below(named) {
+                    return Err(wrong(shown, "a path below the folder of --output"));
+                }
+                let place = place(if *is_own { own } else { folder }, named)?;
+                if let Some(former) = places.insert(place, number) {
+                    let found = format!("{shown}, which line {former} writes too");
+                    return Err(wrong(found, "a file of its own"));
+                }
             }
-            if let Some(former) = outputs.insert(plain(&line.output), number) {
-                let found = format!("output {} of line {former} again", line.output);
-                let error = Error::malformed(Place::Line(number), found, "an output of its own");
-                return Err(error.in_file(path));
+            // Lines of a catalogue mostly have the same options.
+            if checked.insert(serde_json::Value::from(line.options.clone()).to_string()) {
+                check(words.of(&line))
+                    .map_err(|error| wrong(message(&error), "options that bake takes"))?;
             }
             manifest.scenes += 1;
         }

@@ -10,9 +10,9 @@ use super::super::output::{create, refuse_stdout};
 use super::arguments::{Given, ManifestArguments};
 use super::options::OptionKind;
 use super::part::Part;
-use super::read::{Lines, Manifest};
+use super::read::{CheckScene, Lines, Manifest};
 use super::result::{SceneResult, Status};
-use super::words::words;
+use super::words::Words;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
 
@@ -28,6 +28,8 @@ pub struct Many<'a> {
     pub outputs: &'a Path,
     /// True if a file that holds no results may be replaced by results.
     pub force: bool,
+    /// Refuses values of a scene's words.
+    pub check: CheckScene<'a>,
 }
 
 /// Bakes the part of a manifest that the arguments choose. `scene` runs the words of one bake.
@@ -42,10 +44,15 @@ pub fn run(
     common: &Common,
     scene: &dyn Fn(Vec<OsString>) -> Result<Outcome>,
 ) -> Result<Outcome> {
-    let &Many { manifest, arguments, given, outputs, force } = many;
+    let &Many { manifest, arguments, given, outputs, force, check } = many;
     refuse_stdout(outputs, "--output is a folder beside --manifest")?;
     let part = Part::of(arguments)?;
-    let mut lines = Manifest::open(manifest, known, given.has("output"))?;
+    let outputs = match given.has("output") {
+        true => absolute(outputs)?,
+        false => PathBuf::new(),
+    };
+    let words = Words { given, known, outputs: &outputs };
+    let mut lines = Manifest::open(manifest, &words, check)?;
     let count = lines.scenes;
     if let Part::Scene(number) = part
         && number >= count
@@ -54,10 +61,6 @@ pub fn run(
         return Err(Error::usage(message).in_file(manifest));
     }
     let mut results = Results::create(arguments, force)?;
-    let outputs = match given.has("output") {
-        true => absolute(outputs)?,
-        false => PathBuf::new(),
-    };
     // Every path of a line is relative to the manifest, whatever option it belongs to.
     let folder = manifest.parent().filter(|folder| !folder.as_os_str().is_empty());
     if let Some(folder) = folder {
@@ -69,9 +72,8 @@ pub fn run(
         if !part.has(number - 1) {
             continue;
         }
-        let output = outputs.join(&line.output);
         let clock = Instant::now();
-        let outcome = scene(words(&line, &output, given, known));
+        let outcome = scene(words.of(&line));
         if let Err(error) = &outcome
             && matches!(error.kind(), ErrorKind::Cancelled)
         {
