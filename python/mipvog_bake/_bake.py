@@ -64,14 +64,17 @@ def bake(
     else:
         source = input._path or "" if isinstance(input, Field) else _source(input)
     arguments += ["--", source]
+    fit = None
+    if isinstance(input, Field) and input.report is not None:
+        # The fit was made before the bake, which sees coefficients.
+        made = input.report["view"]
+        fit = (made["degree"], made["held_out_psnr"])
     with _shown(progress) as callback:
         try:
-            report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback))
+            report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback, fit))
         except Error as error:
             raise by_arrays(error, colors) if arrays is not None else error from None
     if isinstance(input, Field) and input.report is not None:
-        # The fit was made before the bake, which sees coefficients.
-        report["view"] |= input.report["view"]
         report["model"] = input.report
     return report
 

@@ -136,7 +136,7 @@ def from_model(
         "bytes": needed,
         "points_at_once": points,
         "seconds": time.perf_counter() - clock,
-        "view": {"fitted": True, "held_out_psnr": psnr},
+        "view": {"fitted": True, "degree": sh_degree, "held_out_psnr": psnr},
     }
     return Field.of_arrays(arrays, report)
 

@@ -56,13 +56,15 @@ impl NativeField {
     fn describe(&self) -> Result<Value> {
         if let Some(container) = self.open.container() {
             let metadata = container.metadata();
+            let provenance = container.provenance()?;
+            let options = provenance.as_ref().map_or(&Value::Null, |of| &of["options"]);
             return Ok(json!({
                 "model": "baked",
                 "dimensions": metadata.levels.first().map(|level| level.dimensions),
                 "bounds": metadata.bounds,
-                "levels": level_reports(metadata, container.entries()),
+                "levels": level_reports(metadata, container.entries(), options),
                 "metadata": metadata,
-                "provenance": container.provenance()?,
+                "provenance": provenance,
                 "assumptions": [],
             }));
         }

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::sync::Arc;
 
-use mipvog_bake::unstable::app::cli::{self, Call, SharedWatcher};
+use mipvog_bake::unstable::app::cli::{self, Call, ColorFit, SharedWatcher};
 use pyo3::prelude::*;
 
 use crate::arrays::Arrays;
@@ -16,19 +16,22 @@ pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| cli::main_of(arguments))
 }
 
-/// Runs a verb and gives its report as JSON. `arrays` are the input of a bake whose argument is `-`.
+/// Runs a verb and gives its report as JSON. `arrays` are the input of a bake whose argument is `-`;
+/// `fit` is the degree and the held-out PSNR of the harmonics in them, if they were fitted.
 #[pyfunction]
-#[pyo3(signature = (arguments, arrays=None, progress=None))]
+#[pyo3(signature = (arguments, arrays=None, progress=None, fit=None))]
 pub fn call(
     py: Python<'_>,
     arguments: Vec<OsString>,
     arrays: Option<&Bound<'_, Arrays>>,
     progress: Option<&Bound<'_, PyAny>>,
+    fit: Option<(usize, f64)>,
 ) -> PyResult<String> {
+    let color_fit = fit.map(|(degree, held_out_psnr)| ColorFit { degree, held_out_psnr });
     let input = arrays.map(|arrays| arrays.get().file());
     let report = watched(py, progress, |watch| {
         let watcher = Some(SharedWatcher(Arc::clone(watch) as _));
-        cli::call(Call { arguments, input, watcher })
+        cli::call(Call { arguments, input, color_fit, watcher })
     })?;
     report.map(|report| report.to_string()).map_err(|failure| exception(py, &failure))
 }

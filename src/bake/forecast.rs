@@ -1,23 +1,31 @@
 //! A forecast of a bake's time, memory and bytes, without baking all of it.
 //!
-//! The visible nodes are found for real: costs and bytes follow the number of retained nodes. Then
-//! two windows along x, an eighth of the box each, are encoded for real, with all levels. One
-//! starts where a third of level 0's retained nodes is passed, the other where two thirds are. The
-//! forecast assumes that all retained nodes cost as much as those in the windows.
+//! The visible nodes are found for real: costs and bytes follow the number of retained nodes. A
+//! scene of up to [`SMALL`] nodes is then encoded whole. Of a larger one two windows along x, an
+//! eighth of the box each, are encoded, with all levels. One starts where a third of level 0's
+//! retained nodes is passed, the other where two thirds are. The forecast assumes that all retained
+//! nodes cost as much as those in the windows. Only the container is not written: its head and its
+//! tables are, into nothing, and count.
 
+use super::Origin;
 use super::levels::FilteredLevels;
 use super::memory::MemoryPlan;
 use super::prepare::Prepared;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run::{Precision, packing};
 use super::{BakeOptions, BakeReport, plan};
+use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
-use crate::codec::container::{EncodedAtlas, EncodedLevel};
-use crate::model::baked::Group;
+use crate::codec::container::{self, EncodedAtlas, EncodedLevel, Head};
+use crate::levels::Visible;
+use crate::model::baked::{GROUPS, Group, Metadata};
 use crate::model::field::RadianceField;
 use crate::model::grid::{NodeMask, Nodes};
 
+/// Nodes of a scene that is encoded whole: a fraction of a second. Levels of small scenes are too
+/// short for windows, and coarser ones have more to store at a node than level 0.
+const SMALL: usize = 1 << 22;
 /// Parts of the box along x, of which windows are made.
 const PARTS: usize = 16;
 /// Parts of a window.
@@ -26,7 +34,7 @@ const LENGTH: usize = 2;
 /// The cost and the result of a bake that was not done.
 #[derive(Debug, Clone)]
 pub struct Forecast {
-    /// As a bake would report it. Sizes of levels leave tables and metadata out.
+    /// As a bake would report it. Sizes of levels leave tables out, that of the output has all.
     pub report: BakeReport,
     /// Wall-clock time of all stages; none where levels are fitted. A fit ends when nothing is
     /// gained any more.
@@ -53,6 +61,17 @@ pub fn forecast(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<Forecast> {
+    let is_small = field.scene.nodes.count() <= SMALL;
+    forecast_by(field, options, is_small, progress)
+}
+
+/// The forecast, of all of the scene or of windows.
+fn forecast_by(
+    field: &RadianceField,
+    options: &BakeOptions,
+    whole_scene: bool,
+    progress: &dyn Progress,
+) -> Result<Forecast> {
     options.check()?;
     field.check()?;
     if options.max_bytes.is_some() {
@@ -63,12 +82,16 @@ pub fn forecast(
     let memory = MemoryPlan::of_bake(field, options)?;
     let Prepared { planes, mut visible, importance, .. } =
         Prepared::new(field, options, &mut stages, progress)?;
+    if options.keeps_blocks() {
+        visible.keep_blocks(options.block_size)?;
+    }
     let whole: Vec<u64> = visible.levels.iter().map(|level| level.retained.count()).collect();
     let all_tables = plan::tables(&visible, options.block_size)?;
     let mut metadata = plan::metadata(field, options, &visible, &all_tables);
     let pruned = prune_reports(&visible, 0);
     let starts = visible.levels.first().map_or([0; 2], |finest| window_starts(&finest.retained));
-    for (number, level) in visible.levels.iter_mut().enumerate() {
+    let windowed = visible.levels.iter_mut().enumerate().filter(|_| !whole_scene);
+    for (number, level) in windowed {
         let nodes = level.retained.nodes();
         level.retained.intersect(&windows(nodes, options.block_size, number, starts)?);
     }
@@ -100,7 +123,7 @@ pub fn forecast(
     let bytes = |level: &EncodedLevel| -> u64 {
         level.atlases.iter().flatten().map(EncodedAtlas::bytes).sum()
     };
-    let mut levels = level_reports(&metadata, &[]);
+    let mut levels = level_reports(&metadata, &[], &options.to_json());
     let mut bytes_per_node = 0.0;
     let mut held = 0;
     for (number, level) in levels.iter_mut().enumerate() {
@@ -117,7 +140,14 @@ pub fn forecast(
         }
         level.stored_bytes = (whole[number] as f64 * bytes_per_node) as u64;
     }
-    let output_bytes: u64 = levels.iter().map(|level| level.stored_bytes).sum();
+    let head = (field, options, &metadata, &visible);
+    let output_bytes = if whole_scene {
+        container_bytes(head, &encoded)?
+    } else {
+        let empty = |table| EncodedLevel { table, atlases: [const { None }; GROUPS] };
+        let empty: Vec<EncodedLevel> = all_tables.into_iter().map(empty).collect();
+        container_bytes(head, &empty)? + levels.iter().map(|level| level.stored_bytes).sum::<u64>()
+    };
     // Runs that find no room in memory wait in a file.
     let more_held = output_bytes.min(memory.run_bytes).saturating_sub(held);
     // Inheritance holds the codes of level 0's colours as they are and as they will be.
@@ -145,6 +175,26 @@ pub fn forecast(
             stages: stages.list,
         },
     })
+}
+
+/// Bytes of a container of these levels.
+fn container_bytes(
+    (field, options, metadata, visible): (&RadianceField, &BakeOptions, &Metadata, &Visible),
+    levels: &[EncodedLevel],
+) -> Result<u64> {
+    let provenance = Origin::of_arrays().provenance(&[0; 32], options.to_json());
+    let head = Head {
+        metadata,
+        view_mlp: field.network(),
+        free_space: field.free_space.as_ref().filter(|_| visible.mask_is_required),
+        provenance: &provenance,
+        others: &[],
+        zstd_level: options.zstd_level,
+        limits: &options.limits,
+    };
+    let mut count = WriterSink::new(std::io::sink());
+    container::write(&head, levels, &mut count)?;
+    Ok(count.length())
 }
 
 /// The parts of the box that the windows start with.

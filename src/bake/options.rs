@@ -195,6 +195,11 @@ impl BakeOptions {
         self.coarseness == 0.0 && self.fill_error.is_none() && is_moved
     }
 
+    /// True if every value of a stored block is kept exactly, also of nodes that nobody sees.
+    pub(super) fn keeps_blocks(&self) -> bool {
+        self.bits == Bits::F32 && self.max_error.is_none() && self.max_bytes.is_none()
+    }
+
     /// True if a bake holds a whole level at once, so that no bound on memory is kept.
     pub(super) fn holds_level(&self) -> bool {
         self.filter.is_fitted() || self.sees() || self.fill_error.is_some()

@@ -85,7 +85,7 @@ pub fn repack(
     let entries = write(&head, &packed.encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
-        levels: level_reports(&packed.metadata, &entries),
+        levels: level_reports(&packed.metadata, &entries, &packed.provenance["options"]),
         pruned: Vec::new(),
         fitted: None,
         unchanged: false,

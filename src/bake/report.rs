@@ -3,13 +3,15 @@
 use std::time::Instant;
 
 use serde::Serialize;
+use serde_json::Value;
 
+use super::MaxErrors;
 use super::fit::{Fitted, FittedLevel};
 use super::max_bytes::Chosen;
 use crate::codec::container::layout::Entry;
 use crate::codec::quantize::Bits;
 use crate::levels::{Visible, VisibleLevel};
-use crate::model::baked::{Group, LevelMetadata, LevelOfDetail, Metadata};
+use crate::model::baked::{Encoding, Group, LevelMetadata, LevelOfDetail, Metadata};
 
 /// The result of a bake, and its cost.
 #[derive(Debug, Clone, Serialize)]
@@ -125,8 +127,33 @@ pub struct GroupReport {
     pub group: &'static str,
     /// Bits of a code: 1 to 16, f16 or f32; none where a forecast did not look at the level.
     pub bits: Option<String>,
-    /// Largest error at a retained node, by proof; none where a forecast did not look at the level.
+    /// Largest error at a retained node whose value was not moved, by proof; none where a forecast
+    /// did not look at the level.
     pub max_error: Option<f32>,
+    /// Largest error of values that were moved because little of them shows, by proof; none where
+    /// none were, or where it is not known which part of an error is a move.
+    pub moved_error: Option<f32>,
+}
+
+/// The errors that values were held to, in a container whose colours were moved after that.
+struct Held(Option<MaxErrors>);
+
+impl Held {
+    /// By the options of a provenance.
+    fn of(options: &Value) -> Self {
+        let moves = |name: &str| options[name].as_f64().is_some_and(|codes| codes > 0.0);
+        let is_moved = moves("coarseness") || moves("nearby_coarseness");
+        Self(MaxErrors::from_json(&options["max_error"]).filter(|_| is_moved))
+    }
+
+    /// The error of values that were not moved, and of those that were.
+    fn errors(&self, level: usize, group: Group, encoding: &Encoding) -> (f32, Option<f32>) {
+        let stated = encoding.max_error;
+        match self.0.map(|errors| errors.of_level(level).of(group)) {
+            Some(held) if held < stated && group.is_color() => (held, Some(stated)),
+            _ => (stated, None),
+        }
+    }
 }
 
 /// The nodes of a level, sorted by visibility.
@@ -193,8 +220,10 @@ pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneRepor
     visible.levels.iter().skip(dropped).enumerate().map(report).collect()
 }
 
-/// The levels of a container, from its directory and metadata alone. Fine to coarse.
-pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport> {
+/// The levels of a container, from its directory, its metadata and the options of its provenance.
+/// Fine to coarse.
+pub fn level_reports(metadata: &Metadata, entries: &[Entry], options: &Value) -> Vec<LevelReport> {
+    let held = Held::of(options);
     let report = |(number, level): (usize, &LevelMetadata)| {
         let own = entries.iter().filter(|entry| entry.level == u32::try_from(number).ok());
         let grid = level.grid();
@@ -206,10 +235,13 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
         let group = |group: Group| {
             let encoding = level.encoding(group)?;
             let bits = Bits::of(encoding).to_string();
-            let max_error = Some(encoding.max_error);
-            Some(GroupReport { group: group.name(), bits: Some(bits), max_error })
+            let (max_error, moved_error) = held.errors(number, group, encoding);
+            let max_error = Some(max_error);
+            Some(GroupReport { group: group.name(), bits: Some(bits), max_error, moved_error })
         };
-        let colors = Group::COLORS.into_iter().filter_map(|group| level.encoding(group));
+        let colors = Group::COLORS.into_iter().filter_map(|group| {
+            level.encoding(group).map(|encoding| held.errors(number, group, encoding).0)
+        });
         let opacities = [level.density.as_ref(), level.anisotropy.as_ref()];
         let blocks = |group: Group| {
             level.blocks_stored - if group.is_color() { level.blocks_filled } else { 0 }
@@ -231,7 +263,7 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry]) -> Vec<LevelReport>
                 .flatten()
                 .map(|encoding| encoding.max_error)
                 .reduce(|density, anisotropy| density + anisotropy),
-            max_color_error: colors.map(|encoding| encoding.max_error).reduce(f32::max),
+            max_color_error: colors.reduce(f32::max),
             groups: Group::ALL.into_iter().filter_map(group).collect(),
         }
     };

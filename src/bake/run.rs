@@ -21,7 +21,6 @@ use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::{Place, Result};
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::{self, EncodedLevel, Head, layout::Entry};
-use crate::codec::quantize::Bits;
 use crate::levels::Visible;
 use crate::model::baked::{Metadata, Table};
 use crate::model::field::{NonfiniteCount, RadianceField};
@@ -55,11 +54,8 @@ pub fn bake(
     if fitted.is_some() {
         stages.end("fit", 0);
     }
-    if options.bits == Bits::F32 && options.max_error.is_none() && options.max_bytes.is_none() {
-        // Every value of a stored block is kept exactly.
-        for level in &mut visible.levels {
-            level.retained = level.retained.whole_blocks(options.block_size)?;
-        }
+    if options.keeps_blocks() {
+        visible.keep_blocks(options.block_size)?;
     }
     let tables = plan::tables(&visible, options.block_size)?;
     let mut metadata = plan::metadata(field, options, &visible, &tables);
@@ -115,7 +111,7 @@ pub fn bake(
     let entries = write(&head, &encoded, output, &mut stages, progress)?;
     Ok(BakeReport {
         output_bytes: output.length(),
-        levels: level_reports(&metadata, &entries),
+        levels: level_reports(&metadata, &entries, &provenance["options"]),
         pruned: prune_reports(&visible, dropped),
         fitted: fitted.map(|fitted| FitReport::without_finest(fitted, dropped)),
         unchanged: false,

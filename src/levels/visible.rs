@@ -143,6 +143,17 @@ impl Visible {
         self.levels.iter().map(|level| &level.retained).collect()
     }
 
+    /// Retains every node of the blocks that hold a retained one.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn keep_blocks(&mut self, edge: usize) -> Result<()> {
+        for level in &mut self.levels {
+            level.retained = level.retained.whole_blocks(edge)?;
+        }
+        Ok(())
+    }
+
     /// Drops nodes outside `cells` of level 0, the only ones that cameras look at, and outside the
     /// cells around them: coarser levels' alpha spreads into those, and takes a part of its colour
     /// from there.

@@ -16,7 +16,7 @@ fn structural_similarity_equals_that_of_scikit_image() {
         let picture = |part: &str| {
             let color = values(part).as_chunks::<3>().0.to_vec();
             assert_eq!(color.len(), width * height);
-            Picture { width, height, color, diffuse: None, opacity: None }
+            Picture { width, height, color, diffuse: None, opacity: None, level: None }
         };
         let want = f64::from(values("ssim")[0]);
         let got = ssim(&picture("want"), &picture("got")).expect("large enough");

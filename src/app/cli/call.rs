@@ -8,6 +8,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::failure::{exit_code, message, remedy};
+use super::view_report::ColorFit;
 use super::watcher::SharedWatcher;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place};
@@ -19,6 +20,8 @@ pub struct Call {
     pub arguments: Vec<OsString>,
     /// The input of a bake whose argument is the standard input, `-`: bytes that are no file.
     pub input: Option<Arc<SourceFile>>,
+    /// The fit that the colours of that input come from.
+    pub color_fit: Option<ColorFit>,
     /// The watcher of the work.
     pub watcher: Option<SharedWatcher>,
 }

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
+use super::detail::{check_levels, parse_levels, warn_of_figures};
 use super::field::FieldArguments;
 use super::outcome::{Outcome, warn};
 use super::output::refuse_stdout;
@@ -24,7 +25,7 @@ use crate::base::progress::Step;
 use crate::input;
 use crate::model::camera::Camera;
 use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors};
-use crate::view::render::Renderer;
+use crate::view::render::{LevelChoice, Renderer};
 
 /// An error of this much is white in heat maps.
 const FULL_HEAT: f32 = 0.25;
@@ -58,6 +59,10 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=16))]
     supersample: u8,
+    /// Which level samples of the field read: auto (the file's rule), off (level 0), or a level's
+    /// number
+    #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
+    level_of_detail: LevelChoice,
     /// Coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
@@ -120,6 +125,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         false => scene.clone(),
     });
     let field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
+    check_levels(arguments.level_of_detail, &field)?;
     let reference = if pictures {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
@@ -136,12 +142,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.prepare(&cameras, &scales, &mut made)?;
     let supersample = arguments.supersample.into();
     let references = References::new(&reference, &cameras, &scales, supersample);
+    let references = references.with_levels(arguments.level_of_detail);
     let mut references = if arguments.difference { references.alike() } else { references };
     let heat = |frame: &FrameErrors| arguments.write_heat_map(frame, &mut made);
     let errors = references.compare(&field, &bar, heat)?;
     bar.check()?;
     made.keep();
     drop(bar);
+    let off = Some("--level-of-detail off").filter(|_| scales == [1]);
+    warn_of_figures(&errors, &cameras, off, common);
     let report = Report {
         reference: arguments.reference.to_string_lossy().into_owned(),
         field: arguments.field.to_string_lossy().into_owned(),
@@ -163,14 +172,16 @@ pub fn errors_text(errors: &[ScaleErrors]) -> String {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
-    let mut text =
-        String::from("  scale   PSNR, dB      SSIM   largest      99 %   diffuse   opacity\n");
+    let mut text = String::from(
+        "  scale   PSNR, dB    pooled      SSIM   largest      99 %   diffuse   opacity\n",
+    );
     for error in errors {
         writeln!(
             text,
-            "  1/{:<4} {:>9.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
+            "  1/{:<4} {:>9.2} {:>9.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
             error.scale,
             error.psnr,
+            error.pooled_psnr,
             number(error.ssim, 4),
             error.max_abs,
             error.p99_abs,
@@ -239,7 +250,8 @@ impl Report {
         let (reference, field) = (&self.reference, &self.field);
         let mut text = format!("{field} against {reference}, mean over {} frames\n", self.frames);
         text += &errors_text(&self.scales);
-        text += "largest and 99 % are errors of a channel, 0 to 1; diffuse and opacity are PSNR\n";
+        text += "PSNR is the mean over frames, pooled that of the error over all their pixels; largest \
+                 and 99 % are errors of a channel, 0 to 1; diffuse and opacity are PSNR\n";
         text += match (self.measures, both_fields) {
             (Measures::Difference, _) => {
                 "both sides are rendered alike at each scale: this is their difference alone\n"

@@ -50,17 +50,19 @@ impl ContainerReport {
             bytes: entry.length,
             critical: entry.is_critical(),
         };
+        let provenance = container.provenance()?;
+        let options = provenance.as_ref().map_or(&Value::Null, |of| &of["options"]);
         Ok(Self {
             version: container.header().version,
             file_bytes: container.header().file_length,
             dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
             bounds: metadata.bounds,
-            levels: level_reports(metadata, container.entries()),
+            levels: level_reports(metadata, container.entries(), options),
             mlp: network.map(|network| network.widths.clone()),
             levels_missing: Vec::new(),
             chunks: container.entries().iter().map(chunk).collect(),
             metadata: metadata.clone(),
-            provenance: container.provenance()?,
+            provenance,
         })
     }
 }
@@ -129,7 +131,7 @@ fn origin_text(provenance: &Value) -> Option<String> {
         write!(origin, " from a {kind}").ok();
     }
     if let Some(digest) = text("/input/sha256") {
-        write!(origin, ", sha256 {}", digest.get(..16).unwrap_or(digest)).ok();
+        write!(origin, ", fingerprint {}", digest.get(..16).unwrap_or(digest)).ok();
     }
     Some(origin)
 }
@@ -164,6 +166,15 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
         }
         text += row.trim_end();
         text.push('\n');
+    }
+    let moved = levels.iter().flat_map(|level| &level.groups).filter_map(|group| group.moved_error);
+    if let Some(moved) = moved.reduce(f32::max) {
+        writeln!(
+            text,
+            "  inside matter, where little shows, colours were moved farther than the largest error: \
+             by up to {moved:.2}"
+        )
+        .ok();
     }
     text
 }

@@ -27,7 +27,7 @@ use crate::model::grid::Bounds;
 use crate::output::export_files::{ExportFiles, FileReport};
 use crate::output::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
 use crate::output::formats::{FORMATS, format_named};
-use crate::output::measure::export_psnr;
+use crate::output::measure::export_errors;
 use crate::view::overview;
 
 /// Pixels along a side of the picture that is measured where no camera is given.
@@ -122,6 +122,8 @@ struct Report {
     files: Vec<FileReport>,
     /// The mean over the cameras, in dB.
     psnr: Option<f64>,
+    /// Over the pixels of all cameras, in dB; the gate's figure.
+    pooled_psnr: Option<f64>,
     cameras: usize,
     required_psnr: Option<f64>,
     passed: bool,
@@ -168,9 +170,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let written = files.written();
     let shown = format.read_back(&source, &written, &options.limits)?;
-    let psnr = export_psnr(&source.field, &*shown, &cameras, options.level, &bar)?;
+    let errors = export_errors(&source.field, &*shown, &cameras, options.level, &bar)?;
     drop(shown);
-    let passed = arguments.require_psnr.is_none_or(|least| psnr >= least);
+    let passed = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
     let reports = if passed { written.report()? } else { Vec::new() };
     bar.check()?;
     if passed {
@@ -185,7 +187,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         seconds: clock.elapsed().as_secs_f64(),
         output_bytes: reports.iter().map(|file| file.bytes).sum(),
         files: reports,
-        psnr: Some(psnr),
+        psnr: Some(errors.psnr),
+        pooled_psnr: Some(errors.pooled_psnr),
         cameras: cameras.len(),
         required_psnr: arguments.require_psnr,
         passed,
@@ -194,6 +197,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     };
     let failure = arguments.require_psnr.filter(|_| !passed).map(|least| {
         let output = arguments.output.display();
+        let psnr = errors.pooled_psnr;
         format!("{output}: not written: {psnr:.2} dB against the field, {least} dB required")
     });
     let outcome = Outcome::new("export", &report, report.text())?;

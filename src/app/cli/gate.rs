@@ -23,8 +23,8 @@ const SCALES: [usize; 4] = [1, 2, 4, 8];
 pub struct GateArguments {
     #[command(flatten, next_help_heading = "Cameras")]
     cameras: CameraArguments,
-    /// Write nothing and exit with 1 if the PSNR against the unbaked scene, at full size and as the
-    /// mean over the cameras, is below this
+    /// Write nothing and exit with 1 if the PSNR against the unbaked scene, at full size and over the
+    /// pixels of all cameras, is below this
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_psnr: Option<f64>,
     /// Write nothing and exit with 1 if fitted colours, along directions that no fit has seen, are
@@ -97,7 +97,7 @@ impl GateArguments {
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
         let errors = compare(reference, baked, cameras, &scales, 1, bar, |_| Ok(()))?;
-        let reached = |least| errors.first().is_some_and(|full| full.psnr >= least);
+        let reached = |least| errors.first().is_some_and(|full| full.pooled_psnr >= least);
         let passed = self.require_psnr.is_none_or(reached);
         Ok(GateReport { errors, required_psnr: self.require_psnr, passed })
     }
@@ -116,7 +116,7 @@ impl GateReport {
     /// The reason why the container at `output` was not written, if the gate was missed.
     pub fn failure(&self, output: &Path) -> Option<String> {
         let least = self.required_psnr.filter(|_| !self.passed)?;
-        let psnr = self.errors.first().map_or(0.0, |full| full.psnr);
+        let psnr = self.errors.first().map_or(0.0, |full| full.pooled_psnr);
         let output = output.display();
         Some(format!("{output}: not written: {psnr:.2} dB at full size, {least} dB required"))
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use serde_json::Value;
 
 use super::output::{create as create_output, refuse_stdout};
 use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports};
@@ -92,8 +93,12 @@ impl IncrementalArguments {
             return Ok(None);
         };
         let current = is_current(&container, field, options, origin)?;
-        let levels = || level_reports(container.metadata(), container.entries());
-        Ok(current.then(|| BakeReport::unchanged(file.length(), levels())))
+        let levels = |provenance: Option<Value>| {
+            let options = provenance.map_or(Value::Null, |of| of["options"].clone());
+            level_reports(container.metadata(), container.entries(), &options)
+        };
+        let provenance = container.provenance()?;
+        Ok(current.then(|| BakeReport::unchanged(file.length(), levels(provenance))))
     }
 }
 

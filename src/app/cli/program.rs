@@ -124,6 +124,7 @@ pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> 
     cli.common.watcher = call.watcher;
     if let (Verb::Bake(arguments), Some(input)) = (&mut cli.verb, call.input) {
         arguments.held = Some(input);
+        arguments.color_fit = call.color_fit;
     }
     let found = outcome(&cli, &FileNames::of(&matches));
     stdin::remove_copy();

@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::destination::Destination;
+use super::detail::{check_levels, parse_levels};
 use super::field::FieldArguments;
 use super::outcome::{Outcome, readable};
 use super::pictures::{PictureOptions, Pictures};
@@ -18,7 +19,7 @@ use super::scene::SceneArguments;
 use super::settings::Settings;
 use super::viewpoints::ViewpointArguments;
 use crate::bake::Filter;
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, Statistics, render, tiles};
@@ -182,17 +183,7 @@ impl Arguments {
         which.check(&[&self.field])?;
         let mut field =
             self.scene.open_or_prefix(&self.field, which, filter, cameras.as_deref(), common)?;
-        let (finest, count) = (field.view().finest, field.level_count());
-        if let LevelChoice::Fixed(level) = self.level_of_detail
-            && level != 0
-            && !(finest..count).contains(&level)
-        {
-            let expected = match finest {
-                0 => format!("auto, off, or a level from 0 to {} that the field has", count - 1),
-                _ => format!("auto, off, or a level from {finest} to {} that is there", count - 1),
-            };
-            return Err(Error::invalid_option("level_of_detail", level.to_string(), expected));
-        }
+        check_levels(self.level_of_detail, &field)?;
         if self.viewpoints.makes(&self.cameras) {
             // These bounds are of the cameras that the scene was trained from. From elsewhere they
             // would cut parts off.
@@ -225,16 +216,5 @@ impl Report {
         )
         .ok();
         text + &self.settings.text()
-    }
-}
-
-fn parse_levels(text: &str) -> std::result::Result<LevelChoice, String> {
-    match text {
-        "auto" => Ok(LevelChoice::Auto),
-        "off" => Ok(LevelChoice::Fixed(0)),
-        _ => match text.parse() {
-            Ok(level) => Ok(LevelChoice::Fixed(level)),
-            Err(_) => Err("expected auto, off or a level's number".to_owned()),
-        },
     }
 }

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
+use super::detail::warn_of_figures;
 use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
@@ -153,6 +154,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     remove_stale(&arguments.output);
     let report = sweep(&source, &cameras, &options, &arguments.output, &bar)?;
     drop(bar);
+    if let Some(first) = report.settings.iter().find(|setting| setting.failure.is_none()) {
+        warn_of_figures(&first.errors, &cameras, None, common);
+    }
     let failed = report.settings.iter().filter(|setting| setting.failure.is_some()).count();
     let failure = failure(failed, report.settings.len());
     Ok(Outcome { failure, ..Outcome::new("sweep", &report, arguments.text(&report))? })

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::base::error::{Error, Result};
 use crate::input::Source;
 use crate::model::baked::ViewMetadata;
 use crate::view::compare::DirectionErrors;
@@ -26,6 +27,18 @@ pub struct ViewReport {
     clamped_share: Option<f64>,
     /// The least PSNR of fitted colours, if one is required.
     required_psnr: Option<f64>,
+    /// True if whoever made the fit knows the figure; the input itself has only its result.
+    #[serde(skip)]
+    is_stated: bool,
+}
+
+/// A fit of colours that was made before the bake, by a program that holds this library.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ColorFit {
+    /// The degree of its harmonics.
+    pub degree: usize,
+    /// PSNR along directions that the fit has not seen.
+    pub held_out_psnr: f64,
 }
 
 impl ViewReport {
@@ -45,14 +58,41 @@ impl ViewReport {
             held_out_psnr: None,
             clamped_share: None,
             required_psnr: None,
+            is_stated: false,
         }
     }
 
-    /// Of a trained input. Where its colours are fitted, it says so as an assumption.
-    pub fn of_source(source: &Source) -> Self {
+    /// Of a trained input. Where its colours are fitted, it says so as an assumption, or `fit` is
+    /// known. The figure of a fit is that of its degree: fewer bands of it are another fit.
+    pub fn of_source(source: &Source, fit: Option<ColorFit>) -> Self {
         let own = Self::of(source.field.view.as_ref().map(ViewMetadata::of).as_ref());
+        if let Some(fit) = fit.filter(|_| own.degree.is_some()) {
+            let held_out_psnr = Some(fit.held_out_psnr).filter(|_| own.degree == Some(fit.degree));
+            return Self { fitted: true, held_out_psnr, is_stated: true, ..own };
+        }
         let is_fitted = source.assumptions.iter().any(|assumption| assumption.key == "view");
-        Self { fitted: is_fitted && source.field.harmonics().is_some(), ..own }
+        Self { fitted: is_fitted && own.degree.is_some(), ..own }
+    }
+
+    /// Holds the view to the least figure that is required of its fit.
+    ///
+    /// # Errors
+    /// `Usage` where there will be no figure to judge.
+    pub fn require(&mut self, least: Option<f64>) -> Result<()> {
+        self.required_psnr = least;
+        let reason = match (least, self.fitted) {
+            (None, _) => return Ok(()),
+            (Some(_), false) => {
+                "no colour of this input is fitted: it keeps its own, or has none \
+                                 that depend on the view"
+            }
+            (Some(_), true) if self.is_stated && self.held_out_psnr.is_none() => {
+                "the fit was made with harmonics of another degree, whose figure is not this one's: \
+                 fit with the degree that is stored"
+            }
+            (Some(_), true) => return Ok(()),
+        };
+        Err(Error::usage(format!("--require-view-psnr has nothing to judge: {reason}")))
     }
 
     /// True if colours were fitted.
@@ -67,12 +107,11 @@ impl ViewReport {
 
     /// With the figures of a comparison along directions. Colours that were not fitted are the
     /// model's own.
-    pub fn measured(&mut self, errors: DirectionErrors, required: Option<f64>) {
+    pub fn measured(&mut self, errors: DirectionErrors) {
         self.clamped_share = errors.clamped_share;
-        if self.fitted {
+        if self.fitted && !self.is_stated {
             // Equal colours have no finite figure, which JSON could not hold.
             self.held_out_psnr = errors.psnr.map(|psnr| psnr.min(EQUAL_PSNR));
-            self.required_psnr = required;
         }
     }
 

@@ -16,6 +16,16 @@ pub struct Picture {
     pub diffuse: Option<Vec<[f32; 3]>>,
     /// Opacity, where that is known.
     pub opacity: Option<Vec<f32>>,
+    /// The mean level that a field's samples read, by their share of the picture; none where
+    /// nothing shows, and of photographs.
+    pub level: Option<f64>,
+}
+
+impl Picture {
+    /// True if nothing shows: all of it is transparent.
+    pub fn is_blank(&self) -> bool {
+        self.opacity.as_ref().is_some_and(|all| all.iter().all(|opacity| *opacity == 0.0))
+    }
 }
 
 /// Identical pictures have this PSNR; a mean square error below 1e-20 is none.
@@ -27,12 +37,21 @@ const WINDOW_RADIUS: usize = 5;
 /// Steps of the histogram of errors from 0 to 1.
 const BINS: usize = 1 << 16;
 
+/// The sum of the squares of all differences.
+pub fn square_error(want: &[f32], got: &[f32]) -> f64 {
+    let pairs = want.iter().zip(got);
+    pairs.map(|(want, got)| (f64::from(*want) - f64::from(*got)).powi(2)).sum()
+}
+
+/// `-10 log10(mean square error)`, in dB, of the sum of so many squares.
+pub fn psnr_of(square_error: f64, count: usize) -> f64 {
+    let mean = square_error / count.max(1) as f64;
+    if mean < 1e-20 { HIGHEST_PSNR } else { -10.0 * libm::log10(mean) }
+}
+
 /// `-10 log10(mean square error)`, in dB.
 pub fn psnr(want: &[f32], got: &[f32]) -> f64 {
-    let pairs = want.iter().zip(got);
-    let sum: f64 = pairs.map(|(want, got)| (f64::from(*want) - f64::from(*got)).powi(2)).sum();
-    let mean = sum / want.len().max(1) as f64;
-    if mean < 1e-20 { HIGHEST_PSNR } else { -10.0 * libm::log10(mean) }
+    psnr_of(square_error(want, got), want.len())
 }
 
 /// Structural similarity (Wang et al. 2004): gaussian window of 11 x 11 pixels and deviation 1.5,
@@ -160,6 +179,7 @@ impl Picture {
             color: colors(&self.color),
             diffuse: self.diffuse.as_deref().map(colors),
             opacity: opacity.map(|from| box_means(size, scale, |pixel| from[pixel]).collect()),
+            level: self.level,
         }
     }
 
@@ -182,7 +202,7 @@ mod tests {
     fn picture(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Picture {
         let at = |i: usize| [value(i % width, i / width); 3];
         let color = (0..width * height).map(at).collect();
-        Picture { width, height, color, diffuse: None, opacity: None }
+        Picture { width, height, color, diffuse: None, opacity: None, level: None }
     }
 
     #[test]

@@ -30,11 +30,11 @@ impl Reference {
     pub fn picture(
         &self,
         camera: &Camera,
-        supersample: usize,
+        options: &FrameOptions,
         progress: &dyn Progress,
     ) -> Result<Picture> {
         match self {
-            Self::Field(field) => Picture::of_field(field, camera, supersample, progress),
+            Self::Field(field) => Picture::of_field(field, camera, options, progress),
             Self::Pictures { folder, background, limits } => {
                 photograph_of_size(folder, camera, *background, limits)
             }
@@ -43,16 +43,19 @@ impl Reference {
 }
 
 impl Picture {
-    /// A field's picture, clamped at `supersample` times the camera's size and then averaged.
+    /// A field's picture, clamped at as many times the camera's size as it is supersampled, and then
+    /// averaged.
     pub fn of_field(
         field: &Renderer,
         camera: &Camera,
-        supersample: usize,
+        options: &FrameOptions,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        let supersample = options.supersample;
         let lens = camera.lens.supersampled(supersample);
         let fine = Camera { lens, ..camera.clone() };
-        let frame = render(field, &fine, &FrameOptions::default(), progress)?;
+        let options = FrameOptions { supersample: 1, ..*options };
+        let frame = render(field, &fine, &options, progress)?;
         let full = Self::of_frame(&frame, field.view().background);
         Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
     }
@@ -70,8 +73,20 @@ impl Picture {
             color: frame.color.iter().map(|pixel| pixel.map(clamp)).collect(),
             diffuse: Some(diffuse.collect()),
             opacity: Some(frame.transmittance.iter().map(|left| clamp(1.0 - left)).collect()),
+            level: mean_level(frame),
         }
     }
+}
+
+/// The mean level of samples, by their share of the picture.
+fn mean_level(frame: &Frame) -> Option<f64> {
+    let pixels = frame.level.iter().zip(&frame.transmittance);
+    let sums = pixels.fold([0.0; 2], |[levels, weights], (level, left)| {
+        let weight = f64::from(1.0 - left);
+        [levels + weight * f64::from(*level), weights + weight]
+    });
+    let [levels, weights] = sums;
+    (weights > 0.0).then(|| levels / weights)
 }
 
 /// A camera's photograph, box-downsampled to the fewest pixels of which `longest` or more lie along
@@ -138,6 +153,7 @@ fn read_photograph(
         color: pixels.iter().map(color).collect(),
         diffuse: None,
         opacity: transparent.then(opacity),
+        level: None,
     };
     Ok((path, full))
 }

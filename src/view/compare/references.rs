@@ -6,7 +6,7 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::model::camera::Camera;
-use crate::view::render::tiles;
+use crate::view::render::{FrameOptions, LevelChoice, Renderer, tiles};
 
 /// The right pictures that fields are compared with. Pictures are made when they are first wanted.
 pub struct References<'a> {
@@ -16,6 +16,8 @@ pub struct References<'a> {
     supersample: usize,
     /// True if the reference is rendered at each scale as the field is.
     alike: bool,
+    /// The levels that samples read.
+    levels: LevelChoice,
     /// Each camera's pictures, one a scale, where they are kept.
     kept: Vec<Option<Vec<Picture>>>,
     /// For each camera, true if its pictures were paid for.
@@ -34,7 +36,15 @@ impl<'a> References<'a> {
     ) -> Self {
         let kept = cameras.iter().map(|_| None).collect();
         let paid = vec![false; cameras.len()];
-        Self { reference, cameras, scales, supersample, alike: false, kept, paid, budget: None }
+        let levels = LevelChoice::Auto;
+        let (alike, budget) = (false, None);
+        Self { reference, cameras, scales, supersample, alike, levels, kept, paid, budget }
+    }
+
+    /// Samples read these levels, of both sides as far as they are fields.
+    #[must_use]
+    pub fn with_levels(self, levels: LevelChoice) -> Self {
+        Self { levels, ..self }
     }
 
     /// Renders both sides alike at each scale, instead of averaging the reference's full pictures.
@@ -76,15 +86,30 @@ impl<'a> References<'a> {
         if self.alike {
             let small = |&scale| Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
             let small = self.scales.iter().map(small);
-            let picture = |small| self.reference.picture(&small, self.supersample, progress);
+            let options = self.options(self.supersample);
+            let picture = |small| self.reference.picture(&small, &options, progress);
             return small.map(picture).collect();
         }
-        let full = self.reference.picture(camera, self.supersample, progress)?;
+        let full = self.reference.picture(camera, &self.options(self.supersample), progress)?;
         Ok(self.scales.iter().map(|&scale| full.downsampled(scale)).collect())
     }
 
+    fn options(&self, supersample: usize) -> FrameOptions {
+        FrameOptions { levels: self.levels, supersample }
+    }
+
+    /// The field's picture.
+    pub(super) fn of_field(
+        &self,
+        field: &Renderer,
+        camera: &Camera,
+        progress: &dyn Progress,
+    ) -> Result<Picture> {
+        Picture::of_field(field, camera, &self.options(self.field_supersample()), progress)
+    }
+
     /// Rays along each side of a pixel of the field.
-    pub(super) fn field_supersample(&self) -> usize {
+    fn field_supersample(&self) -> usize {
         if self.alike { self.supersample } else { 1 }
     }
 

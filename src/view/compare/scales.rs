@@ -16,6 +16,9 @@ pub struct ScaleErrors {
     pub scale: usize,
     /// Mean over frames of each frame's PSNR over all pixels and RGB, in dB; at most 200.
     pub psnr: f64,
+    /// PSNR of the mean square error over the pixels of all frames, in dB; at most 200. A frame that
+    /// is blank or equal cannot carry a worse one, so gates use this.
+    pub pooled_psnr: f64,
     /// Mean over frames of the structural similarity; null for pictures below 11 pixels a side.
     pub ssim: Option<f64>,
     /// Largest error of a channel of a pixel.
@@ -28,6 +31,11 @@ pub struct ScaleErrors {
     pub psnr_diffuse: Option<f64>,
     /// PSNR of opacity alone: silhouettes; null against pictures without alpha.
     pub psnr_opacity: Option<f64>,
+    /// The mean level that samples of the field read. Above 0 the pictures are so small that coarser
+    /// levels are read, and the error is theirs too; null where nothing shows.
+    pub mean_level: Option<f64>,
+    /// Frames in which nothing shows, neither of the field nor of the reference.
+    pub blank_frames: Vec<String>,
 }
 
 /// One frame's error at one scale, as it comes.
@@ -67,15 +75,14 @@ impl References<'_> {
         let scales = self.scales();
         let mut sums: Vec<Sums> = scales.iter().map(|_| Sums::default()).collect();
         progress.begin(Step::Render, self.work());
-        let supersample = self.field_supersample();
         for (number, camera) in self.cameras().iter().enumerate() {
             progress
                 .part(Step::Render, &format!("picture {}/{}", number + 1, self.cameras().len()));
             let wanted = self.take(number, progress)?;
             for ((&scale, want), sums) in scales.iter().zip(&wanted).zip(&mut sums) {
                 let small = Camera { lens: camera.lens.shrunk(scale), ..camera.clone() };
-                let got = Picture::of_field(field, &small, supersample, progress)?;
-                sums.add(want, &got);
+                let got = self.of_field(field, &small, progress)?;
+                sums.add(&camera.name, want, &got);
                 visit(&FrameErrors { frame: &camera.name, scale, want, got: &got })?;
             }
             self.put_back(number, wanted);
@@ -93,16 +100,31 @@ struct Sums {
     diffuse: Option<f64>,
     opacity: Option<f64>,
     errors: Errors,
+    /// The squares of all differences, and their number.
+    squares: (f64, usize),
+    /// Levels of frames that show something, and their number.
+    levels: (f64, usize),
+    blank: Vec<String>,
 }
 
 impl Sums {
-    fn add(&mut self, want: &Picture, got: &Picture) {
+    fn add(&mut self, frame: &str, want: &Picture, got: &Picture) {
         let first = self.frames == 0;
         let add = |sum: &mut Option<f64>, value: Option<f64>| {
             let old = if first { Some(0.0) } else { *sum };
             *sum = old.zip(value).map(|(old, value)| old + value);
         };
-        self.psnr += metrics::psnr(want.color.as_flattened(), got.color.as_flattened());
+        let (all_want, all_got) = (want.color.as_flattened(), got.color.as_flattened());
+        let square = metrics::square_error(all_want, all_got);
+        self.psnr += metrics::psnr_of(square, all_want.len());
+        self.squares = (self.squares.0 + square, self.squares.1 + all_want.len());
+        if let Some(level) = got.level {
+            self.levels = (self.levels.0 + level, self.levels.1 + 1);
+        }
+        // Photographs may have no alpha.
+        if got.is_blank() && (want.opacity.is_none() || want.is_blank()) {
+            self.blank.push(frame.to_owned());
+        }
         add(&mut self.ssim, metrics::ssim(want, got));
         let flat =
             |colors: &Option<Vec<[f32; 3]>>| colors.as_ref().map(|c| c.as_flattened().to_vec());
@@ -110,7 +132,7 @@ impl Sums {
         add(&mut self.diffuse, pair.map(|(want, got)| metrics::psnr(&want, &got)));
         let pair = want.opacity.as_ref().zip(got.opacity.as_ref());
         add(&mut self.opacity, pair.map(|(want, got)| metrics::psnr(want, got)));
-        self.errors.add(want.color.as_flattened(), got.color.as_flattened());
+        self.errors.add(all_want, all_got);
         self.frames += 1;
     }
 
@@ -119,12 +141,15 @@ impl Sums {
         ScaleErrors {
             scale,
             psnr: mean(self.psnr),
+            pooled_psnr: metrics::psnr_of(self.squares.0, self.squares.1),
             ssim: self.ssim.map(mean),
             max_abs: self.errors.largest(),
             p99_abs: self.errors.quantile(0.99),
             frames: self.frames,
             psnr_diffuse: self.diffuse.map(mean),
             psnr_opacity: self.opacity.map(mean),
+            mean_level: (self.levels.1 > 0).then(|| self.levels.0 / self.levels.1 as f64),
+            blank_frames: self.blank,
         }
     }
 }

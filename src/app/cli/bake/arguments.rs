@@ -14,6 +14,7 @@ use super::super::manifest::{Given, ManifestArguments};
 use super::super::scene::SceneArguments;
 use super::super::stdin;
 use super::super::stored::StoredArguments;
+use super::super::view_report::ColorFit;
 use crate::bake::{BakeOptions, Preset};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
@@ -70,6 +71,9 @@ pub struct Arguments {
     /// The input, where it is no file.
     #[arg(skip)]
     pub held: Option<Arc<SourceFile>>,
+    /// The fit that its colours come from, where it was made before.
+    #[arg(skip)]
+    pub color_fit: Option<ColorFit>,
 }
 
 /// The content of an input.

@@ -37,7 +37,7 @@ pub fn dry_run(
         "bytes_read": file.file.bytes_read() + forecast.more_bytes_read,
         "options": options.to_json(),
         "settings": settings.report(&source),
-        "view": ViewReport::of_source(&source),
+        "view": ViewReport::of_source(&source, arguments.color_fit),
     });
     if let (Value::Object(json), Ok(Value::Object(report))) =
         (&mut json, serde_json::to_value(&forecast.report))

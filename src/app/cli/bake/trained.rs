@@ -6,6 +6,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::super::common::Common;
+use super::super::detail::warn_of_figures;
 use super::super::fit::check_judges;
 use super::super::inputs::refuse_inputs;
 use super::super::outcome::{assumed, warn};
@@ -61,6 +62,8 @@ pub fn bake_trained(
     if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
         check_judges(options, cameras)?;
     }
+    let mut view = ViewReport::of_source(&source, arguments.color_fit);
+    view.require(arguments.gate.required_view_psnr())?;
     let options = &with_cameras(arguments, options, &source.field)?;
     let current = arguments.incremental.current(
         &arguments.output,
@@ -75,7 +78,6 @@ pub fn bake_trained(
         Some(report) => report,
         None => bake(&source.field, options, &origin, output, bar)?,
     };
-    let mut view = ViewReport::of_source(&source);
     let looks_along = (view.is_fitted() && options.memory.is_none())
         || (view.has_harmonics() && !judges.is_empty());
     let mut gate = None;
@@ -89,11 +91,15 @@ pub fn bake_trained(
             let bounds = &source.field.scene.bounds;
             let eyes = judging_eyes(&settings.options.cameras, bounds);
             let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
-            view.measured(errors, arguments.gate.required_view_psnr());
+            view.measured(errors);
         }
         if !judges.is_empty() {
             let reference = Reference::Field(Box::new(unbaked));
-            gate = Some(arguments.gate.measure(&reference, &baked, judges, bar)?);
+            let measured = arguments.gate.measure(&reference, &baked, judges, bar)?;
+            if arguments.gate.measures()? {
+                warn_of_figures(&measured.errors, judges, None, common);
+            }
+            gate = Some(measured);
         }
         let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
         report.stages.push(StageReport { name: "compare", seconds, bytes });
