@@ -6,6 +6,7 @@ use std::sync::Arc;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as RuleError, Validate};
 use gltf::json::{Index, Root};
+use serde_json::Value;
 
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
@@ -61,31 +62,81 @@ fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
+/// Values that glTF lets a document leave out, and the library does not: an accessor without a view
+/// is zeros, a texture's source and a channel's target may be an extension's.
+fn may_be_missing(pointer: &str) -> bool {
+    let parts: Vec<&str> = pointer.split('/').skip(1).collect();
+    matches!(
+        *parts,
+        ["accessors", _, "bufferView"]
+            | ["textures", _, "source"]
+            | ["animations", _, "channels", _, "target", "node"]
+    )
+}
+
+/// A document in the words that the library reads: whole numbers written as such, scenes with their
+/// lists. Other documents of glTF 2.0 say the same without.
+fn in_plain_words(value: &mut Value) {
+    let scenes = value.get_mut("scenes").and_then(Value::as_array_mut);
+    for scene in scenes.into_iter().flatten().filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    whole_numbers(value);
+}
+
+fn whole_numbers(value: &mut Value) {
+    match value {
+        Value::Array(elements) => elements.iter_mut().for_each(whole_numbers),
+        Value::Object(members) => members.values_mut().for_each(whole_numbers),
+        Value::Number(number) if number.is_f64() => {
+            let whole = number.as_f64().filter(|float| float.fract() == 0.0 && float.abs() < 1e15);
+            if let Some(whole) = whole {
+                #[expect(clippy::cast_possible_truncation, reason = "a whole number in range")]
+                let whole = whole as i64;
+                *value = whole.into();
+            }
+        }
+        _ => {}
+    }
+}
+
 /// Checks the rules of glTF 2.0 for every document that do not depend on extensions.
 fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
-    let mut root = match Root::from_str(asset.text()) {
+    let mut broken = |pointer: String, found: String, expected: &str| {
+        let error = Error::malformed(Place::Pointer(pointer), found, expected);
+        report(Finding { code: Code::AssetRule, error })
+    };
+    if let Some(behind) = asset.chunks().map(|chunks| chunks.behind).filter(|behind| *behind > 0) {
+        let found = format!("{behind} bytes behind the stated end");
+        broken(String::new(), found, "none: they belong to nothing")?;
+    }
+    // Numbers that nobody can represent, such as 1e400, are no fault of what refers to things.
+    let Ok(mut document) = serde_json::from_str::<Value>(asset.text()) else { return Ok(()) };
+    in_plain_words(&mut document);
+    let mut root = match serde_json::from_value::<Root>(document) {
         Ok(root) => root,
         Err(error) => {
-            let place = Place::Pointer(String::new());
             let found = format!("what does not fit the properties of glTF: {error}");
-            let error = Error::malformed(place, found, "a document of glTF 2.0");
-            return report(Finding { code: Code::AssetRule, error });
+            return broken(String::new(), found, "a document of glTF 2.0");
         }
     };
     positions(&mut root, report)?;
     let mut reported = Ok(());
     let mut add = |path: &dyn Fn() -> gltf::json::Path, rule| {
-        let expected = match rule {
+        let pointer = path().to_string().replace(['.', '['], "/").replace(']', "");
+        let pointer = format!("/{pointer}");
+        let (found, expected) = match rule {
             // Required extensions are the business of viewers.
             RuleError::Unsupported => return,
-            RuleError::IndexOutOfBounds => "a number of something that is there",
-            RuleError::Missing => "a value that is not there",
-            _ => "another value",
+            RuleError::Missing if may_be_missing(&pointer) => return,
+            RuleError::Missing => ("no value", "one"),
+            RuleError::IndexOutOfBounds => {
+                ("the number of something that is not there", "one of what is there")
+            }
+            _ => ("a value that glTF 2.0 does not know", "one of those in its specification"),
         };
         if reported.is_ok() {
-            let path = path().to_string().replace(['.', '['], "/").replace(']', "");
-            let place = Place::Pointer(format!("/{path}"));
-            let error = Error::malformed(place, "a broken rule of glTF 2.0", expected);
+            let error = Error::malformed(Place::Pointer(pointer), found, expected);
             reported = report(Finding { code: Code::AssetRule, error });
         }
     };

@@ -1,11 +1,11 @@
 //! Findings as SARIF 2.1.0, the form in which continuous integration gathers those of many tools.
 //!
-//! One run: the tool with a rule for each code of the catalogue, the file as its artifact, a result
+//! One run: the tool with a rule for each code of the catalogue, the files as its artifacts, a result
 //! for each finding. Places that are a byte become regions; all are logical locations too, as
 //! people read them. Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version
 //! 2.1.0", sections 3.13 to 3.30.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
@@ -21,61 +21,86 @@ const RESERVED: &AsciiSet =
 const SCHEMA: &str =
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
 
-/// The report of validating `path`, as a SARIF log.
-pub fn log(path: &Path, report: &Report) -> Value {
-    let results: Vec<Value> = report.findings.iter().map(|f| result(path, f)).collect();
-    let mut notifications = Vec::new();
-    if report.unlisted > 0 {
-        let text = format!("truncated: {} findings are not listed", report.unlisted);
-        notifications.push(json!({ "level": "warning", "message": { "text": text } }));
+/// A file that was validated, and its report; an error where it could not be read.
+pub type Validated = (PathBuf, Result<Report, String>);
+
+/// The reports of several files, as a SARIF log of one run: services that gather logs take one for
+/// each tool and category, which `automationDetails` names.
+pub fn log(files: &[Validated]) -> Value {
+    let (mut results, mut notifications) = (Vec::new(), Vec::new());
+    for (index, (path, report)) in files.iter().enumerate() {
+        let mut notify = |level: &str, text: String| {
+            notifications.push(json!({
+                "level": level,
+                "message": { "text": text },
+                "locations": [{ "physicalLocation": artifact(path, index) }],
+            }));
+        };
+        match report {
+            Ok(report) => {
+                results.extend(report.findings.iter().map(|found| result(path, index, found)));
+                if report.unlisted > 0 {
+                    let count = report.unlisted;
+                    notify("warning", format!("truncated: {count} findings are not listed"));
+                }
+            }
+            Err(message) => notify("error", message.clone()),
+        }
     }
-    let rules: Vec<Value> = Code::ALL.iter().map(|&code| rule(code)).collect();
+    let artifact = |(path, _): &Validated| {
+        let mut artifact = json!({ "location": { "uri": uri(path) }, "roles": ["analysisTarget"] });
+        if let Ok(file) = path.metadata() {
+            artifact["length"] = file.len().into();
+        }
+        artifact
+    };
+    let mut driver = json!({
+        "name": env!("CARGO_PKG_NAME"),
+        "semanticVersion": env!("CARGO_PKG_VERSION"),
+        "rules": Code::ALL.iter().map(|&code| rule(code)).collect::<Vec<_>>(),
+    });
+    if let Some(homepage) = option_env!("CARGO_PKG_HOMEPAGE").filter(|page| !page.is_empty()) {
+        driver["informationUri"] = homepage.into();
+    }
     json!({
         "$schema": SCHEMA,
         "version": "2.1.0",
         "runs": [{
-            "tool": { "driver": {
-                "name": env!("CARGO_PKG_NAME"),
-                "semanticVersion": env!("CARGO_PKG_VERSION"),
-                "rules": rules,
-            } },
+            "tool": { "driver": driver },
+            "automationDetails": { "id": concat!(env!("CARGO_PKG_NAME"), "/validate/") },
             "invocations": [{
-                "executionSuccessful": true,
+                "executionSuccessful": files.iter().all(|(_, report)| report.is_ok()),
                 "toolExecutionNotifications": notifications,
             }],
-            "artifacts": [{ "location": { "uri": uri(path) }, "roles": ["analysisTarget"] }],
+            "artifacts": files.iter().map(artifact).collect::<Vec<_>>(),
             "results": results,
         }],
     })
-}
-
-/// One log of the runs of several.
-pub fn merge(logs: Vec<Value>) -> Option<Value> {
-    let mut logs = logs.into_iter();
-    let mut merged = logs.next()?;
-    for mut log in logs {
-        if let (Some(all), Some(runs)) = (merged["runs"].as_array_mut(), log["runs"].as_array_mut())
-        {
-            all.append(runs);
-        }
-    }
-    Some(merged)
 }
 
 fn rule(code: Code) -> Value {
     json!({
         "id": code.name(),
         "shortDescription": { "text": code.meaning() },
+        "fullDescription": { "text": format!("{}. Remedy: {}.", code.meaning(), code.remedy()) },
         "help": { "text": format!("Remedy: {}.", code.remedy()) },
         "defaultConfiguration": { "level": level(code.severity()) },
     })
 }
 
-fn result(path: &Path, finding: &ReportedFinding) -> Value {
-    let mut physical = json!({ "artifactLocation": { "uri": uri(path), "index": 0 } });
-    if let Some(offset) = finding.offset {
-        physical["region"] = json!({ "byteOffset": offset, "byteLength": 1 });
-    }
+/// Which file it is.
+fn artifact(path: &Path, index: usize) -> Value {
+    json!({ "artifactLocation": { "uri": uri(path), "index": index } })
+}
+
+fn result(path: &Path, index: usize, finding: &ReportedFinding) -> Value {
+    let mut physical = artifact(path, index);
+    // A finding about all of a file is somewhere in it.
+    let length = || path.metadata().map_or(0, |file| file.len());
+    physical["region"] = match finding.offset {
+        Some(offset) => json!({ "byteOffset": offset, "byteLength": 1 }),
+        None => json!({ "byteOffset": 0, "byteLength": length() }),
+    };
     json!({
         "ruleId": finding.code.name(),
         "ruleIndex": Code::ALL.iter().position(|&code| code == finding.code),

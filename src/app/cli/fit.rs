@@ -117,8 +117,10 @@ pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
         } else if !kept {
             let message = "is as rate-tent makes it, because a scale would look worse else";
             warn(&format!("level {level} {message}"), common);
-        } else if psnr_after <= psnr_before {
-            let message = format!("gained nothing in {steps} steps at {psnr_before:.2} dB");
+        } else if let (Some(before), Some(after)) = (psnr_before, psnr_after)
+            && after <= before
+        {
+            let message = format!("gained nothing in {steps} steps at {before:.2} dB");
             warn(&format!("level {level} {message}"), common);
         }
     }

@@ -1,11 +1,13 @@
 //! `validate`.
 
+use std::cell::RefCell;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::Value;
 
+use super::failure::message;
 use super::files::for_each_file;
 use super::outcome::{Outcome, counted};
 use super::scene::SceneArguments;
@@ -41,16 +43,20 @@ pub struct Arguments {
 /// Validates the files.
 pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
     let several = arguments.files.len() > 1;
-    let mut logs = Vec::new();
-    let mut outcome = {
-        let logs = std::cell::RefCell::new(&mut logs);
-        for_each_file("validate", &arguments.files, |path| {
-            let (outcome, log) = arguments.validate(path, limits)?;
-            logs.borrow_mut().push(log);
-            Ok(outcome)
-        })?
-    };
-    outcome.sarif = sarif::merge(logs);
+    let validated = RefCell::new(Vec::new());
+    let mut outcome = for_each_file("validate", &arguments.files, |path| {
+        let found = arguments.validate(path, limits);
+        let (outcome, report) = match found {
+            Ok((outcome, report)) => (Ok(outcome), Ok(report)),
+            Err(error) => {
+                let said = message(&error);
+                (Err(error), Err(said))
+            }
+        };
+        validated.borrow_mut().push((path.to_owned(), report));
+        outcome
+    })?;
+    outcome.sarif = Some(sarif::log(&validated.into_inner()));
     if several && let Value::Object(report) = &mut outcome.json {
         report.insert("valid".to_owned(), outcome.failure.is_none().into());
     }
@@ -58,7 +64,7 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
 }
 
 impl Arguments {
-    fn validate(&self, shown: &Path, limits: &Limits) -> Result<(Outcome, Value)> {
+    fn validate(&self, shown: &Path, limits: &Limits) -> Result<(Outcome, Report)> {
         let path = stdin::resolve(shown)?;
         let source = match is_tensors(&SourceFile::open(&path)?)? {
             true => self.scene.settings(&path, None, limits)?.options,
@@ -75,7 +81,7 @@ impl Arguments {
             format!("{}: not valid: {errors}{first}", shown.display())
         });
         let outcome = Outcome::new("validate", &report, text(shown, &report))?;
-        Ok((Outcome { failure, ..outcome }, sarif::log(shown, &report)))
+        Ok((Outcome { failure, ..outcome }, report))
     }
 }
 

@@ -37,6 +37,18 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// What the answer says to people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Host => {
+                "This viewer answers to the names of its own machine alone: localhost, 127.0.0.1 or \
+                 [::1]. From another machine, make a tunnel with `ssh -L 8080:localhost:PORT MACHINE` \
+                 and open http://localhost:8080, or start the viewer with --host.\n"
+            }
+            _ => "",
+        }
+    }
+
     /// The answer's status.
     pub fn status(self) -> &'static str {
         match self {
@@ -153,19 +165,25 @@ fn closes(value: &str) -> bool {
     value.split(',').any(|option| option.trim().eq_ignore_ascii_case("close"))
 }
 
-/// True for a name of this machine. A page elsewhere can make its own name point here, but not a
-/// number: so names other than `localhost` are refused, and numbers are taken where others are let
-/// in.
+/// True for a name of this machine, whatever the port: a tunnel has a port of its own. A page
+/// elsewhere can make its own name point here, but not a number, nor `localhost`. So other names are
+/// refused, and numbers are taken: of this machine, and all where others are let in.
 fn is_here(host: &str, address: SocketAddr) -> bool {
-    let port = format!(":{}", address.port());
-    // Browsers leave out the port of the scheme.
-    let name = host.strip_suffix(&port).or_else(|| (address.port() == 80).then_some(host));
-    name.is_some_and(|name| {
-        let number = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
-        let number = number.unwrap_or(name).parse::<IpAddr>();
-        name.eq_ignore_ascii_case("localhost")
-            || number.is_ok_and(|number| number == address.ip() || !address.ip().is_loopback())
-    })
+    let name = match host.rsplit_once(':') {
+        // A number of IPv6 has colons of its own, in brackets.
+        Some((name, port)) if !port.contains(']') => {
+            if !port.bytes().all(|byte| byte.is_ascii_digit()) {
+                return false;
+            }
+            name
+        }
+        _ => host,
+    };
+    let number = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+    let number = number.unwrap_or(name).parse::<IpAddr>();
+    let is_own = |number: IpAddr| number.is_loopback() || number == address.ip();
+    name.eq_ignore_ascii_case("localhost")
+        || number.is_ok_and(|number| is_own(number) || !address.ip().is_loopback())
 }
 
 #[cfg(test)]
@@ -276,7 +294,10 @@ mod tests {
             (format!("GET / HTTP/1.1\r\n{host}{many}\r\n"), Refusal::TooLarge),
             ("GET / HTTP/1.1\r\n\r\n".to_owned(), Refusal::Host),
             ("GET / HTTP/1.1\r\nHost: evil.example:8080\r\n\r\n".to_owned(), Refusal::Host),
-            ("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: localhost.evil:8080\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: localhost:evil\r\n\r\n".to_owned(), Refusal::Host),
+            ("GET / HTTP/1.1\r\nHost: 192.0.2.1:8080\r\n\r\n".to_owned(), Refusal::Host),
             (format!("GET /{}", "x".repeat(MAX_BYTES)), Refusal::TooLarge),
         ];
         for (text, want) in cases {

@@ -195,8 +195,12 @@ fn send_body(stream: &TcpStream, resource: &Resource, bytes: Range<u64>) -> std:
 }
 
 fn refuse(stream: &TcpStream, refusal: Refusal) -> std::io::Result<()> {
-    let head =
-        format!("HTTP/1.1 {}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n", refusal.status());
+    let (status, words) = (refusal.status(), refusal.words());
+    let length = words.len();
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {length}\r\n\
+         Connection: close\r\n\r\n{words}"
+    );
     send(stream, head.as_bytes())
 }
 

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::options::FitOptions;
 use super::target::Targets;
 use crate::base::progress::Progress;
+use crate::levels::{Filter, SharedFilter};
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::LevelOfDetail;
 use crate::model::directional::DIRECTIONAL;
@@ -22,10 +23,11 @@ pub struct FittedLevel {
     /// Steps that were taken.
     pub steps: usize,
     /// PSNR of rays of pictures that no step uses, each of as many pixels as a picture
-    /// `2^level` times smaller has: of the levels of `rate-tent`, in dB.
-    pub psnr_before: f64,
+    /// `2^level` times smaller has: of the levels of `rate-tent`, in dB. None where the time of the
+    /// fit was over before it was measured.
+    pub psnr_before: Option<f64>,
     /// The same after the fit.
-    pub psnr_after: f64,
+    pub psnr_after: Option<f64>,
     /// False where the level is as `rate-tent` makes it, because a scale would look worse else.
     pub kept: bool,
 }
@@ -58,6 +60,20 @@ impl Fitted {
             levels: Vec::new(),
             cut_short: false,
         }
+    }
+
+    /// The coarser levels of `field` as the filter made them: the time was over before the first
+    /// step.
+    pub(super) fn unfitted<const C: usize>(view: &View, field: &Dense<C>, count: usize) -> Self {
+        let level = |level| FittedLevel {
+            level,
+            steps: 0,
+            psnr_before: None,
+            psnr_after: None,
+            kept: false,
+        };
+        let rule = SharedFilter::from(Filter::RateTent).rule();
+        Self::new(view, field, rule, (1..count).map(level).collect(), true)
     }
 
     /// The coarser levels of `field` as they are.

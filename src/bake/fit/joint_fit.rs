@@ -75,7 +75,9 @@ impl<'a, const C: usize> JointFit<'a, C> {
     pub fn run(mut self) -> Result<Fitted> {
         let FitContext { options, progress, .. } = self.context;
         let rule = SharedFilter::from(Filter::RateTent).rule();
+        let before = self.spent();
         let quality = self.quality_of(rule)?;
+        let measurement = self.spent() - before;
         let unfitted = Reached { rule, ..self.reached(quality) };
         let quality = self.quality_of(self.curve.rule())?;
         let mut best = self.reached(quality);
@@ -84,7 +86,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let (mut taken, mut stalled) = (0, 0);
         // Steps whose length is passed: more than are taken, once the fit hurries.
         let (mut passed, mut pace) = (0, 1);
-        let (first, seconds) = (self.spent(), options.seconds.unwrap_or(f64::INFINITY));
+        // What is left when steps end: to measure their result, and what might be kept of it.
+        let seconds = options.seconds.unwrap_or(f64::INFINITY)
+            - measurement * self.most_measurements(&unfitted) as f64;
+        let first = self.spent();
         let mut cut_short = first >= seconds;
         while passed < options.steps && !cut_short {
             self.tell(taken, &best);
@@ -109,17 +114,33 @@ impl<'a, const C: usize> JointFit<'a, C> {
         }
         // Steps that were not taken count as done.
         progress.advance(Step::Fit, (options.steps - taken) as u64);
-        let kept = self.keep_best(&unfitted, &mut best)?;
+        let kept = match taken {
+            0 => self.keep_unfitted(&unfitted, &mut best),
+            _ => self.keep_best(&unfitted, &mut best)?,
+        };
         let at = |psnr: &[f64], level: usize| psnr[(level - 1).min(psnr.len() - 1)];
         let report = |level: usize| FittedLevel {
             level,
             steps: taken,
-            psnr_before: at(&unfitted.quality.psnr, level),
-            psnr_after: at(&best.quality.psnr, level),
+            psnr_before: Some(at(&unfitted.quality.psnr, level)),
+            psnr_after: Some(at(&best.quality.psnr, level)),
             kept: kept[level - 1],
         };
         let levels = (1..=self.adams.len()).map(report).collect();
         Ok(Fitted::new(&self.view, &self.field, best.rule, levels, cut_short))
+    }
+
+    /// Measurements from the end of the steps on, at most.
+    fn most_measurements(&self, unfitted: &Reached<C>) -> usize {
+        let levels = self.adams.len();
+        1 + levels + levels.saturating_sub(1) * self.curve.far_rules(unfitted.rule).len()
+    }
+
+    /// Leaves the filter's levels in the field.
+    fn keep_unfitted(&mut self, unfitted: &Reached<C>, best: &mut Reached<C>) -> Vec<bool> {
+        self.restore(&unfitted.states);
+        (best.rule, best.quality) = (unfitted.rule, unfitted.quality.clone());
+        vec![false; self.adams.len()]
     }
 
     /// Leaves in the field the levels with the highest mean PSNR of those that are at no scale worse

@@ -6,9 +6,10 @@ use super::context::{FitContext, Fitted};
 use super::joint_fit::JointFit;
 use super::options::FitOptions;
 use super::target::Targets;
-use crate::base::error::Result;
+use crate::base::error::{ErrorKind, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Step};
+use crate::model::baked::LevelOfDetail;
 use crate::model::field::RadianceField;
 use crate::model::grid::NodeMask;
 use crate::view::render::{Renderer, TrainedLevels, View, with_lanes};
@@ -39,12 +40,66 @@ pub fn fit(
         Ok(rendered)
     };
     let coarser = retained.len().saturating_sub(1);
+    let deadline = Deadline { clock, seconds: options.seconds, progress };
     // Level 0 alone has fewer lanes, so its pictures are rendered faster.
-    let targets = Targets::new(&rendered(None)?, coarser, options, limits, progress)?;
+    let targets = match Targets::new(&rendered(None)?, coarser, options, limits, &deadline) {
+        Ok(targets) => targets,
+        Err(error) if matches!(error.kind(), ErrorKind::Cancelled) && !progress.cancelled() => {
+            let (view, values) = rendered(Some(levels))?.into_parts()?;
+            return Ok(
+                with_lanes!(values, stored => unfitted(&view, &stored, retained.len(), start)),
+            );
+        }
+        Err(error) => return Err(error),
+    };
     progress.begin(Step::Fit, options.steps as u64);
     let context = FitContext { targets: &targets, retained, options, start, clock, progress };
     let (view, values) = rendered(Some(levels))?.into_parts()?;
     with_lanes!(values, stored => context.fit(view, stored))
+}
+
+/// Asks for the end of the work when the seconds of a fit are over, too.
+struct Deadline<'a> {
+    clock: Instant,
+    seconds: Option<f64>,
+    progress: &'a dyn Progress,
+}
+
+impl Progress for Deadline<'_> {
+    fn begin(&self, step: Step, total: u64) {
+        self.progress.begin(step, total);
+    }
+
+    fn advance(&self, step: Step, by: u64) {
+        self.progress.advance(step, by);
+    }
+
+    fn part(&self, step: Step, name: &str) {
+        self.progress.part(step, name);
+    }
+
+    fn enough(&self) -> bool {
+        self.progress.enough()
+    }
+
+    fn cancelled(&self) -> bool {
+        let is_over = |seconds| self.clock.elapsed().as_secs_f64() >= seconds;
+        self.seconds.is_some_and(is_over) || self.progress.cancelled()
+    }
+}
+
+/// The filter's levels, where there was no time for a step.
+fn unfitted<const C: usize>(
+    view: &View,
+    stored: &Stored<C>,
+    levels: usize,
+    start: LevelOfDetail,
+) -> Fitted {
+    match stored {
+        Stored::Dense(field) => Fitted::unfitted(view, field, levels),
+        // Trained fields are dense.
+        _ => Fitted::none(start),
+    }
 }
 
 impl FitContext<'_> {

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::options::FitOptions;
 use super::shown::{NOTHING, Shown, code};
 use super::summed_area::SummedArea;
-use crate::base::error::{Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::{Camera, Lens, Ray};
@@ -140,6 +140,9 @@ impl Targets {
         let mut render_series = |(cameras, reduction): (Vec<Camera>, usize)| {
             let (mut pictures, mut shown) = (Vec::new(), [Vec::new(), Vec::new()]);
             for (number, camera) in cameras.into_iter().enumerate() {
+                if progress.cancelled() {
+                    return Err(Error::cancelled());
+                }
                 let place = rendered;
                 rendered += 1;
                 progress.part(Step::Targets, &format!("picture {rendered}/{count}"));

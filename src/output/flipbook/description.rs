@@ -26,6 +26,8 @@ pub struct Description {
     pub level: usize,
     /// Meaning of red, green and blue: `srgb` or `linear`.
     pub color: String,
+    /// The corner of a tile that has the lowest x and y: `top_left`.
+    pub origin: String,
     /// Meaning of alpha: `opacity` or `density`, optical depth per world unit.
     pub alpha: String,
     /// The largest density.
@@ -42,6 +44,9 @@ pub struct DescribedSource {
     /// SHA-256 in hexadecimal digits.
     pub sha256: String,
 }
+
+/// The corner of a tile with the lowest x and y.
+pub const ORIGIN: &str = "top_left";
 
 /// The schema of the text.
 pub const SCHEMA: &str = "mipvog-flipbook/1";

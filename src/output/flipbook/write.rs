@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, json};
 
-use super::description::{DescribedSource, Description, SCHEMA};
+use super::description::{DescribedSource, Description, ORIGIN, SCHEMA};
 use super::read::read;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
@@ -98,6 +98,7 @@ impl ExportFormat for Flipbook {
             step: (sheet == Sheet::Png).then_some(step),
             level: options.level,
             color: if sheet == Sheet::Png { "srgb" } else { "linear" }.to_owned(),
+            origin: ORIGIN.to_owned(),
             alpha: if sheet == Sheet::Png { "opacity" } else { "density" }.to_owned(),
             largest_density: volume.largest_density(),
             source: DescribedSource { name: source.name.clone(), sha256: source.sha256.clone() },

@@ -12,7 +12,7 @@ const ROW: usize = 3 + 3 + 3 * FUNCTIONS + 1 + 3 + 4;
 
 fn header(count: usize, comment: &str) -> String {
     let mut text = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment {comment}\nelement vertex {count}\n"
+        "ply\nformat binary_little_endian 1.0\ncomment {comment}\ncomment Vertical Axis: z\nelement vertex {count}\n"
     );
     let rest = 3 * (FUNCTIONS - 1);
     let names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"].map(str::to_owned);

@@ -17,6 +17,8 @@ use crate::output::format::{ExportFormat, ExportOptions, ExportSource, Exported,
 use crate::output::volume::{Leaf, POINTS, SparseVolume, VolumeModel, lattice, lost, volume};
 use crate::view::render::Renderer;
 
+/// Edges of a cube differ by this share at most: OpenVDB compares float64 numbers.
+const ROUNDING: f64 = 1e-9;
 /// Points for each node along an axis.
 const FACTOR: usize = 2;
 /// Volume of a voxel, in world units, below which OpenVDB's readers refuse a transform as singular
@@ -148,6 +150,13 @@ pub fn write_volume(
     if half && largest / scale > LARGEST_HALF {
         lost.push(format!("densities above {LARGEST_HALF}, the largest half float"));
     }
+    if !is_cubic(volume.lattice.spacing) {
+        lost.push(
+            "voxels of one size along all axes, which Unreal and some others ask for: --resolution \
+             makes them"
+                .to_owned(),
+        );
+    }
     let mut details = Map::new();
     let mut tell = |name: &str, value: Value| details.insert(name.to_owned(), value);
     tell("dims", json!(volume.lattice.counts()));
@@ -158,6 +167,12 @@ pub fn write_volume(
     tell("density_scale", json!(scale));
     drop(grids);
     Ok((Exported { lost, details }, volume))
+}
+
+/// True for voxels that are cubes, as far as OpenVDB tells (`hasUniformVoxels`).
+fn is_cubic(spacing: [f64; 3]) -> bool {
+    let [x, y, z] = spacing;
+    (x - y).abs() <= ROUNDING * x && (y - z).abs() <= ROUNDING * x
 }
 
 /// What the file says of its making.

@@ -56,3 +56,12 @@ pub struct FilmOptions {
     /// True if frames have four values a pixel, the last being alpha, and not three.
     pub alpha: bool,
 }
+
+impl FilmOptions {
+    /// The time of frame `number`, in parts of a second of which there are `units`. Ends of frames
+    /// are rounded, and not their lengths: so no film runs fast or slow.
+    pub fn delay(&self, number: usize, units: f64) -> u32 {
+        let end = |number: usize| (units * number as f64 / f64::from(self.rate)).round();
+        (end(number + 1) - end(number)) as u32
+    }
+}

@@ -17,6 +17,8 @@ pub struct GifFilm {
     encoder: Encoder<Appended>,
     path: PathBuf,
     options: FilmOptions,
+    /// Frames so far.
+    frames: usize,
 }
 
 /// An output as a writer.
@@ -39,7 +41,7 @@ impl GifFilm {
         let encoder = Encoder::new(Appended(output), width, height, &[]);
         let mut encoder = encoder.map_err(|error| failed(error, path))?;
         encoder.set_repeat(Repeat::Infinite).map_err(|error| failed(error, path))?;
-        Ok(Self { encoder, path: path.to_owned(), options })
+        Ok(Self { encoder, path: path.to_owned(), options, frames: 0 })
     }
 
     pub fn add(&mut self, values: &[u8]) -> Result<()> {
@@ -59,7 +61,8 @@ impl GifFilm {
             false => Frame::from_rgb_speed(width, height, values, SPEED),
         };
         // Hundredths of a second.
-        frame.delay = (100.0 / f64::from(self.options.rate)).round() as u16;
+        frame.delay = self.options.delay(self.frames, 100.0) as u16;
+        self.frames += 1;
         self.encoder.write_frame(&frame).map_err(|error| failed(error, &self.path))
     }
 

@@ -1,5 +1,6 @@
 //! Videos, coded by the program ffmpeg where it is installed.
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -17,6 +18,28 @@ pub struct VideoFilm {
     child: Ended,
     output: Output,
     path: PathBuf,
+    /// Pixels along a row, and rows, before an edge is repeated.
+    size: [usize; 2],
+}
+
+/// Bytes of a pixel.
+const PIXEL: usize = 3;
+
+/// A picture whose last column and last row are repeated where their number is odd.
+fn even(values: &[u8], [width, height]: [usize; 2]) -> Cow<'_, [u8]> {
+    if width.is_multiple_of(2) && height.is_multiple_of(2) {
+        return Cow::Borrowed(values);
+    }
+    let mut padded = Vec::with_capacity((width + 1) * (height + 1) * PIXEL);
+    let rows = values.chunks_exact(width * PIXEL);
+    let last = rows.clone().last().filter(|_| !height.is_multiple_of(2));
+    for row in rows.chain(last) {
+        padded.extend_from_slice(row);
+        if !width.is_multiple_of(2) {
+            padded.extend_from_slice(&row[row.len() - PIXEL..]);
+        }
+    }
+    Cow::Owned(padded)
 }
 
 /// A program that is ended with its owner.
@@ -36,13 +59,16 @@ impl VideoFilm {
         kind: &'static str,
         options: FilmOptions,
     ) -> Result<Self> {
-        let [width, height] = options.size;
+        // Players want colours at half the size, so an even number of pixels along each side.
+        let [width, height] = options.size.map(|side| side.next_multiple_of(2));
         let mut command = Command::new(PROGRAM);
         command.args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo"]);
         command.args(["-pixel_format", "rgb24", "-video_size", &format!("{width}x{height}")]);
         command.args(["-framerate", &options.rate.to_string(), "-i", "pipe:0"]);
-        // Players want colours at half the size, so an even number of pixels along each side.
-        command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]);
+        // Players take large pictures for BT.709 and small ones for BT.601, where a file does not say.
+        command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"]);
+        command.args(["-colorspace", "bt709", "-color_primaries", "bt709"]);
+        command.args(["-color_trc", "bt709", "-color_range", "tv"]);
         if kind != "webm" {
             // The table of frames comes first, so that a page plays the file while it loads.
             command.args(["-movflags", "+faststart"]);
@@ -56,12 +82,13 @@ impl VideoFilm {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let child = command.spawn().map_err(|error| missing(&error, path))?;
-        Ok(Self { child: Ended(child), output, path: path.to_owned() })
+        Ok(Self { child: Ended(child), output, path: path.to_owned(), size: options.size })
     }
 
     pub fn add(&mut self, values: &[u8]) -> Result<()> {
         let input = self.child.0.stdin.as_mut();
-        match input.map_or(Ok(()), |input| input.write_all(values)) {
+        let values = even(values, self.size);
+        match input.map_or(Ok(()), |input| input.write_all(&values)) {
             Ok(()) => Ok(()),
             // It ended early, and says why.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
@@ -88,7 +115,13 @@ impl VideoFilm {
         if status.success() {
             return Ok(());
         }
-        let message = format!("{PROGRAM} failed ({status}): {}", said.trim());
+        let hint = match said.contains("Permission denied") {
+            true => {
+                " (a snap of ffmpeg writes no file whose name begins with a dot: install another)"
+            }
+            false => "",
+        };
+        let message = format!("{PROGRAM} failed ({status}): {}{hint}", said.trim());
         Err(Error::io(std::io::Error::other(message), &self.path))
     }
 }
@@ -104,4 +137,21 @@ fn missing(error: &std::io::Error, path: &Path) -> Error {
         _ => format!("a video needs the program ffmpeg, which does not start: {error}"),
     };
     Error::usage(message).in_file(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_repeated_up_to_even_sizes() {
+        let pixel = |value: u8| [value; PIXEL];
+        let picture =
+            |values: &[u8]| values.iter().flat_map(|&value| pixel(value)).collect::<Vec<_>>();
+        let odd = picture(&[1, 2, 3, 4, 5, 6, 7, 8, 9]);
+        let wanted = picture(&[1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 7, 8, 9, 9]);
+        assert_eq!(*even(&odd, [3, 3]), wanted);
+        assert_eq!(*even(&picture(&[1, 2, 3]), [1, 3]), picture(&[1, 1, 2, 2, 3, 3, 3, 3]));
+        assert!(matches!(even(&odd[..12], [2, 2]), Cow::Borrowed(_)));
+    }
 }

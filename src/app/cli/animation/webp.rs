@@ -22,6 +22,8 @@ pub struct WebpFilm {
     output: Output,
     path: PathBuf,
     options: FilmOptions,
+    /// Frames so far.
+    frames: usize,
 }
 
 impl WebpFilm {
@@ -32,7 +34,7 @@ impl WebpFilm {
         append_chunk(&mut output, b"VP8X", &canvas)?;
         // The colour behind all frames, and no end of repetitions.
         append_chunk(&mut output, b"ANIM", &[0; 6])?;
-        Ok(Self { output, path: path.to_owned(), options })
+        Ok(Self { output, path: path.to_owned(), options, frames: 0 })
     }
 
     pub fn add(&mut self, values: &[u8]) -> Result<()> {
@@ -42,7 +44,8 @@ impl WebpFilm {
         WebPEncoder::new(&mut still)
             .encode(values, width as u32, height as u32, color)
             .map_err(|error| Error::io(std::io::Error::other(error.to_string()), &self.path))?;
-        let milliseconds = (1000.0 / f64::from(self.options.rate)).round() as u32;
+        let milliseconds = self.options.delay(self.frames, 1000.0);
+        self.frames += 1;
         // Its upper left corner, size and time, and the chunk of a still picture.
         let mut frame = vec![0; 6];
         frame.extend(size(self.options.size));

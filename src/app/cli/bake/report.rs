@@ -133,6 +133,9 @@ impl Baked {
         }
         if let Some(fitted) = &report.fitted {
             for FittedLevel { level, steps, psnr_before, psnr_after, .. } in &fitted.levels {
+                let (Some(psnr_before), Some(psnr_after)) = (psnr_before, psnr_after) else {
+                    continue;
+                };
                 writeln!(
                     text,
                     "  level {level} fitted in {steps} steps, {psnr_before:.2} to {psnr_after:.2} dB"

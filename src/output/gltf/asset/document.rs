@@ -8,6 +8,7 @@ use super::json::{Members, Node};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::base::text::without_mark;
 use crate::input::tensor::{describe, is_parameters};
 
 /// The extension's name.
@@ -27,7 +28,8 @@ pub struct Asset {
 pub fn is_asset(file: &SourceFile) -> bool {
     let mut start = vec![0; file.length().min(64) as usize];
     let read = file.read_into(0, &mut start).is_ok();
-    let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
+    let text = without_mark(&start);
+    let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
     let is_text = first == Some(&b'{') && !is_parameters(file).unwrap_or(false);
     read && (start.starts_with(&glb::MAGIC) || is_text)
 }
@@ -44,7 +46,7 @@ impl Asset {
     pub fn in_memory(text: String, bin: Option<Vec<u8>>, path: &Path, limits: &Limits) -> Self {
         let length = bin.as_ref().map(|bin| bin.len() as u64);
         let file = Arc::new(SourceFile::decoded(bin.unwrap_or_default(), path));
-        let chunks = length.map(|end| Chunks { bin: Some(0..end), others: end..end });
+        let chunks = length.map(|end| Chunks { bin: Some(0..end), others: end..end, behind: 0 });
         Self { file, text, chunks, limits: limits.clone() }
     }
 
@@ -62,6 +64,7 @@ impl Asset {
             false => (0..file.length(), None),
         };
         let bytes = file.read(json.start, json.end - json.start, limits.header_bytes)?;
+        let bytes = if is_glb { bytes } else { without_mark(&bytes).to_vec() };
         let text = String::from_utf8(bytes).map_err(|error| {
             let at = json.start + error.utf8_error().valid_up_to() as u64;
             Error::malformed(Place::Offset(at), "a byte that is no UTF-8", "JSON in UTF-8")

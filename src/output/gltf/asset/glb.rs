@@ -21,6 +21,8 @@ pub struct Chunks {
     pub bin: Option<Range<u64>>,
     /// All chunks after it, headers and padding included.
     pub others: Range<u64>,
+    /// Bytes behind the stated end, which belong to nothing.
+    pub behind: u64,
 }
 
 /// Some of the bytes of a chunk.
@@ -57,19 +59,16 @@ pub fn read(file: &SourceFile) -> Result<(Range<u64>, Chunks)> {
         let kind = ErrorKind::Truncated { wanted: length, left: file.length() };
         return Err(Error::new(kind, Place::File));
     }
-    if length < file.length() {
-        let found = format!("{} bytes after the end", file.length() - length);
-        return Err(Error::malformed(Place::Offset(length), found, "nothing there"));
-    }
-    let (kind, json) = chunk(file, HEADER_BYTES)?;
+    let (kind, json) = chunk(file, HEADER_BYTES, length)?;
     if kind != JSON {
         let found = format!("a chunk {} first", kind.escape_ascii());
         return Err(Error::malformed(Place::Offset(HEADER_BYTES), found, "the chunk JSON"));
     }
-    let mut chunks = Chunks { bin: None, others: json.end..length };
+    let behind = file.length() - length;
+    let mut chunks = Chunks { bin: None, others: json.end..length, behind };
     let mut at = json.end;
     while at < length {
-        let (kind, bytes) = chunk(file, at)?;
+        let (kind, bytes) = chunk(file, at, length)?;
         match kind {
             BIN if at == json.end => {
                 chunks.others.start = bytes.end;
@@ -87,13 +86,13 @@ pub fn read(file: &SourceFile) -> Result<(Range<u64>, Chunks)> {
     Ok((json, chunks))
 }
 
-/// Type and bytes of the chunk whose header is at `at`.
-fn chunk(file: &SourceFile, at: u64) -> Result<([u8; 4], Range<u64>)> {
+/// Type and bytes of the chunk whose header is at `at`, in a GLB that ends at `end`.
+fn chunk(file: &SourceFile, at: u64, end: u64) -> Result<([u8; 4], Range<u64>)> {
     let header = file.read(at, CHUNK_HEADER_BYTES, CHUNK_HEADER_BYTES)?;
     let mut reader = ByteReader::new(&header, at);
     let length = u64::from(reader.u32()?);
     let start = at + CHUNK_HEADER_BYTES;
-    let left = file.length() - start;
+    let left = end.saturating_sub(start);
     if length > left {
         return Err(Error::new(ErrorKind::Truncated { wanted: length, left }, Place::Offset(at)));
     }

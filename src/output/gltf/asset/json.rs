@@ -71,10 +71,41 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// A whole number from 0.
+    /// A whole number from 0. Some writers make all numbers floats: 4.0 is 4.
     pub fn index(&self) -> Result<usize> {
-        self.parse("a whole number from 0")
+        let expected = "a whole number from 0";
+        let number = whole(&self.parse(expected)?);
+        let number = number.and_then(|number| usize::try_from(number).ok());
+        number.ok_or_else(|| Error::malformed(self.place(), self.raw.get().to_owned(), expected))
     }
+
+    /// Visits every member of every object, at any depth, in the order of the text. Numbers are not
+    /// looked at: a document may hold some that nobody can represent.
+    ///
+    /// # Errors
+    /// Objects and arrays that nest too deeply.
+    pub fn visit(&self, see: &mut dyn FnMut(&str, &Node<'a>)) -> Result<()> {
+        match self.raw.get().as_bytes().first() {
+            Some(b'{') => self.members()?.iter().try_for_each(|(name, value)| {
+                see(name, value);
+                value.visit(see)
+            }),
+            Some(b'[') => self.elements()?.iter().try_for_each(|element| element.visit(see)),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The number, if it is whole and from 0.
+fn whole(number: &serde_json::Number) -> Option<u64> {
+    /// From here on floats leave whole numbers out.
+    const LARGEST: f64 = 9_007_199_254_740_992.0;
+    let float = number.as_f64().filter(|float| float.fract() == 0.0);
+    number.as_u64().or_else(|| {
+        let float = float.filter(|float| (0.0..LARGEST).contains(float));
+        #[expect(clippy::cast_possible_truncation, reason = "a whole number in range")]
+        float.map(|float| float as u64)
+    })
 }
 
 #[cfg(test)]
@@ -89,6 +120,15 @@ mod tests {
         let texts: Vec<&str> = a.iter().map(|node| node.raw.get()).collect();
         assert_eq!(texts, ["1.50", "{ }", "2e1"]);
         assert_eq!(a[1].pointer(), "/a/1");
+        let number = |text: &str| {
+            let raw = serde_json::value::RawValue::from_string(text.to_owned()).expect("JSON");
+            Node { raw: &raw, pointer: String::new() }.index().ok()
+        };
+        assert_eq!(["7", "4.0", "2e1", "0.0"].map(number), [Some(7), Some(4), Some(20), Some(0)]);
+        assert_eq!(["-1", "1.5", "1e400", "1e20", "\"1\""].map(number), [None; 5]);
+        let mut seen = Vec::new();
+        root.visit(&mut |name, _| seen.push(name.to_owned())).expect("JSON");
+        assert_eq!(seen, ["a", "b/c"]);
         let odd = root.get("b/c").expect("an object").expect("there");
         assert_eq!(odd.pointer(), "/b~1c");
         assert!(odd.elements().is_err() && odd.members().is_err() && odd.index().is_err());

@@ -5,10 +5,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde_json::Value;
-
 use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
+use crate::output::gltf::asset::json::Node;
 
 /// Properties that hold the number of a node, or several.
 const NODES: [&str; 6] = ["node", "nodes", "children", "joints", "skeleton", "rootNodes"];
@@ -26,41 +25,39 @@ impl References {
     /// Goes through the whole document.
     pub fn of(asset: &Asset) -> Result<Self> {
         let mut found = Self::default();
-        let root: serde_json::Map<String, Value> = asset.document()?.parse("an object")?;
-        for (name, value) in &root {
-            match (name.as_str(), value) {
-                ("nodes", Value::Array(nodes)) => nodes.iter().for_each(|node| found.visit(node)),
+        let mut add = |name: &str, value: &Node| found.property(name, value);
+        for (name, value) in asset.document()?.members()? {
+            match name.as_str() {
+                "nodes" => value.visit(&mut add)?,
                 // A scene's own list can be edited; references of its extensions cannot.
-                ("scenes", Value::Array(scenes)) => {
-                    let members = scenes.iter().filter_map(Value::as_object).flatten();
-                    members
-                        .filter(|(name, _)| *name != "nodes")
-                        .for_each(|(name, value)| found.property(name, value));
+                "scenes" => {
+                    for scene in value.elements().unwrap_or_default() {
+                        let members = scene.members().unwrap_or_default();
+                        for (name, value) in members.iter().filter(|(name, _)| *name != "nodes") {
+                            add(name, value);
+                            value.visit(&mut add)?;
+                        }
+                    }
                 }
-                (name, value) => found.property(name, value),
+                _ => {
+                    add(&name, &value);
+                    value.visit(&mut add)?;
+                }
             }
         }
         Ok(found)
     }
 
-    fn visit(&mut self, value: &Value) {
-        match value {
-            Value::Object(members) => {
-                members.iter().for_each(|(name, value)| self.property(name, value));
-            }
-            Value::Array(elements) => elements.iter().for_each(|element| self.visit(element)),
-            _ => {}
-        }
-    }
-
-    fn property(&mut self, name: &str, value: &Value) {
+    fn property(&mut self, name: &str, value: &Node) {
         if NODES.contains(&name) {
-            let several = value.as_array().into_iter().flatten();
-            self.nodes.extend(several.chain([value]).filter_map(Value::as_u64));
+            let several = value.elements().unwrap_or_default();
+            let numbers = several.iter().chain([value]).filter_map(|node| node.index().ok());
+            self.nodes.extend(numbers.map(|number| number as u64));
         }
-        if let ("bufferView", Some(view)) = (name, value.as_u64()) {
-            *self.views.entry(view).or_default() += 1;
+        if name == "bufferView"
+            && let Ok(view) = value.index()
+        {
+            *self.views.entry(view as u64).or_default() += 1;
         }
-        self.visit(value);
     }
 }
