@@ -254,6 +254,7 @@ fn logs_are_sarif() {
         let errors = validator.iter_errors(log);
         errors.map(|error| format!("{}: {error}", error.instance_path())).collect()
     };
+    let bytes = |path: &Path| path.metadata().expect("a file").len();
     let folder = folder();
     let many = folder.path().join("a file with 100%.gltf");
     thousandfold(&many);
@@ -262,26 +263,44 @@ fn logs_are_sarif() {
         let mut options = options();
         options.max_findings = 500;
         let report = check_with(&path, &options, &Limits::default()).expect("readable");
-        let log = sarif::log(&path, &report);
+        let (found, unlisted) = (report.findings.clone(), report.unlisted);
+        let log = sarif::log(&[(path.clone(), Ok(report))]);
         assert_eq!(errors(&log), Vec::<String>::new(), "{}", path.display());
         let run = &log["runs"][0];
         let rules = run["tool"]["driver"]["rules"].as_array().expect("rules");
         assert_eq!(rules.len(), Code::ALL.len());
         let results = run["results"].as_array().expect("results");
-        assert_eq!(results.len(), report.findings.len());
+        assert_eq!(results.len(), found.len());
         // Sections 3.27.5 and 3.27.6: the index is that of the rule of the same name.
-        for (result, finding) in results.iter().zip(&report.findings) {
+        for (result, finding) in results.iter().zip(&found) {
             let index = result["ruleIndex"].as_u64().expect("an index") as usize;
             assert_eq!(rules[index]["id"], result["ruleId"]);
             assert_eq!(result["ruleId"], finding.code.name());
-            let region = &result["locations"][0]["physicalLocation"]["region"]["byteOffset"];
-            assert_eq!(region.as_u64(), finding.offset);
+            let region = &result["locations"][0]["physicalLocation"]["region"];
+            assert_eq!(region["byteOffset"].as_u64(), Some(finding.offset.unwrap_or(0)));
+            let length = if finding.offset.is_some() { 1 } else { bytes(&path) };
+            assert_eq!(region["byteLength"].as_u64(), Some(length));
         }
         let told = &run["invocations"][0]["toolExecutionNotifications"];
-        assert_eq!(told.as_array().map(Vec::len), Some(usize::from(report.unlisted > 0)));
+        assert_eq!(told.as_array().map(Vec::len), Some(usize::from(unlisted > 0)));
         let uri = run["artifacts"][0]["location"]["uri"].as_str().expect("a URI");
         assert!(!uri.contains(' ') && !uri.ends_with("100%.gltf"), "{uri}");
     }
+    // Several files are one run, for services refuse a second one of the same tool; a file that
+    // cannot be read is told of there.
+    let files = ["digest.glb", "gone"].map(|name| fixture("broken").join(name));
+    let report = check_with(&files[0], &options(), &Limits::default()).expect("readable");
+    let results = report.findings.len();
+    let [first, gone] = files;
+    let log = sarif::log(&[(first.clone(), Ok(report)), (gone, Err("gone".to_owned()))]);
+    assert_eq!(errors(&log), Vec::<String>::new());
+    let runs = log["runs"].as_array().expect("runs");
+    assert_eq!(runs.len(), 1);
+    assert_eq!(runs[0]["results"].as_array().map(Vec::len), Some(results));
+    assert_eq!(runs[0]["artifacts"].as_array().map(Vec::len), Some(2));
+    assert_eq!(runs[0]["invocations"][0]["executionSuccessful"], false);
+    let rules = runs[0]["tool"]["driver"]["rules"].as_array().expect("rules");
+    assert!(rules.iter().all(|rule| rule["fullDescription"]["text"].is_string()));
     // The schema is one that can refuse.
     assert!(!errors(&json!({ "version": "2.1.0" })).is_empty());
 }

@@ -9,12 +9,27 @@ Arrays of one's own become a field by `from_arrays`, anybody's density and colou
 `from_model`. Every failure is an `Error`.
 """
 
-from ._arrays import from_arrays
-from ._bake import bake
+from typing import TYPE_CHECKING, Any
+
 from ._error import Error
-from ._field import Bounds, Field, open
-from ._model import from_model
 from ._native import __version__
+
+if TYPE_CHECKING:
+    from ._arrays import from_arrays
+    from ._bake import bake
+    from ._field import Bounds, Field, open
+    from ._model import from_model
+
+# The program needs no NumPy, whose import takes most of its start: it comes with the first name
+# that does.
+_HOMES = {
+    "Bounds": "_field",
+    "Field": "_field",
+    "bake": "_bake",
+    "from_arrays": "_arrays",
+    "from_model": "_model",
+    "open": "_field",
+}
 
 __all__ = [
     "Bounds",
@@ -26,3 +41,17 @@ __all__ = [
     "from_model",
     "open",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    found = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

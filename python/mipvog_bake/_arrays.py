@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _native
+from ._callback import plain_floats, tensor_values
 from ._error import Error, bad_array
 from ._field import Field
 
@@ -32,8 +33,15 @@ Tensor = tuple[str, str, list[int], list[npt.NDArray[np.uint8]]]
 
 def as_array(name: str, value: Any) -> npt.NDArray[Any]:
     """A value as an array in memory: of NumPy, or of any program that lends its arrays."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise bad_array(
+            name,
+            f"a masked array with {int(np.ma.getmaskarray(value).sum())} masked values",
+            "an array without a mask",
+            f"fill it: {name}.filled(value)",
+        )
     try:
-        array = np.asarray(value)
+        array = plain_floats(np.asarray(tensor_values(value)))
     except (TypeError, RuntimeError, ValueError) as error:
         raise bad_array(
             name,

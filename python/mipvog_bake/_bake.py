@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Optional, Union
+import shutil
+import tempfile
+from collections.abc import Mapping
+from typing import Any, Union, cast
 
 from . import _check, _native, _options
 from ._arrays import open_door
-from ._check import PathName
+from ._check import PathName, Readable, Writable
 from ._error import Error, by_arrays
-from ._field import Field, Progress
+from ._field import Field
+from ._progress import Progress, shown
 
 # Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and
 # of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
@@ -23,17 +24,19 @@ _PRECISION = ("bits", "max_error", "max_bytes", "quality", "preset")
 
 
 def bake(
-    input: Union[PathName, Field, Mapping[str, Any]],
-    output: PathName,
+    input: Union[PathName, Readable, Field, Mapping[str, Any]],
+    output: Union[PathName, Writable],
     *,
     progress: Union[None, bool, Progress] = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Bakes `input` into the container `output`, and gives the report of `mipvog-bake bake`.
 
-    `input` is the path of a checkpoint, a container or a glTF asset, a `Field`, or a dictionary of
-    arrays as the open door has them: `density` `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z,
-    3]` or `sh` `[X, Y, Z, 3, B]`.
+    `input` is the path of a checkpoint, a container or a glTF asset, the bytes of one or a binary
+    file to read them from, a `Field`, or a dictionary of arrays as the open door has them:
+    `density` `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
+
+    `output` is a path, or a binary file that is open for writing, such as `io.BytesIO()`.
 
     Options are the program's long ones with underscores: `bits=12`, `preset="web"`,
     `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. An option that is None or
@@ -48,18 +51,36 @@ def bake(
     if isinstance(input, Field) and input.report is not None:
         if all(options.get(name) is None for name in _PRECISION):
             options["max_error"] = _MODEL_ERROR
-        if options.get("preset") is None:
-            options.setdefault("alpha_threshold", _MODEL_THRESHOLD)
+        if options.get("preset") is None and options.get("alpha_threshold") is None:
+            options["alpha_threshold"] = _MODEL_THRESHOLD
     if isinstance(input, Field):
         options = {**input._options, **options}
+    write = getattr(output, "write", None)
+    if write is None:
+        return _bake(input, _output(output), progress, options)
+    with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:
+        path = os.path.join(folder, "output.mipvog")
+        report = _bake(input, path, progress, options)
+        with open(path, "rb") as file:
+            shutil.copyfileobj(file, cast(Writable, output))
+    report["output"] = getattr(output, "name", type(output).__name__)
+    return report
+
+
+def _bake(
+    input: Any, output: str, progress: Union[None, bool, Progress], options: Mapping[str, Any]
+) -> dict[str, Any]:
     arguments = ["bake", "--quiet", "--progress=never", *_options.words("bake", options)]
-    arguments.append(f"--output={_check.path('output', output)}")
-    arrays, colors = None, ""
-    if isinstance(input, Field) and input._arrays is not None:
-        arrays, colors = input._arrays, input._colors
+    arguments.append(f"--output={output}")
+    arrays, colors, data = None, "", None
+    if isinstance(input, Field):
+        input._values  # noqa: B018, a closed field is refused here
+        arrays, colors, data = input._arrays, input._colors, input._data
     elif isinstance(input, Mapping):
         arrays, colors = open_door(input), "color" if input.get("sh") is None else "sh"
-    if arrays is not None:
+    else:
+        data = _check.data("input", input)
+    if arrays is not None or data is not None:
         source = "-"
     else:
         source = input._path or "" if isinstance(input, Field) else _source(input)
@@ -69,14 +90,23 @@ def bake(
         # The fit was made before the bake, which sees coefficients.
         made = input.report["view"]
         fit = (made["degree"], made["held_out_psnr"])
-    with _shown(progress) as callback:
+    with shown(progress) as callback:
         try:
-            report: dict[str, Any] = json.loads(_native.call(arguments, arrays, callback, fit))
+            found = _native.call(arguments, arrays, callback, fit, data)
         except Error as error:
             raise by_arrays(error, colors) if arrays is not None else error from None
+    report: dict[str, Any] = json.loads(found)
     if isinstance(input, Field) and input.report is not None:
         report["model"] = input.report
     return report
+
+
+def _output(output: Any) -> str:
+    """The path of an output, which is no stream."""
+    path = _check.path("output", output)
+    if path == "-":
+        raise Error("output: found the standard output, expected a path or a binary file")
+    return path
 
 
 def _source(input: Any) -> str:
@@ -84,39 +114,3 @@ def _source(input: Any) -> str:
         found = type(input).__name__
         raise Error(f"input: found {found}, expected a path, a Field or arrays by name")
     return _options.source("input", input)
-
-
-@contextmanager
-def _shown(progress: Union[None, bool, Progress]) -> Iterator[Optional[Progress]]:
-    """A callback for what the user wants to see."""
-    if progress is None or progress is False:
-        yield None
-        return
-    if progress is not True:
-        yield _check.function("progress", progress)
-        return
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        yield _lines()
-        return
-    with tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed}<{remaining}") as bar:
-
-        def show(step: str, share: float) -> None:
-            bar.set_description(step, refresh=False)
-            bar.update(100 * share - bar.n)
-
-        yield show
-
-
-def _lines() -> Callable[[str, float], None]:
-    """Lines on the standard error, one a step."""
-    last = None
-
-    def show(step: str, share: float) -> None:
-        nonlocal last
-        if step != last:
-            print(f"{step}, {100 * share:.0f} %", file=sys.stderr)
-        last = step
-
-    return show

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from typing import Any, Optional, Union
+from typing import Any, Optional, Protocol, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,36 @@ import numpy.typing as npt
 from ._error import Error
 
 PathName = Union[str, "os.PathLike[str]"]
+
+
+class ReadableFile(Protocol):
+    """A binary file that is open for reading."""
+
+    def read(self) -> bytes: ...
+
+
+class Writable(Protocol):
+    """A binary file that is open for writing."""
+
+    def write(self, data: bytes, /) -> Any: ...
+
+
+# Bytes, or what they can be read from.
+Readable = Union[bytes, bytearray, memoryview, ReadableFile]
+
+
+def data(name: str, value: Any) -> Optional[bytes]:
+    """The bytes that a value is or holds; None for anything else, such as a path."""
+    if isinstance(value, (bytes, bytearray, memoryview)):
+        return bytes(value)
+    read = getattr(value, "read", None)
+    if read is None:
+        return None
+    found = read()
+    if not isinstance(found, bytes):
+        kind = type(found).__name__
+        raise Error(f"{name}: found a file that gives {kind}, expected one of bytes (mode 'rb')")
+    return found
 
 
 def path(name: str, value: Any) -> str:
@@ -32,6 +62,8 @@ def function(name: str, value: Any) -> Any:
 
 def whole(name: str, value: Any, expected: str, least: int = 0, most: Optional[int] = None) -> int:
     """A whole number from `least` to `most`."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
         raise Error(f"{name}: found {value!r}, expected {expected}")

@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _check, _native, _options
-from ._check import PathName
+from ._check import PathName, Readable
 from ._error import Error
+from ._progress import Progress, shown
 
 Floats = npt.NDArray[np.float32]
-Progress = Callable[[str, float], Any]
 
 _ELEMENTS = {"F32": np.float32, "F64": np.float64, "U8": np.uint8}
 # Angle of view along x of a camera that is a bare matrix, in radians.
@@ -36,6 +37,9 @@ class Field:
     """A field that is open: a container, or a trained input that is not baked yet.
 
     `open`, `from_arrays` and `from_model` make one. Values are read when something asks for them.
+    It can be pickled and copied: one of a path or of bytes as these and the options it was opened
+    with, one of arrays with its arrays. `close`, or the end of a `with` block, gives its memory
+    back; its file can be replaced while it is open, and it goes on to show what it has opened.
     """
 
     def __init__(
@@ -46,16 +50,44 @@ class Field:
         report: Optional[dict[str, Any]] = None,
         colors: str = "sh",
         options: Optional[dict[str, Any]] = None,
+        data: Optional[bytes] = None,
     ) -> None:
-        self._native = native
+        self._open: Optional[_native.NativeField] = native
         # What it was opened with.
         self._options = options or {}
         self._path = path
         self._arrays = arrays
+        self._data = data
         self._description: dict[str, Any] = json.loads(native.description())
         self._report = report
         # The caller's name for the arrays of colours.
         self._colors = colors
+        # The picture that notebooks show, once one did.
+        self._png: Optional[bytes] = None
+
+    @property
+    def _values(self) -> _native.NativeField:
+        if self._open is None:
+            raise Error("found a field that is closed, expected an open one", help="open it again")
+        return self._open
+
+    def close(self) -> None:
+        """Gives the memory and the file back. What is known of the field stays known; its values
+        cannot be read any more."""
+        self._open, self._arrays, self._data = None, None, None
+
+    def __enter__(self) -> Field:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._open is None:
+            raise Error("found a field that is closed, expected an open one", help="open it again")
+        if self._arrays is not None:
+            return _of_arrays, (self._arrays, self._report, self._colors)
+        return _of_source, (self._path if self._data is None else self._data, self._options)
 
     @classmethod
     def of_arrays(
@@ -80,13 +112,13 @@ class Field:
     @property
     def levels(self) -> list[dict[str, Any]]:
         """The levels, fine to coarse, as `inspect` states them."""
-        levels: list[dict[str, Any]] = self._description["levels"]
+        levels: list[dict[str, Any]] = deepcopy(self._description["levels"])
         return levels
 
     @property
     def metadata(self) -> dict[str, Any]:
         """The container's metadata; of a field that is not baked, the settings of its rays."""
-        metadata: dict[str, Any] = self._description["metadata"]
+        metadata: dict[str, Any] = deepcopy(self._description["metadata"])
         return metadata
 
     @property
@@ -114,7 +146,7 @@ class Field:
                 raise Error("levels: found no number, expected some, or None for all")
         return {
             name: bytes_.view(_ELEMENTS[dtype]).reshape(shape)
-            for name, dtype, shape, bytes_ in self._native.unpack(chosen)
+            for name, dtype, shape, bytes_ in self._values.unpack(chosen)
         }
 
     def probe(
@@ -131,7 +163,7 @@ class Field:
         lengths = np.linalg.norm(ways, axis=1, keepdims=True)
         if not (lengths > 0).all():
             raise Error("directions: found one of length 0, expected directions")
-        rgb, left, depth = self._native.probe(starts, ways / lengths, _level(level))
+        rgb, left, depth = self._values.probe(starts, ways / lengths, _level(level))
         return rgb.reshape(-1, 3), left, depth
 
     def sample(self, positions: Any, level: int = 0) -> dict[str, Floats]:
@@ -139,7 +171,7 @@ class Field:
         `[n]` over one interval; `color` `[n, 3]`, that of all directions; and, where the field has
         them, `features` `[n, F]` and `coefficients` `[n, B, 3]` of harmonics."""
         points = _check.rows("positions", positions)
-        found = self._native.sample(points, _level(level))
+        found = self._values.sample(points, _level(level))
         density, opacity, color, features, coefficients = found
         values = {"density": density, "opacity": opacity, "color": color.reshape(-1, 3)}
         if features.size:
@@ -154,7 +186,7 @@ class Field:
         size: Union[int, tuple[int, int]],
         *,
         frame: Union[None, int, str] = None,
-        progress: Optional[Progress] = None,
+        progress: Union[None, bool, Progress] = None,
     ) -> Floats:
         """A picture, `[height, width, 3]`, over the background and not clamped.
 
@@ -162,47 +194,61 @@ class Field:
         dictionary of such a file or of one of its frames (`transform_matrix`, and `camera_angle_x`
         or `fl_x`); a matrix from camera to world, whose angle of view along x is 0.691 radians; or
         None for a view of all that is visible. `size` is width and height in pixels, or one number
-        for both.
+        for both. `progress` is as in `bake`.
         """
         width, height = _check.size(size)
-        if progress is not None:
-            _check.function("progress", progress)
         text, path = None, None
         if isinstance(camera, (str, os.PathLike)):
             path = os.fspath(camera)
         elif camera is not None:
             text = json.dumps(_camera(camera), default=_plain)
         name = None if frame is None else str(frame)
-        pixels = self._native.render(text, path, name, (width, height), progress)
+        with shown(progress) as tell:
+            pixels = self._values.render(text, path, name, (width, height), tell)
         return pixels.reshape(height, width, 3)
 
     def __repr__(self) -> str:
         x, y, z = self.dimensions
         place = f" of {self._path}" if self._path else ""
-        count = len(self.levels)
+        count = len(self._description["levels"])
         levels = f", {count} level{'s' * (count != 1)}" if self.model == "baked" else ""
         return f"<mipvog_bake.Field{place}: {self.model}, {x} x {y} x {z} nodes{levels}>"
 
     def _repr_png_(self) -> bytes:
-        pixels = self.render(None, _SHOWN)
-        values = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
-        return _native.png(_SHOWN, _SHOWN, values.tobytes())
+        if self._png is None:
+            pixels = self.render(None, _SHOWN)
+            values = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+            self._png = _native.png(_SHOWN, _SHOWN, values.tobytes())
+        return self._png
 
 
-def open(path: PathName, **options: Any) -> Field:
-    """Opens a container, a glTF asset with one, or anything that can be baked.
+def open(path: Union[PathName, Readable], **options: Any) -> Field:
+    """Opens a container, a glTF asset with one, or anything that can be baked: a path, bytes, or a
+    binary file that is open for reading, which is read to its end.
 
     Options are those of scenes that the program has, with underscores: `stepsize=0.5`, `near=2`,
     `mlp="none"`, `drop_background=True`, `field=1` for another field of an asset. Settings that
-    lie beside a trained input, such as `scene.toml`, count as they do for the program. A setting
-    that nothing states is assumed, with a warning.
+    lie beside a trained input, such as `scene.toml`, count as they do for the program; bytes have
+    nothing beside them. A setting that nothing states is assumed, with a warning.
     """
-    name = _options.source("path", path)
-    native = _native.NativeField.open([*_options.words("open", options), "--", name])
-    field = Field(native, path=name if "://" in name else os.path.abspath(name), options=options)
+    field = _of_source(path, options)
     for assumption in field._description["assumptions"]:
         warnings.warn(assumption, stacklevel=2)
     return field
+
+
+def _of_source(source: Any, options: dict[str, Any]) -> Field:
+    words = list(_options.words("open", options))
+    data = _check.data("path", source)
+    if data is not None:
+        return Field(_native.NativeField.of_bytes(words, data), data=data, options=options)
+    name = _options.source("path", source)
+    native = _native.NativeField.open([*words, "--", name])
+    return Field(native, path=name if "://" in name else os.path.abspath(name), options=options)
+
+
+def _of_arrays(arrays: _native.Arrays, report: Optional[dict[str, Any]], colors: str) -> Field:
+    return Field.of_arrays(arrays, report, colors)
 
 
 def _level(level: Optional[int]) -> int:

@@ -7,6 +7,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -16,7 +17,9 @@ from . import _check, _native
 from ._arrays import pieces
 from ._callback import Callback
 from ._error import Error
-from ._field import Field, Progress
+from ._field import Field
+from ._judge import judge
+from ._progress import Progress, shown
 from ._sample import (
     EDGE,
     LEAST_POINTS,
@@ -30,6 +33,13 @@ from ._sample import (
     occupied_blocks,
 )
 
+# Steps, and the shares of the work between which they lie.
+_SHARES = {
+    "find matter": (0.0, 0.3),
+    "sample density": (0.3, 0.6),
+    "fit colours": (0.6, 0.95),
+    "judge": (0.95, 1.0),
+}
 # Directions that colours of a node are fitted along, at most.
 _MOST_DIRECTIONS = 48
 # Nodes whose colours judge the fit, at most.
@@ -49,7 +59,7 @@ def from_model(
     device: Any = None,
     max_memory: Optional[int] = None,
     cameras: Any = None,
-    progress: Optional[Progress] = None,
+    progress: Union[None, bool, Progress] = None,
 ) -> Field:
     """Samples a model, and gives a field that `bake` takes.
 
@@ -65,39 +75,58 @@ def from_model(
     or from all around without at least 16.
 
     `max_memory` bounds the bytes that this function takes beside the model itself; less than what
-    the samples need is refused. `progress` is called with the step and the share of it.
+    the samples need is refused, at once where that is known. Smaller bounds also mean smaller
+    batches. `progress` is as in `bake`: a function of the step and the share of all the work, or
+    True for a bar.
 
-    The field's `report` has the number of samples, the bytes and the error of the fit along
-    directions that no fit has seen, `view.held_out_psnr`.
+    The field's `report` has the number of samples, the bytes, the error of the fit along
+    directions that no fit has seen, `view.held_out_psnr`, and `picture_psnr`, that of rays through
+    the field against rays through the model. Matter thinner than a node spacing is lost to samples:
+    a warning says so where rays tell.
     """
+    with shown(progress) as tell:
+        return _sampled(
+            density,
+            color,
+            Lattice(bounds, resolution),
+            _check.color("background", background),
+            _check.whole("sh_degree", sh_degree, "0, 1, 2 or 3", 0, 3),
+            device,
+            max_memory,
+            _places(cameras),
+            tell or (lambda step, share: None),
+        )
+
+
+def _sampled(
+    density: Callable[..., Any],
+    color: Callable[..., Any],
+    lattice: Lattice,
+    behind: list[float],
+    sh_degree: int,
+    device: Any,
+    max_memory: Optional[int],
+    places: list[list[float]],
+    show: Progress,
+) -> Field:
     clock = time.perf_counter()
-    if sh_degree not in (0, 1, 2, 3):
-        raise Error(f"sh_degree: found {sh_degree!r}, expected 0, 1, 2 or 3")
-    lattice = Lattice(bounds, resolution)
-    behind = _check.color("background", background)
-    places = _places(cameras)
+
+    def tell(step: str, share: float) -> None:
+        first, last = _SHARES[step]
+        show(step, first + (last - first) * share)
+
     ask_density = Callback("density", density, 1, device)
     ask_color = Callback("color", color, 3, device)
     points = _points(max_memory)
-    tell = (lambda step, share: None) if progress is None else _check.function("progress", progress)
+    functions = (sh_degree + 1) ** 2
+    # Before the scan, which may take hours: no model needs less than this for one block.
+    _needed(lattice, 1, functions, points, max_memory)
 
     tell("find matter", 0.0)
-    blocks = occupied_blocks(lattice, ask_density, points)
+    blocks = occupied_blocks(lattice, ask_density, points, partial(tell, "find matter"))
     if len(blocks) == 0:
         raise _no_matter(lattice)
-    functions = (sh_degree + 1) ** 2
-    # Values of nodes, and the number of each block of the box.
-    held = len(blocks) * NODES * (4 + 6 + 6 * functions) + 8 * int(lattice.blocks.prod())
-    held += _FIT_BYTES
-    needed = held + points * POINT_BYTES
-    if max_memory is not None and needed > max_memory:
-        raise Error(
-            f"from_model needs {needed} bytes for {len(blocks)} occupied blocks, the bound is "
-            f"{max_memory}",
-            kind="too_little_memory",
-            exit_code=6,
-            help=f"allow max_memory={needed} or more, or lower resolution",
-        )
+    needed = _needed(lattice, len(blocks), functions, points, max_memory)
     mean = np.zeros((len(blocks), NODES), dtype=np.float32)
     shift = np.zeros((len(blocks), NODES, 3), dtype=np.float16)
     for done in fill_density(lattice, ask_density, blocks, points, mean, shift):
@@ -126,10 +155,14 @@ def from_model(
             found = fit.coefficients(asked, colors.reshape(-1))
             sh[start + block, node] = found.reshape(-1, 3, functions)
         tell("fit colours", end / len(blocks))
+    tell("judge", 0.0)
     psnr = _held_out(lattice, ask_color, fit, blocks, (mean, shift, sh))
+    samples = {"density_samples": ask_density.rows, "color_samples": ask_color.rows}
+    field = Field.of_arrays(arrays)
+    pictures = judge(field, lattice, ask_density, ask_color, behind, points)
+    tell("judge", 1.0)
     report = {
-        "density_samples": ask_density.rows,
-        "color_samples": ask_color.rows,
+        **samples,
         "nodes": int(np.count_nonzero(matter)),
         "blocks": len(blocks),
         "blocks_total": int(lattice.blocks.prod()),
@@ -137,8 +170,28 @@ def from_model(
         "points_at_once": points,
         "seconds": time.perf_counter() - clock,
         "view": {"fitted": True, "degree": sh_degree, "held_out_psnr": psnr},
+        **pictures,
     }
-    return Field.of_arrays(arrays, report)
+    field._report = report
+    return field
+
+
+def _needed(
+    lattice: Lattice, blocks: int, functions: int, points: int, max_memory: Optional[int]
+) -> int:
+    """Bytes for so many blocks with matter. Refuses more than the bound."""
+    # Values of nodes, and the number of each block of the box.
+    held = blocks * NODES * (4 + 6 + 6 * functions) + 8 * int(lattice.blocks.prod())
+    needed = held + _FIT_BYTES + points * POINT_BYTES
+    if max_memory is not None and needed > max_memory:
+        raise Error(
+            f"from_model needs {needed} bytes or more for {blocks} occupied blocks, the bound is "
+            f"{max_memory}",
+            kind="too_little_memory",
+            exit_code=6,
+            help=f"allow max_memory={needed} or more, or lower resolution",
+        )
+    return needed
 
 
 def _points(max_memory: Optional[int]) -> int:

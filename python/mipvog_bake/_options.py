@@ -15,6 +15,10 @@ from ._error import Error
 _NONE_OF = ("help", "version", "output", "format", "quiet", "verbose", "color")
 
 
+# What stands between the numbers of an option that are not a list to the program.
+_BETWEEN = {"size": "x", "max_error": ":"}
+
+
 def source(name: str, value: Any) -> str:
     """The path of an input, which is no stream."""
     path = _check.path(name, value)
@@ -33,13 +37,19 @@ def words(verb: str, options: Mapping[str, Any]) -> Iterator[str]:
         # The parser refuses a name that it does not know, whatever its value.
         if option in again and (value is None or value is False):
             continue
+        if isinstance(value, np.ndarray) and value.ndim == 0:
+            value = value.item()
+        if isinstance(value, np.bool_):
+            value = bool(value)
+        if option in again and value is False:
+            continue
         if value is True:
             yield f"--{option}"
         elif again.get(option):
             for one in _several(value):
                 yield f"--{option}={one}"
         elif isinstance(value, (list, tuple, np.ndarray)):
-            yield f"--{option}={','.join(_word(one) for one in value)}"
+            yield f"--{option}={_BETWEEN.get(name, ',').join(_word(one) for one in value)}"
         else:
             yield f"--{option}={_word(value)}"
 

@@ -13,7 +13,7 @@ middle of the matter around it, where its colour is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from typing import Any, Union
 
@@ -68,8 +68,11 @@ class Lattice:
         return FAINT / float(self.spacing.min())
 
 
-def occupied_blocks(lattice: Lattice, density: Callback, points: int) -> npt.NDArray[np.int64]:
-    """The blocks with matter in them or beside them, `[n, 3]`, in order."""
+def occupied_blocks(
+    lattice: Lattice, density: Callback, points: int, tell: Callable[[float], object]
+) -> npt.NDArray[np.int64]:
+    """The blocks with matter in them or beside them, `[n, 3]`, in order. `tell` is called with the
+    share of the nodes that were looked at."""
     blocks = lattice.blocks
     kept = np.zeros(blocks, dtype=bool)
     ny, nz = lattice.counts[1:]
@@ -83,6 +86,7 @@ def occupied_blocks(lattice: Lattice, density: Callback, points: int) -> npt.NDA
             x, y, z = np.unravel_index(index, (count, ny, nz))
             places = lattice.place(np.stack([x + first, y, z], axis=-1))
             flat[index] = density(places) > lattice.faint
+            tell((first * ny * nz + index[-1] + 1) / int(lattice.counts.prod()))
         matter[:, :ny, :nz] = flat.reshape(count, ny, nz)
         kept[layer] |= _blocks_near(np.asarray(matter.any(axis=0)))
         if layer > 0:

@@ -95,6 +95,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         help="the box to bake, in the units of training [default: the scene's box]",
     )
     parser.add_argument("--sh-degree", type=int, default=2, help="0 to 3 [default: 2]")
+    parser.add_argument("--device", help="of torch, such as cpu or cuda:1 [default: the model's]")
     parser.add_argument("--max-memory", type=int, help="bytes, beside the model's own")
     known, others = parser.parse_known_args(arguments)
     try:
@@ -143,6 +144,8 @@ def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str
             help="methods of splats and of surfaces have none",
         )
     field.eval()
+    if known.device is not None:
+        field.to(known.device)
     density, color = functions(field)
     sampled = from_model(
         density,
@@ -153,8 +156,27 @@ def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str
         device=next(field.parameters()).device,
         max_memory=known.max_memory,
         cameras=_cameras(pipeline),
+        background=_background(model),
     )
-    return bake(sampled, known.output, **options)
+    return bake(sampled, known.output, **{**_range(model), **options})
+
+
+def _background(model: Any) -> Sequence[float]:
+    """The colour behind the scene that the model was trained with; black where it takes the last
+    sample's, which no container can, or a random one."""
+    found = getattr(getattr(model, "renderer_rgb", None), "background_color", None)
+    if isinstance(found, str):
+        return (1.0, 1.0, 1.0) if found == "white" else (0.0, 0.0, 0.0)
+    if found is None:
+        return (1.0, 1.0, 1.0)
+    numbers = found.tolist() if hasattr(found, "tolist") else list(found)
+    return tuple(map(float, numbers))
+
+
+def _range(model: Any) -> dict[str, float]:
+    """Where the collider lets rays begin: nearer samples were never trained."""
+    near = getattr(getattr(model, "collider", None), "near_plane", None)
+    return {} if near is None else {"near": float(near)}
 
 
 def _cameras(pipeline: Any) -> Any:

@@ -30,6 +30,9 @@ struct Held {
     /// The bytes of an array, and their offset in the file.
     parts: Vec<(u64, Py<PyArray1<u8>>)>,
     length: u64,
+    /// Each array's name, type, shape, and number of parts; the texts.
+    tensors: Vec<(String, &'static str, Vec<usize>, usize)>,
+    texts: BTreeMap<String, String>,
 }
 
 impl fmt::Debug for Held {
@@ -79,6 +82,7 @@ impl Arrays {
     #[new]
     fn new(tensors: Vec<PyTensor<'_>>, texts: BTreeMap<String, String>) -> Self {
         let (mut rows, mut parts, mut at) = (Vec::new(), Vec::new(), 0);
+        let mut named = Vec::new();
         for (name, dtype, shape, pieces) in tensors {
             let bytes = pieces.iter().map(|piece| piece.len() as u64).sum();
             let dtype: &'static str = match dtype.as_str() {
@@ -89,18 +93,33 @@ impl Arrays {
                 "U8" => "U8",
                 _ => "F32",
             };
+            named.push((name.clone(), dtype, shape.clone(), pieces.len()));
             rows.push(Row { name, dtype, shape, bytes });
             for piece in pieces {
                 parts.push((at, piece.clone().unbind()));
                 at += piece.len() as u64;
             }
         }
-        let texts = texts.iter().map(|(key, text)| (key.as_str(), text.clone())).collect();
-        let header = safetensors_header(&texts, &rows);
+        let pairs = texts.iter().map(|(key, text)| (key.as_str(), text.clone())).collect();
+        let header = safetensors_header(&pairs, &rows);
         let start = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes()].concat();
         parts.iter_mut().for_each(|(at, _)| *at += start.len() as u64);
         let length = at + start.len() as u64;
-        Self { held: Arc::new(Held { start, parts, length }) }
+        Self { held: Arc::new(Held { start, parts, length, tensors: named, texts }) }
+    }
+
+    /// The arguments that make the same arrays again, for pickling.
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> (Vec<PyTensor<'py>>, BTreeMap<String, String>) {
+        let Held { parts, tensors, texts, .. } = &*self.held;
+        let mut parts = parts.iter().map(|(_, part)| part.bind(py).clone());
+        let tensors = tensors.iter().map(|(name, dtype, shape, count)| {
+            let own = parts.by_ref().take(*count).collect();
+            (name.clone(), (*dtype).to_owned(), shape.clone(), own)
+        });
+        (tensors.collect(), texts.clone())
     }
 }
 

@@ -2,11 +2,12 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use mipvog_bake::unstable::app::cli::OpenField;
 use mipvog_bake::unstable::bake::level_reports;
+use mipvog_bake::unstable::base::bytes::SourceFile;
 use mipvog_bake::unstable::base::error::{Error, Result};
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::picture;
@@ -22,7 +23,7 @@ use serde_json::{Value, json};
 
 use crate::arrays::Arrays;
 use crate::error::{exception, raised};
-use crate::watch::{Watch, watched};
+use crate::watch::{Watch, watched, watched_on_threads};
 
 /// Flat values of a picture or of rays, whose shape Python gives back.
 type Floats<'py> = Bound<'py, PyArray1<f32>>;
@@ -34,22 +35,21 @@ type PyTensor<'py> = (String, &'static str, Vec<usize>, Bound<'py, PyArray1<u8>>
 pub struct NativeField {
     open: OpenField,
     /// The values in memory, once something looked at them.
-    renderer: Mutex<Option<Arc<Renderer>>>,
+    renderer: OnceLock<Arc<Renderer>>,
 }
 
 impl NativeField {
     fn new(open: OpenField) -> Self {
-        Self { open, renderer: Mutex::default() }
+        Self { open, renderer: OnceLock::new() }
     }
 
+    /// Loaded without a lock: loading is parallel.
     fn renderer(&self) -> Result<Arc<Renderer>> {
-        let mut kept = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(renderer) = &*kept {
+        if let Some(renderer) = self.renderer.get() {
             return Ok(Arc::clone(renderer));
         }
         let renderer = Arc::new(self.open.renderer()?);
-        *kept = Some(Arc::clone(&renderer));
-        Ok(renderer)
+        Ok(Arc::clone(self.renderer.get_or_init(|| renderer)))
     }
 
     /// Dimensions, box, levels and metadata.
@@ -115,6 +115,14 @@ impl NativeField {
         open.map(Self::new).map_err(|failure| exception(py, &failure))
     }
 
+    /// Opens a file's bytes, with options of a field.
+    #[staticmethod]
+    fn of_bytes(py: Python<'_>, options: Vec<OsString>, bytes: Vec<u8>) -> PyResult<Self> {
+        let file = Arc::new(SourceFile::decoded(bytes, Path::new("bytes")));
+        let open = watched(py, None, |_| OpenField::held(options, &file))?;
+        open.map(Self::new).map_err(|failure| exception(py, &failure))
+    }
+
     /// A field of arrays.
     #[staticmethod]
     fn of_arrays(py: Python<'_>, arrays: &Bound<'_, Arrays>) -> PyResult<Self> {
@@ -137,7 +145,7 @@ impl NativeField {
 
     /// The tensors of some levels, all if none is given.
     fn unpack<'py>(&self, py: Python<'py>, levels: Vec<usize>) -> PyResult<Vec<PyTensor<'py>>> {
-        let found = watched(py, None, |watch| match self.open.container() {
+        let found = watched_on_threads(py, None, |watch| match self.open.container() {
             Some(container) => read_tensors(container, &levels, &**watch),
             None => Err(Error::usage(
                 "unpack() takes a container apart, and this field is not baked: bake it first",
@@ -159,7 +167,7 @@ impl NativeField {
         level: usize,
     ) -> PyResult<[Floats<'py>; 3]> {
         let (origins, directions) = (points(&origins)?, points(&directions)?);
-        let found = watched(py, None, |watch| {
+        let found = watched_on_threads(py, None, |watch| {
             let vector = DVec3::from_array;
             let rays = origins.iter().zip(&directions);
             let rays: Vec<Ray> = rays
@@ -183,7 +191,7 @@ impl NativeField {
         level: usize,
     ) -> PyResult<[Floats<'py>; 5]> {
         let positions = points(&positions)?;
-        let found = watched(py, None, |watch| {
+        let found = watched_on_threads(py, None, |watch| {
             let field = self.renderer()?;
             let samples = positions.iter().enumerate().map(|(number, position)| {
                 if number % 4096 == 0 && mipvog_bake::Progress::cancelled(&**watch) {
@@ -214,7 +222,7 @@ impl NativeField {
         size: [usize; 2],
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Floats<'py>> {
-        let found = watched(py, progress, |watch| {
+        let found = watched_on_threads(py, progress, |watch| {
             let field = self.renderer()?;
             let camera = camera(&field, text.as_deref(), path.as_deref(), frame, size, watch)?;
             render(&field, &camera, &FrameOptions::default(), &**watch)

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::Arrays;
 use crate::error::raised;
-use crate::watch::watched;
+use crate::watch::watched_on_threads;
 
 /// Directions of nodes, flat, and their number at each node.
 type Directions<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<i64>>);
@@ -37,7 +37,7 @@ impl NativeFit {
         cameras: Vec<[f64; 3]>,
     ) -> PyResult<Self> {
         let file = arrays.get().file();
-        let made = watched(py, None, |watch| {
+        let made = watched_on_threads(py, None, |watch| {
             let limits = Limits::default();
             let tensors = tensor::open_file(&file, &limits)?;
             let Source { field, .. } =
@@ -76,8 +76,9 @@ impl NativeFit {
         nodes: PyReadonlyArray2<'py, i64>,
         colors: PyReadonlyArray1<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let (nodes, colors) = (places(&nodes)?, colors.as_slice()?);
-        let found = py.detach(|| self.fit_all(&nodes, colors));
+        // Copied while nobody else runs: another thread may write the model's own array meanwhile.
+        let (nodes, colors) = (places(&nodes)?, colors.as_slice()?.to_vec());
+        let found = py.detach(|| self.fit_all(&nodes, &colors));
         Ok(PyArray1::from_vec(py, found))
     }
 }

@@ -1,9 +1,11 @@
 //! The program, and its verbs as functions.
 
 use std::ffi::OsString;
+use std::path::Path;
 use std::sync::Arc;
 
 use mipvog_bake::unstable::app::cli::{self, Call, ColorFit, SharedWatcher};
+use mipvog_bake::unstable::base::bytes::SourceFile;
 use pyo3::prelude::*;
 
 use crate::arrays::Arrays;
@@ -16,19 +18,21 @@ pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| cli::main_of(arguments))
 }
 
-/// Runs a verb and gives its report as JSON. `arrays` are the input of a bake whose argument is `-`;
-/// `fit` is the degree and the held-out PSNR of the harmonics in them, if they were fitted.
+/// Runs a verb and gives its report as JSON. `arrays`, or the bytes `data`, are the input of a bake
+/// whose argument is `-`; `fit` is the degree and the held-out PSNR of the harmonics in them, if they were fitted.
 #[pyfunction]
-#[pyo3(signature = (arguments, arrays=None, progress=None, fit=None))]
+#[pyo3(signature = (arguments, arrays=None, progress=None, fit=None, data=None))]
 pub fn call(
     py: Python<'_>,
     arguments: Vec<OsString>,
     arrays: Option<&Bound<'_, Arrays>>,
     progress: Option<&Bound<'_, PyAny>>,
     fit: Option<(usize, f64)>,
+    data: Option<Vec<u8>>,
 ) -> PyResult<String> {
     let color_fit = fit.map(|(degree, held_out_psnr)| ColorFit { degree, held_out_psnr });
-    let input = arrays.map(|arrays| arrays.get().file());
+    let held = |bytes| Arc::new(SourceFile::decoded(bytes, Path::new("bytes")));
+    let input = arrays.map(|arrays| arrays.get().file()).or_else(|| data.map(held));
     let report = watched(py, progress, |watch| {
         let watcher = Some(SharedWatcher(Arc::clone(watch) as _));
         cli::call(Call { arguments, input, color_fit, watcher })

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use mipvog_bake::Progress;
 use mipvog_bake::unstable::app::cli::Watcher;
+use mipvog_bake::unstable::base::error::Result;
+use mipvog_bake::unstable::base::parallel;
 use pyo3::prelude::*;
 
 /// Time between two looks at signals and progress.
@@ -98,6 +100,16 @@ pub fn watched<T: Send>(
         Ok(()) => Ok(result),
         Err(error) => Err(error),
     }
+}
+
+/// The same for work that is parallel itself. It has threads of its own: those of the process would
+/// be missing in a child that is forked after they were made.
+pub fn watched_on_threads<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Arc<Watch>) -> Result<T> + Send,
+) -> PyResult<Result<T>> {
+    watched(py, progress, |watch| parallel::with_threads(0, || work(watch))?)
 }
 
 fn look(

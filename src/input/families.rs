@@ -48,7 +48,7 @@ fn refuse_unpacked(file: &TensorFile) -> Result<()> {
 }
 
 /// The family that wrote a file, if its keys alone tell.
-pub(super) fn family(file: &TensorFile) -> Option<Family> {
+pub fn family(file: &TensorFile) -> Option<Family> {
     reader(file).map(|reader| reader.family)
 }
 

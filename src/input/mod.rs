@@ -28,7 +28,7 @@ pub mod tensor;
 pub mod tensorf;
 pub mod vdb;
 
-pub use families::{UNPACKED, open_tensors};
+pub use families::{UNPACKED, family, open_tensors};
 pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};
 pub use open::{file_of, open, open_with};
 pub use options::{MlpChoice, SourceOptions, ViewChoice};

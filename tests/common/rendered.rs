@@ -8,6 +8,7 @@ use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
 use mipvog_bake::unstable::model::grid::NodeMask;
 
 use mipvog_bake::unstable::base::parallel;
+use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::codec::quantize::decode_codes;
 use mipvog_bake::unstable::levels::LevelFilter;
 use mipvog_bake::unstable::levels::visible::masked_planes;
@@ -81,7 +82,7 @@ pub fn finest_level(field: &RadianceField) -> Vec<PlainLevel> {
 }
 
 fn masked_density(field: &RadianceField) -> Vec<f64> {
-    let planes = masked_planes(field, Nonfinite::Refuse).expect("a mask");
+    let planes = masked_planes(field, Nonfinite::Refuse, &Silent).expect("a mask");
     let [nx, ny, nz] = field.scene.nodes.0;
     let whole = NodeMask::full(field.scene.nodes);
     let plane = |x: usize| {

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod every_family;
 mod factors;
 mod grid_lies;
 mod grids;

@@ -318,3 +318,55 @@ fn memory_holds_no_more_than_the_names_of_a_long_manifest() {
     assert_eq!(results.len(), 1);
     assert_eq!((&results[0]["exit_code"], &results[0]["input"]), (&json!(5), &json!("99999.tar")));
 }
+
+/// A scene's line with these options.
+fn scene_with(output: &str, options: &Value) -> Value {
+    json!({ "input": "tiny.tar", "output": output, "options": options })
+}
+
+#[test]
+fn every_file_of_a_line_lies_below_the_folder_and_is_its_own() {
+    let folder = folder();
+    let here = folder.path();
+    catalogue(here);
+    let manifest = here.join("in/scenes.jsonl");
+    let elsewhere = here.join("elsewhere.glb");
+    let elsewhere = elsewhere.to_str().expect("text");
+    let beside = json!({ "gltf": "a.glb", "depfile": "a.d" });
+    let wrong: [(&[Value], i32, &str); 9] = [
+        (&[json!({ "gltf": elsewhere })], 3, "gltf"),
+        (&[json!({ "gltf": "../a.glb" })], 3, "gltf ../a.glb"),
+        (&[json!({ "depfile": "x/../../a.d" })], 3, "depfile"),
+        (&[beside.clone(), beside.clone()], 3, "which line 1 writes too"),
+        (&[json!({ "gltf": "1.mipvog" }), json!({})], 3, "line 2"),
+        (&[json!({}), json!({ "bits": 99 })], 3, "line 2"),
+        (&[json!({}), json!({ "alpha_threshold": 7 })], 3, "line 2"),
+        (&[json!({}), json!({ "block_size": "many" })], 3, "line 2"),
+        (&[json!({}), json!({ "gltf": "s3://bucket/a.glb" })], 2, "line 2"),
+    ];
+    for (options, want, says) in wrong {
+        let lines = (0..).zip(options);
+        let lines = lines.map(|(number, own)| scene_with(&format!("{number}.mipvog"), own));
+        write(&manifest, &lines.collect::<Vec<_>>());
+        let output = run(here, &["bake", "--manifest", "in/scenes.jsonl", "-o", "out", "--force"]);
+        let told = words(&output);
+        assert_eq!(code(&output), want, "{options:?}: {told}");
+        assert!(told.contains(says), "{options:?}: {told}");
+        // Nothing was baked before the line was refused.
+        assert!(!here.join("out").exists() && !here.join("elsewhere.glb").exists(), "{told}");
+    }
+    // Sound ones lie beside their container.
+    write(
+        &manifest,
+        &[scene_with("b/scene.mipvog", &json!({ "gltf": "b/a.glb", "depfile": "b/a.d" }))],
+    );
+    let output = run(here, &["bake", "--manifest", "in/scenes.jsonl", "-o", "out"]);
+    assert_eq!(code(&output), 0, "{}", words(&output));
+    for name in ["scene.mipvog", "a.glb", "a.d"] {
+        assert!(here.join("out/b").join(name).is_file(), "{name}");
+    }
+    // Without -o they lie beside the manifest, and two lines still have files of their own.
+    write(&manifest, &[scene_with("a.mipvog", &beside), scene_with("x/../b.mipvog", &beside)]);
+    let output = run(here, &["bake", "--manifest", "in/scenes.jsonl", "--force"]);
+    assert_eq!(code(&output), 3, "{}", words(&output));
+}

@@ -25,6 +25,8 @@ enum Fault {
     Changes,
     /// It ends answers early.
     Cuts,
+    /// It answers with fewer bytes than it is asked for, and says so.
+    Short,
     /// It answers with this status.
     Status(&'static str),
 }
@@ -92,7 +94,8 @@ fn answer(
         Fault::Status(status) => return put(status, "", b""),
         _ => {}
     }
-    let end = (last + 1).min(bytes.len());
+    let most = if fault == Fault::Short { first + 3000 } else { usize::MAX };
+    let end = (last + 1).min(bytes.len()).min(most);
     let version = if fault == Fault::Changes { number } else { 0 };
     let fields = format!(
         "ETag: \"{version}\"\r\nContent-Range: bytes {first}-{}/{}\r\n",
@@ -122,7 +125,7 @@ fn a_fetched_bake_is_the_local_one() {
     let local =
         run(here.path(), &[&["bake", "scene.tar", "-o", "local.mipvog"], &options[..]].concat());
     assert!(local.status.success(), "{}", text(&local));
-    for fault in [Fault::None, Fault::Fails, Fault::Whole] {
+    for fault in [Fault::None, Fault::Fails, Fault::Whole, Fault::Short] {
         let server = Server::new(checkpoint(), fault);
         let bake = ["bake", &server.address, "--allow-network", "--force", "-o", "far.mipvog"];
         let far = run(here.path(), &[&bake[..], &options].concat());

@@ -82,7 +82,7 @@ fn rule(code: Code) -> Value {
     json!({
         "id": code.name(),
         "shortDescription": { "text": code.meaning() },
-        "fullDescription": { "text": format!("{}. Remedy: {}.", code.meaning(), code.remedy()) },
+        "fullDescription": { "text": format!("{} Remedy: {}.", code.meaning(), code.remedy()) },
         "help": { "text": format!("Remedy: {}.", code.remedy()) },
         "defaultConfiguration": { "level": level(code.severity()) },
     })

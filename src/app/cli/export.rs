@@ -22,7 +22,7 @@ use crate::base::bytes::{SourceFile, hex, sha256};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Step;
-use crate::input;
+use crate::input::{self, Family, tensor};
 use crate::model::grid::Bounds;
 use crate::output::export_files::{ExportFiles, FileReport};
 use crate::output::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
@@ -260,10 +260,7 @@ impl Arguments {
         self.which.check(&[&self.field])?;
         let path = stdin::resolve(&self.field)?;
         let file = SourceFile::open(&input::file_of(&path))?;
-        let is_baked = self.which.container(&self.field, &options.limits)?.is_some();
-        // Of a container it is the export's resolution alone.
-        let resolution = if is_baked { None } else { self.scene.resolution };
-        let scene = SceneArguments { resolution, ..self.scene.clone() };
+        let scene = self.scene_of_source(&options.limits)?;
         let cameras = self.cameras.file();
         let mut field = scene.open(&self.field, self.which, None, cameras.as_deref(), common)?;
         if cameras.is_none() {
@@ -284,13 +281,31 @@ impl Arguments {
         Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
     }
 
+    /// The settings that the field is opened with. The resolution is the export's alone, but for
+    /// models without nodes, whose nodes it places too.
+    fn scene_of_source(&self, limits: &Limits) -> Result<SceneArguments> {
+        let mut scene = self.scene.clone();
+        if scene.resolution.is_some() {
+            let is_baked = self.which.container(&self.field, limits)?.is_some();
+            let has_nodes = || {
+                let file = tensor::open(&input::file_of(&stdin::resolve(&self.field)?), limits)?;
+                Result::Ok(!input::family(&file).is_some_and(Family::is_sampled))
+            };
+            if is_baked || has_nodes()? {
+                scene.resolution = None;
+            }
+        }
+        Ok(scene)
+    }
+
     /// The bytes of the container; a trained input is baked with default options.
     fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
         if let Some(container) = self.which.container(&self.field, limits)? {
             let file = container.file();
             return file.read_bounded(0, file.length(), "bytes of a container", limits.memory);
         }
-        let options = self.scene.settings(&self.field, cameras, limits)?.options;
+        let scene = self.scene_of_source(limits)?;
+        let options = scene.settings(&self.field, cameras, limits)?.options;
         let source = input::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
         let bake = BakeOptions { limits: limits.clone(), ..BakeOptions::default() };
         Baker::new(bake).to_vec(&source)

@@ -64,7 +64,11 @@ impl FieldArguments {
 
     /// Opens a container, or that of a field of a glTF asset; `None` if the file is neither.
     pub fn container(self, path: &Path, limits: &Limits) -> Result<Option<Container>> {
-        let file = Arc::new(SourceFile::open(&stdin::resolve(path)?)?);
+        self.container_of(Arc::new(SourceFile::open(&stdin::resolve(path)?)?), limits)
+    }
+
+    /// The same of an open file.
+    pub fn container_of(self, file: Arc<SourceFile>, limits: &Limits) -> Result<Option<Container>> {
         if is_container(&file) {
             return Container::open(file, limits).map(Some);
         }

@@ -3,6 +3,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{ColorChoice, Command, CommandFactory, FromArgMatches, Parser};
 
@@ -10,10 +11,11 @@ use super::call::Failure;
 use super::common::Common;
 use super::field::FieldArguments;
 use super::scene::SceneArguments;
+use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::codec::container::Container;
-use crate::input::{self, Source};
+use crate::input::{self, Source, tensor};
 use crate::view::render::Renderer;
 
 /// The options of an open field.
@@ -53,7 +55,24 @@ impl OpenField {
         let parsed = command().try_get_matches_from(words);
         let parsed = parsed.and_then(|matches| Arguments::from_arg_matches(&matches));
         let parsed = parsed.map_err(|error| Failure::of_arguments(&error.to_string()))?;
-        let opened = parsed.open().map_err(|error| error.in_file(&parsed.field));
+        let opened = parsed.open(None).map_err(|error| error.in_file(&parsed.field));
+        opened.map_err(|error| Failure::of(&error))
+    }
+
+    /// Opens bytes that the caller holds, with the same options.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn held(
+        options: Vec<OsString>,
+        file: &Arc<SourceFile>,
+    ) -> std::result::Result<Self, Box<Failure>> {
+        let words = std::iter::once("open".into()).chain(options);
+        let words = words.chain(["--".into(), file.path().into()]);
+        let parsed = command().try_get_matches_from(words);
+        let parsed = parsed.and_then(|matches| Arguments::from_arg_matches(&matches));
+        let parsed = parsed.map_err(|error| Failure::of_arguments(&error.to_string()))?;
+        let opened = parsed.open(Some(file)).map_err(|error| error.in_file(file.path()));
         opened.map_err(|error| Failure::of(&error))
     }
 
@@ -93,22 +112,52 @@ impl OpenField {
 }
 
 impl Arguments {
-    fn open(&self) -> Result<OpenField> {
+    /// Opens the file that the arguments name, or one that is held.
+    fn open(&self, held: Option<&Arc<SourceFile>>) -> Result<OpenField> {
         let limits = self.common.limits();
         let _permit = self.common.network_permit();
+        let content = match held {
+            Some(file) => self.content_of(file, &limits)?,
+            None => self.content(&limits)?,
+        };
+        // Whoever holds a field may bake to its file again.
+        match &content {
+            Content::Baked(container, _) => container.file().unguard(),
+            Content::Trained(source) => source.file.unguard(),
+        }
+        Ok(OpenField { content, limits })
+    }
+
+    fn content(&self, limits: &Limits) -> Result<Content> {
         self.which.check(&[&self.field])?;
         let path: &Path = &input::file_of(&self.field);
-        let content = match self.which.container(path, &limits)? {
-            Some(container) => {
-                self.scene.check_container()?;
-                Content::Baked(Box::new(container), Box::new(self.scene.clone()))
-            }
+        match self.which.container(path, limits)? {
+            Some(container) => self.baked(container),
             None => {
-                let options = self.scene.settings(path, None, &limits)?.options;
-                Content::Trained(Box::new(input::open_with(path, &options, &limits)?))
+                let options = self.scene.settings(path, None, limits)?.options;
+                let source = input::open_with(path, &options, limits)?;
+                Ok(Content::Trained(Box::new(source)))
             }
-        };
-        Ok(OpenField { content, limits })
+        }
+    }
+
+    fn content_of(&self, file: &Arc<SourceFile>, limits: &Limits) -> Result<Content> {
+        match self.which.container_of(Arc::clone(file), limits)? {
+            Some(container) => self.baked(container),
+            None => {
+                let options = self.scene.source_options();
+                options.check()?;
+                let tensors = tensor::open_file(file, limits)?;
+                let source = input::open_tensors(&tensors, &options, limits)?;
+                source.field.check()?;
+                Ok(Content::Trained(Box::new(source)))
+            }
+        }
+    }
+
+    fn baked(&self, container: Container) -> Result<Content> {
+        self.scene.check_container()?;
+        Ok(Content::Baked(Box::new(container), Box::new(self.scene.clone())))
     }
 }
 

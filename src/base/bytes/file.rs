@@ -5,14 +5,15 @@ use std::fmt::Debug;
 use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 use super::guard::Guard;
 #[cfg(feature = "network")]
 use super::remote::RemoteFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
+use crate::base::lock::lock;
 
 /// A file open for positioned reads from any thread, or a part of one that is a file of its own
 /// format. Counts the bytes that were read.
@@ -54,10 +55,18 @@ pub trait HeldBytes: Debug + Send + Sync {
 struct OpenFile {
     file: File,
     /// An output of the same name would lose the input.
-    _guard: Option<Guard>,
+    guard: Mutex<Option<Guard>>,
 }
 
 impl SourceFile {
+    /// Lets outputs replace the file while it is open. Outputs appear by their name alone, so this
+    /// goes on to read what it has opened.
+    pub fn unguard(&self) {
+        if let Bytes::File { file, .. } = &self.bytes {
+            drop(lock(&file.guard).take());
+        }
+    }
+
     /// Opens a regular file, or one at an address where [that is allowed](super::NetworkPermit).
     pub fn open(path: &Path) -> Result<Self> {
         #[cfg(feature = "network")]
@@ -82,13 +91,13 @@ impl SourceFile {
         let file = File::open(path).map_err(io)?;
         let metadata = file.metadata().map_err(io)?;
         let length = metadata.len();
-        let file = Arc::new(OpenFile { file, _guard: Guard::of(path) });
+        let file = Arc::new(OpenFile { file, guard: Mutex::new(Guard::of(path)) });
         Ok(Self::new(Bytes::File { file, start: 0 }, path, length))
     }
 
     /// A nameless file of bytes that were decoded from the file `path`.
     pub fn nameless(file: File, path: &Path, length: u64) -> Self {
-        let file = Arc::new(OpenFile { file, _guard: None });
+        let file = Arc::new(OpenFile { file, guard: Mutex::new(None) });
         Self::new(Bytes::File { file, start: 0 }, path, length)
     }
 

@@ -9,6 +9,7 @@ use crate::model::activate::lanes;
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::directional::{DIRECTIONAL, color_from};
 use crate::model::field::ColorDomain;
+use crate::model::grid::Bounds;
 use crate::model::harmonics::{BAND_0, Basis, FUNCTIONS, Harmonics, basis};
 use crate::model::trained_model::TrainedModel;
 use crate::model::view_dependence::ViewDependence;
@@ -94,6 +95,7 @@ impl Renderer {
         }
         let bounds = &self.view().bounds;
         let extent = bounds.extent();
+        let position = on_faces(position, bounds);
         let share = |axis: usize| (position[axis] - f64::from(bounds.min[axis])) / extent[axis];
         Ok(self.sample_both(position, [0, 1, 2].map(share), level))
     }
@@ -329,4 +331,22 @@ fn sample<const C: usize>(
         directional,
         coefficients,
     }
+}
+
+/// A position this near to a face, in shares of the box, lies on it: corners are float32, and the
+/// caller's own, on whose faces nodes lie, may be float64.
+const ROUNDING: f64 = 1e-6;
+
+/// A position, moved to each face that it is on but for rounding.
+pub(super) fn on_faces(mut position: [f64; 3], bounds: &Bounds) -> [f64; 3] {
+    let faces = bounds.min.into_iter().zip(bounds.max).map(|(min, max)| [min, max].map(f64::from));
+    for (at, [min, max]) in position.iter_mut().zip(faces) {
+        for face in [min, max] {
+            let near = ROUNDING * (max - min) + f64::from(f32::EPSILON) * face.abs();
+            if (*at - face).abs() <= near {
+                *at = face;
+            }
+        }
+    }
+    position
 }

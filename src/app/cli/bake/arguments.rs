@@ -109,10 +109,14 @@ impl Input {
 impl Arguments {
     /// Opens the input, by its content.
     pub fn open(&self, limits: &Limits) -> Result<Input> {
-        self.which.check(&[&self.input])?;
-        if self.held.is_none()
-            && let Some(container) = self.which.container(&self.input, limits)?
-        {
+        let container = match &self.held {
+            Some(held) => self.which.container_of(Arc::clone(held), limits)?,
+            None => {
+                self.which.check(&[&self.input])?;
+                self.which.container(&self.input, limits)?
+            }
+        };
+        if let Some(container) = container {
             let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
             let file = container.file();
             let container_bytes = [file.length(), file.bytes_read()];

@@ -1,0 +1,121 @@
+"""The pictures of a sampled model, held against the model's own: rays marched through both.
+
+Samples of voxels do not see all: matter that is thinner than a node spacing lets light pass in the
+field, though the model stops it. Only rays tell.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._callback import Callback
+from ._field import Field
+from ._sample import Lattice
+
+# Rays, and samples of one in a node spacing.
+RAYS, SAMPLES = 192, 8
+# Distance of eyes from the middle of the box, in half diagonals.
+_EYE = 3.0
+# Light that is left behind what nobody sees any more, and the least weight of a colour that counts.
+_OPAQUE, _LEAST = 1e-3, 1e-3
+# A field whose rays keep more light than the model's, by this on average, has lost matter.
+_LOST = 0.05
+
+Doubles = npt.NDArray[np.float64]
+
+
+def judge(
+    field: Field,
+    lattice: Lattice,
+    density: Callback,
+    color: Callback,
+    background: list[float],
+    points: int,
+) -> dict[str, float]:
+    """Marches rays from all around through the middle parts of the box. `picture_psnr` compares
+    their colours, and the transmittances are means over rays, of the field and of the model."""
+    origins, ways = _rays(lattice)
+    own, left = _march(lattice, density, color, background, points, origins, ways)
+    rgb, shown, _ = field.probe(origins, ways)
+    square = float(((np.clip(rgb, 0, 1) - np.clip(own, 0, 1)) ** 2).mean())
+    found = {
+        "picture_psnr": min(200.0, -10 * math.log10(max(square, 1e-20))),
+        "transmittance": float(shown.mean()),
+        "model_transmittance": float(left.mean()),
+    }
+    if found["transmittance"] - found["model_transmittance"] > _LOST:
+        warnings.warn(
+            f"rays keep {found['transmittance']:.3f} of their light in the field and "
+            f"{found['model_transmittance']:.3f} in the model: it has matter thinner than a node "
+            f"spacing of {lattice.spacing.min():.3g}, so raise resolution",
+            stacklevel=3,
+        )
+    return found
+
+
+def _rays(lattice: Lattice) -> tuple[Doubles, Doubles]:
+    """Origins on a sphere around the box, and unit directions to points inside of it."""
+    extent = lattice.high - lattice.low
+    middle = 0.5 * (lattice.high + lattice.low)
+    number = np.arange(RAYS)
+    height = 1 - (2 * number + 1) / RAYS
+    around = number * math.pi * (3 - math.sqrt(5))
+    flat = np.sqrt(1 - height**2)
+    sphere = np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)
+    origins = middle + sphere * _EYE * 0.5 * float(np.linalg.norm(extent))
+    # The R3 sequence spreads points evenly; its base solves x**4 = x + 1.
+    shares = (0.5 + number[:, None] / 1.2207440846057596 ** np.arange(1, 4)) % 1
+    ways = lattice.low + (0.15 + 0.7 * shares) * extent - origins
+    return origins, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
+def _march(
+    lattice: Lattice,
+    density: Callback,
+    color: Callback,
+    background: list[float],
+    points: int,
+    origins: Doubles,
+    ways: Doubles,
+) -> tuple[Doubles, Doubles]:
+    """Colours and transmittances of rays through the model itself."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        faces = np.stack([lattice.low - origins, lattice.high - origins]) / ways
+    near = np.maximum(np.nanmin(faces, axis=0).max(axis=1), 0)
+    far = np.nanmax(faces, axis=0).min(axis=1)
+    step = float(lattice.spacing.min()) / SAMPLES
+    # Half a step, other for every ray: no surface lies between the samples of all.
+    offset = (0.5 + np.arange(len(ways)) * 0.6180339887498949) % 1
+    steps = np.maximum(np.floor((far - near) / step - offset).astype(np.int64) + 1, 0)
+    rgb, left = np.zeros((len(ways), 3)), np.ones(len(ways))
+    at_once = max(1, points // max(1, int(steps.max(initial=0))))
+    for first in range(0, len(ways), at_once):
+        own = np.arange(first, min(first + at_once, len(ways)))
+        ray = np.repeat(own, steps[own])
+        if not ray.size:
+            continue
+        starts = np.cumsum(steps[own]) - steps[own]
+        number = np.arange(ray.size) - np.repeat(starts, steps[own])
+        t = near[ray] + (number + offset[ray]) * step
+        places = (origins[ray] + t[:, None] * ways[ray]).astype(np.float32)
+        depth = np.concatenate(
+            [density(places[at : at + points]) for at in range(0, len(places), points)]
+        )
+        depth = np.maximum(depth, 0).astype(np.float64) * step
+        before = np.cumsum(depth) - depth
+        before -= np.repeat(before[starts[steps[own] > 0]], steps[own][steps[own] > 0])
+        weight = np.exp(-before) * -np.expm1(-depth)
+        seen = np.flatnonzero((weight > _LEAST) & (np.exp(-before) > _OPAQUE))
+        for part in np.array_split(seen, max(1, -(-len(seen) // points))):
+            if part.size:
+                shown = color(places[part], ways[ray[part]].astype(np.float32))
+                np.add.at(rgb, ray[part], weight[part, None] * shown)
+        np.subtract.at(left, ray, weight)
+    left = np.clip(left, 0, 1)
+    behind: Any = np.asarray(background)
+    return rgb + left[:, None] * behind, left
