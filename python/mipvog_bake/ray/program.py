@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,15 @@ def find(asked: str | None) -> str:
             raise Failure(f"found no program {name}; check the name", INPUT_OUTPUT)
     message = f"found no program {_NAME}; install it, or name it by --program or {VARIABLE}"
     raise Failure(message, INPUT_OUTPUT)
+
+
+@cache
+def version(asked: str | None) -> str:
+    """What the program says of its version."""
+    ended = subprocess.run(
+        [find(asked), "version"], capture_output=True, encoding="utf-8", check=False
+    )
+    return ended.stdout.strip()
 
 
 def _beside() -> str:

@@ -8,7 +8,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Optional, TypeVar
 
 import fsspec
 from fsspec.core import url_to_fs
@@ -22,6 +22,9 @@ Result = TypeVar("Result")
 _TRIES, _PAUSE = 6, 0.25
 # Stores in which a file appears whole: a put that fails leaves nothing.
 _ATOMIC = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oss", "memory"}
+# Stores whose files carry metadata that these calls read and write, and the name of ours.
+_NOTED = {"s3", "s3a"}
+_NOTE = "mipvog-inputs"
 # Errors that another try does not mend.
 _IN_THE_WAY = (FileExistsError, NotADirectoryError)
 _PERMANENT = (FileNotFoundError, PermissionError, IsADirectoryError, *_IN_THE_WAY)
@@ -45,8 +48,13 @@ def parent(name: str) -> str:
 def below(folder: str, name: str) -> str:
     """A name that is a URI, absolute, or relative to a folder."""
     if "://" in name or os.path.isabs(name):
-        return name
-    return f"{folder.rstrip('/')}/{name}" if is_remote(folder) else os.path.join(folder, name)
+        found = name
+    else:
+        found = f"{folder.rstrip('/')}/{name}" if is_remote(folder) else os.path.join(folder, name)
+    if is_remote(found) and ".." in found.split("/"):
+        # A key is no path: stores and clients disagree on where it leads.
+        raise Failure(f"{found}: found '..' in a key, expected a plain one; name the file", USAGE)
+    return found
 
 
 def read_lines(name: str) -> Iterator[str]:
@@ -76,12 +84,51 @@ def exists(name: str) -> bool:
     return _with_store("read", name, lambda store, path: bool(store.exists(path)))
 
 
+def _state(info: dict[str, Any]) -> list[Any]:
+    """Size and tag, from what a store tells of a file."""
+    names = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "updated", "mtime")
+    tags = [info[name] for name in (*names, "created") if info.get(name) is not None]
+    return [info.get("size"), str(tags[0]) if tags else None]
+
+
+def baked_from(name: str) -> Optional[tuple[str, int]]:
+    """The digest that `put` noted with a file, and the file's size; None where it has none."""
+
+    def look(store: Any, path: str) -> Optional[tuple[str, int]]:
+        if not _names(store) & _NOTED:
+            return None
+        try:
+            size = store.info(path).get("size")
+            found = store.metadata(path).get(_NOTE)
+        except FileNotFoundError:
+            return None
+        return None if found is None else (str(found), int(size))
+
+    return _with_store("read", name, look)
+
+
+def listing(folder: str) -> dict[str, list[Any]]:
+    """Size and tag of each file in a folder of a store, by its name there, in one request."""
+
+    def look(store: Any, path: str) -> dict[str, list[Any]]:
+        try:
+            found = store.ls(path, detail=True)
+        except FileNotFoundError:
+            return {}
+        files = (info for info in found if info.get("type") == "file")
+        return {info["name"].rsplit("/", 1)[-1]: _state(info) for info in files}
+
+    return _with_store("read", folder, look)
+
+
 def fetch(name: str, folder: Path) -> Path:
     """Copies a file, or a folder, from a store into a local folder."""
     target = folder / name.rstrip("/").rsplit("/", 1)[-1]
 
     def get(store: Any, path: str) -> None:
         if store.isdir(path):
+            if any(".." in key.split("/") for key in store.find(path)):
+                raise Failure(f"{name}: found '..' in a key, expected plain ones", USAGE)
             store.get(path.rstrip("/") + "/", f"{target}/", recursive=True)
         else:
             store.get_file(path, str(target))
@@ -91,12 +138,14 @@ def fetch(name: str, folder: Path) -> Path:
     return target
 
 
-def put(file: Path, name: str) -> None:
-    """Copies a local file into a store, where it appears whole or not at all."""
+def put(file: Path, name: str, note: Optional[str] = None) -> None:
+    """Copies a local file into a store, where it appears whole or not at all. Stores that keep
+    metadata with a file keep a note too."""
 
     def copy(store: Any, path: str) -> None:
         if _names(store) & _ATOMIC:
-            store.put_file(str(file), path)
+            noted = note is not None and _names(store) & _NOTED
+            store.put_file(str(file), path, **({"Metadata": {_NOTE: note}} if noted else {}))
         else:
             store.makedirs(path.rsplit("/", 1)[0], exist_ok=True)
             part = f"{path}.{uuid.uuid4().hex}.partial"
@@ -158,7 +207,7 @@ def _tried(verb: str, name: str, work: Callable[[], Result]) -> Result:
             return work()
         except _PERMANENT as error:
             raise Failure(_sentence(verb, name, error), INPUT_OUTPUT) from error
-        except UnicodeDecodeError:
+        except (UnicodeDecodeError, Failure):
             raise
         except Exception as error:
             # Stores raise errors of their own, also such as are no OSError.

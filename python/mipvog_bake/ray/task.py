@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Optional, Union
 
-from . import program, store
+from . import notes, program, store
 from .failure import USAGE, Failure
 from .manifest import Scene
 
@@ -53,17 +53,52 @@ class Needs:
 
 
 def look(jobs: list[Job]) -> list[Optional[dict[str, Any]]]:
-    """The results of scenes whose input cannot be read; None for the others."""
-    return [_missing(job) for job in jobs]
+    """The results of scenes whose input cannot be read, and of those that are current by their
+    notes; None for the others."""
+    listings = notes.Listings()
+    return [_known(job, listings) for job in jobs]
 
 
-def _missing(job: Job) -> Optional[dict[str, Any]]:
+def _known(job: Job, listings: notes.Listings) -> Optional[dict[str, Any]]:
     clock = time.monotonic()
     try:
-        store.size(store.below(job.folder, job.scene.input))
+        source, target = _names(job)
+        if not (store.is_remote(source) and store.is_remote(target)):
+            store.size(source)
+            return None
+        if listings.state(source) is None:
+            # A folder, or nothing.
+            store.size(source)
+            return None
+        noted = store.baked_from(target)
+        if noted is None or noted[0] != _digest(job, listings):
+            return None
+        found = {"status": "current", "exit_code": 0, "output_bytes": noted[1]}
     except Failure as failure:
-        return line(job.scene, failed(failure), time.monotonic() - clock)
-    return None
+        found = failed(failure)
+    return line(job.scene, found, time.monotonic() - clock)
+
+
+def _names(job: Job) -> tuple[str, str]:
+    """The input and the output of a scene."""
+    return store.below(job.folder, job.scene.input), store.below(job.output, job.scene.output)
+
+
+def _digest(job: Job, listings: notes.Listings) -> Optional[str]:
+    """The digest of what a scene is baked from, by sizes and tags. A file beside the input that is
+    not there is left out; one that comes later is another input."""
+    source, _ = _names(job)
+    states = {source: listings.state(source)}
+    for name in _beside(source):
+        found = listings.state(name)
+        if found is not None:
+            states[name] = found
+    for name, value in job.scene.options.items():
+        if _is_input(name, value):
+            path = store.below(job.folder, value)
+            # Files that are not in a store have no tags that all workers agree on.
+            states[path] = listings.state(path) if store.is_remote(path) else None
+    return notes.digest(program.version(job.program), job.scene.options, states)
 
 
 def bake(job: Job) -> Union[dict[str, Any], Needs]:
@@ -103,14 +138,16 @@ def _bake(job: Job) -> Union[dict[str, Any], Needs]:
         if name.replace("-", "_") in _OUTPUTS:
             message = f"option {name} writes another file; make it from the container afterwards"
             raise Failure(message, USAGE)
-    source = store.below(job.folder, scene.input)
+    source, target = _names(job)
     size = store.size(source)
     tool = program.find(job.program)
     with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:
         scratch = Path(folder)
-        target = store.below(job.output, scene.output)
         is_remote = store.is_remote(target)
         output = scratch / "output.mipvog" if is_remote else Path(store.local_path(target))
+        # As they are before they are read: what changes meanwhile is baked again the next time.
+        in_store = is_remote and store.is_remote(source)
+        note = _digest(job, notes.Listings()) if in_store else None
         options = {
             name: _staged_option(name, value, job, scratch) for name, value in scene.options.items()
         }
@@ -131,8 +168,17 @@ def _bake(job: Job) -> Union[dict[str, Any], Needs]:
             store.fetch(target, scratch / "former").rename(output)
         found, _ = program.bake(tool, words, scratch, threads, "--if-changed")
         if is_remote and found["status"] == "baked":
-            store.put(output, target)
+            store.put(output, target, note)
+        if found.get("error"):
+            # Users know their own names, and not the worker's.
+            found["error"] = _named(found["error"], words, {"input": source, "output": target})
         return found
+
+
+def _named(error: str, words: dict[str, Any], names: dict[str, str]) -> str:
+    for key, name in names.items():
+        error = error.replace(words[key], name)
+    return error
 
 
 def _staged(source: str, folder: Path) -> Path:
@@ -140,17 +186,28 @@ def _staged(source: str, folder: Path) -> Path:
     if not store.is_remote(source):
         return Path(store.local_path(source))
     local = store.fetch(source, folder)
-    stem = local.name.rsplit(".", 1)[0]
-    for name in (*_BESIDE, f"{stem}.args.json"):
-        beside = store.below(store.parent(source), name)
-        if name != local.name and store.exists(beside):
+    there = store.listing(store.parent(source))
+    for beside in _beside(source):
+        if beside.rsplit("/", 1)[-1] in there:
             store.fetch(beside, folder)
     return local
 
 
-def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:
+def _beside(source: str) -> list[str]:
+    """The names of what the program looks for beside an input."""
+    folder, _, own = source.rpartition("/")
+    names = (*_BESIDE, f"{own.rsplit('.', 1)[0]}.args.json")
+    return [f"{folder}/{name}" for name in names if name != own]
+
+
+def _is_input(name: str, value: Any) -> bool:
+    """True for an option that names a file to read."""
     option = name.replace("-", "_")
     is_word = option == "mlp" and value in _WORDS
-    if option not in _INPUTS or not isinstance(value, str) or is_word:
+    return option in _INPUTS and isinstance(value, str) and not is_word
+
+
+def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:
+    if not _is_input(name, value):
         return value
     return str(_staged(store.below(job.folder, value), scratch / name))

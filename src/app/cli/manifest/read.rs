@@ -101,9 +101,9 @@ impl<'a> Manifest<'a> {
     /// Reads every line once. Where `words` has a folder of outputs, no line leads out of it.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` with the line that breaks the form, that writes a
-    /// file of a former line or one outside the folder, or whose options `check` refuses, and for a
-    /// file without lines; `Usage` for an output that is an address.
+    /// Those of the operating system; `Malformed` with the line that breaks the form, or that writes a
+    /// file of a former line or one outside the folder, and for a file without lines; `Usage` for an
+    /// output that is an address, and for options that `check` refuses.
     pub fn open(path: &Path, words: &Words<'a>, check: CheckScene) -> Result<Self> {
         let mut manifest = Self { lines: Lines::open(path)?, known: words.known, scenes: 0 };
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -132,8 +132,10 @@ impl<'a> Manifest<'a> {
             }
             // Lines of a catalogue mostly have the same options.
             if checked.insert(serde_json::Value::from(line.options.clone()).to_string()) {
-                check(words.of(&line))
-                    .map_err(|error| wrong(message(&error), "options that bake takes"))?;
+                check(words.of(&line)).map_err(|error| {
+                    let message = format!("line {number}: {}", message(&error));
+                    Error::usage(message).in_file(path)
+                })?;
             }
             manifest.scenes += 1;
         }
