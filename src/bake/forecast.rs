@@ -241,6 +241,41 @@ fn windows(nodes: Nodes, edge: usize, level: usize, starts: [usize; 2]) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::progress::Silent;
+
+    /// Waves that are alike everywhere along x.
+    fn waves() -> RadianceField {
+        let nodes = [64, 20, 24];
+        let [_, ny, nz] = nodes;
+        let place = |at: usize| [at / (ny * nz), at / nz % ny, at % nz].map(|at| at as f32);
+        let count = nodes.iter().product::<usize>();
+        let density = (0..count).map(|at| {
+            let [x, y, z] = place(at);
+            6.0 * libm::sinf(0.8 * x) * libm::cosf(0.7 * y + 0.3 * z)
+        });
+        let color = (0..3 * count).map(|at| libm::sinf(at as f32));
+        RadianceField::builder(nodes, density.collect(), color.collect()).build().expect("a field")
+    }
+
+    #[test]
+    fn windows_forecast_what_the_whole_scene_takes() {
+        let field = waves();
+        let errors = Some(super::super::MaxErrors::from(0.02));
+        for max_error in [None, errors] {
+            let options = BakeOptions { block_size: 4, max_error, ..BakeOptions::default() };
+            let by = |whole| forecast_by(&field, &options, whole, &Silent).expect("a forecast");
+            let (whole, windows) = (by(true).report, by(false).report);
+            let ratio = windows.output_bytes as f64 / whole.output_bytes as f64;
+            assert!((0.85..1.15).contains(&ratio), "{ratio}");
+            // Windows do not meet levels that are short, and encodings follow from their values.
+            for level in &windows.levels {
+                let is_unknown = max_error.is_some() && level.level > 0;
+                assert!(level.groups.iter().all(|group| group.bits.is_none() == is_unknown));
+                assert_eq!(level.max_color_error.is_none(), is_unknown);
+            }
+            assert!(whole.levels.iter().all(|level| level.max_color_error.is_some()));
+        }
+    }
 
     #[test]
     fn windows_are_where_retained_nodes_are() {

@@ -9,13 +9,15 @@ use crate::common::merf::small_merf;
 use crate::common::models::renderer;
 use crate::common::ngp::{CELLS, small_ngp};
 use crate::common::snerg::small_snerg;
-use crate::common::{baked_bytes, fixture, folder, with_threads};
+use crate::common::{baked_bytes, fixture, folder, open_bytes, with_threads};
 use glam::DVec3;
 use mipvog_bake::unstable::bake::BakeOptions;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::base::progress::Silent;
 use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
 use mipvog_bake::unstable::model::camera::Ray;
+use mipvog_bake::unstable::view::compare::compare_directions;
+use mipvog_bake::unstable::view::render::Renderer;
 
 /// Threads beyond the processors of small machines; others read while one prepares.
 const THREADS: [usize; 3] = [1, 2, 16];
@@ -71,7 +73,7 @@ fn made(here: &Path, name: &str) -> PathBuf {
 fn open(family: Family, path: &Path) -> Source {
     let options = SourceOptions {
         drop_background: family == Family::Merf,
-        resolution: family.is_sampled().then_some(24),
+        resolution: family.is_sampled().then_some(8),
         ..SourceOptions::default()
     };
     let source = open_with(path, &options, &Limits::default());
@@ -128,5 +130,23 @@ fn rays_from_anywhere_come_to_an_end() {
                 path.display()
             );
         }
+    }
+}
+
+#[test]
+fn an_eye_in_the_middle_of_the_box_looks_nowhere_and_ends() {
+    let here = folder();
+    for (family, path) in models(here.path()) {
+        let source = open(family, &path);
+        let bounds = source.field.scene.bounds;
+        let middle =
+            [0, 1, 2].map(|axis| 0.5 * (f64::from(bounds.min[axis]) + f64::from(bounds.max[axis])));
+        let bytes = baked_bytes(&source.field, &BakeOptions::default()).expect("a bake");
+        let baked = open_bytes(&bytes).expect("a container");
+        let baked = Renderer::of_container(&baked).expect("a field");
+        // The first ray aims at the very middle.
+        let errors = compare_directions(&renderer(&source), &baked, &[middle], &Silent);
+        let psnr = errors.expect("errors").psnr;
+        assert!(psnr.is_none_or(|psnr| !psnr.is_nan()), "{}: {psnr:?}", path.display());
     }
 }

@@ -3,8 +3,10 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod assets;
 mod call;
 mod command_lines;
+mod figures;
 mod fit_cli;
 mod forecast;
 mod incremental;

@@ -65,3 +65,22 @@ impl FilmOptions {
         (end(number + 1) - end(number)) as u32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_take_the_time_of_their_film() {
+        for rate in 1..=120 {
+            let options = FilmOptions { format: FilmFormat::Gif, size: [2, 2], rate, alpha: false };
+            for units in [100.0, 1000.0] {
+                let delays: Vec<u32> = (0..97).map(|number| options.delay(number, units)).collect();
+                let all = (97.0 * units / f64::from(rate)).round();
+                assert_eq!(f64::from(delays.iter().sum::<u32>()), all, "{rate}");
+                let own = units / f64::from(rate);
+                assert!(delays.iter().all(|&delay| (f64::from(delay) - own).abs() < 1.0), "{rate}");
+            }
+        }
+    }
+}
