@@ -22,6 +22,7 @@ struct Details {
     kind: ErrorKind,
     place: Place,
     file: Option<PathBuf>,
+    advice: Option<Cow<'static, str>>,
 }
 
 /// Kinds of errors.
@@ -120,7 +121,7 @@ pub enum ErrorKind {
 impl Error {
     /// An error of this kind at this place.
     pub fn new(kind: ErrorKind, place: Place) -> Self {
-        Self(Box::new(Details { kind, place, file: None }))
+        Self(Box::new(Details { kind, place, file: None, advice: None }))
     }
 
     /// Bytes that break their format's rules.
@@ -192,6 +193,13 @@ impl Error {
         self
     }
 
+    /// Gives a remedy of its own to an error whose kind tells too little of the cause.
+    #[must_use]
+    pub fn advise(mut self, remedy: impl Into<Cow<'static, str>>) -> Self {
+        self.0.advice = Some(remedy.into());
+        self
+    }
+
     /// Says that the error's place is in the container that a value of a JSON document embeds,
     /// whose first byte is the file's byte `offset`.
     #[must_use]
@@ -221,8 +229,16 @@ impl Error {
         self.0.file.as_deref()
     }
 
+    /// The remedy that was given to this very error.
+    pub fn advice(&self) -> Option<&str> {
+        self.0.advice.as_deref()
+    }
+
     /// The remedy, in a sentence.
     pub fn remedy(&self) -> Cow<'static, str> {
+        if let Some(advice) = &self.0.advice {
+            return advice.clone();
+        }
         match &self.0.kind {
             ErrorKind::Io(error) => match error.kind() {
                 std::io::ErrorKind::NotFound => "check the path".into(),

@@ -68,6 +68,9 @@ fn limit(what: &str) -> Option<&'static str> {
 
 /// The remedy, by the names of options and verbs.
 pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
+    if let Some(advice) = error.advice() {
+        return named(advice).into();
+    }
     match error.kind() {
         ErrorKind::OverLimit { what, .. } => match limit(what) {
             Some(name) => format!("raise --limit {name} if this input is trusted").into(),

@@ -158,7 +158,7 @@ impl SceneArguments {
             && let Ok(found) = camera::read(path, Some([1; 2]), limits)
         {
             let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
-            options.cameras = found.cameras.iter().map(place).collect();
+            options.cameras = found.sound().map(place).collect();
         }
         let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {

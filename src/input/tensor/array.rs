@@ -240,8 +240,10 @@ impl Tensor {
             let expected = format!("parts up to {number}, and components up to {}", range.end);
             return Err(Error::malformed(self.place(), found, expected));
         }
-        // Both are inside of the array, whose every element was checked.
-        part.first += number * by + range.start * step;
+        // Both are inside of an array that has elements, for each of them was checked.
+        if self.count > 0 {
+            part.first += number * by + range.start * step;
+        }
         part.count = self.count / parts / count * (range.end - range.start);
         part.shape.splice(..2, [1, range.end - range.start]);
         Ok(part)

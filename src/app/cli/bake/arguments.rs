@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::{ArgGroup, Args};
 
+use super::super::common::Common;
 use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
@@ -128,7 +129,7 @@ impl Arguments {
 
     /// The options that all arguments but the cameras of [`BakeOptions::seen_from`] give. The
     /// settings of a container stay, unless an option or a preset says otherwise.
-    pub fn options(&self, content: &Content, limits: &Limits) -> Result<BakeOptions> {
+    pub fn options(&self, content: &Content, common: &Common) -> Result<BakeOptions> {
         let mut options = match (self.preset, content) {
             (Some(preset), _) => preset.options(),
             (None, Content::Stored(unpacked)) => {
@@ -138,8 +139,8 @@ impl Arguments {
         };
         let measures = self.gate.measures()?;
         self.stored.apply(&mut options, measures);
-        self.fit.apply(&mut options, |limits| self.gate.cameras_of_file(limits), limits)?;
-        options.limits = limits.clone();
+        self.fit.apply(&mut options, || self.gate.cameras_of_file(common), common)?;
+        options.limits = common.limits();
         if options.memory.is_some() && measures {
             let message = "--memory excludes --cameras and --turntable: pictures are rendered \
                            from the whole field; use compare afterwards";

@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     let input = arguments.open(&limits)?;
-    let options = arguments.options(&input.content, &limits)?;
+    let options = arguments.options(&input.content, common)?;
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
