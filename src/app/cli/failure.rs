@@ -138,6 +138,10 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
             path.with_extension("mipvog").display()
         ),
         _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
+        _ if kind.contains("Git LFS") => {
+            format!("fetch the file that {shown} stands for: git lfs pull")
+        }
+        _ if kind.contains("download the file again") => format!("download {shown} again"),
         _ => return None,
     })
 }

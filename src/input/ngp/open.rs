@@ -146,6 +146,7 @@ fn source(
         model: Some(Arc::new(Unloaded(model))),
         family,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),

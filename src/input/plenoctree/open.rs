@@ -52,7 +52,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let index = Arc::new(Index::other(cells.cells, arrays.rows.rows(), Box::new(leaves), &place)?);
     let (stored, density) = (arrays.basis.functions(), arrays.rows.width() - 1);
     let (channels, color_domain, view) = colors(&arrays.basis, options.view);
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.rows)],
     };
@@ -90,6 +90,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(TreeFile { arrays, functions })),
         family: Family::PlenOctree,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),

@@ -89,7 +89,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ),
     };
     // The digest of an archive has the checksums of all values.
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
@@ -113,6 +113,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(PlenoxelsFile { arrays, run, harmonics })),
         family: Family::Plenoxels,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale,
         assumptions,
         recorded,

@@ -47,7 +47,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (channels, Some(ViewDependence::Harmonics(field)))
         }
     };
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
@@ -71,6 +71,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(SampledFile { arrays, stored, step })),
         family: Family::Sampled,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions: Vec::new(),
         recorded,

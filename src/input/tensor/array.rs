@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::zip::Data;
+use super::zip::{Data, Unread};
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
@@ -86,6 +86,33 @@ impl Tensor {
         Self::new(name, element, shape, strides, 0, data)
     }
 
+    /// A tensor whose numbers are of a kind that is not read, told in `what`. Its shape is as stated.
+    ///
+    /// # Errors
+    /// `Overflow` where its sizes do.
+    pub fn unread(name: String, shape: Vec<u64>, what: String) -> Result<Self> {
+        let count = limits::product(&shape, "element count", &Place::Tensor(name.clone()))? as u64;
+        let data = Data::Unread(Unread { tensor: name.clone(), what }.into());
+        let strides = vec![0; shape.len()];
+        Ok(Self { name, element: Element::F32, shape, strides, first: 0, count, data })
+    }
+
+    /// The kind of a tensor that is not read.
+    pub fn unread_kind(&self) -> Option<&str> {
+        match &self.data {
+            Data::Unread(unread) => Some(&unread.what),
+            _ => None,
+        }
+    }
+
+    /// Refuses a tensor that is not read.
+    fn check_read(&self) -> Result<()> {
+        match &self.data {
+            Data::Unread(unread) => Err(unread.error()),
+            _ => Ok(()),
+        }
+    }
+
     /// Its name: the keys that lead to it, with dots between.
     pub fn name(&self) -> &str {
         &self.name
@@ -106,8 +133,11 @@ impl Tensor {
         self.count
     }
 
-    /// Bytes of its elements.
+    /// Bytes of its elements; none of those that are not read.
     pub fn bytes(&self) -> u64 {
+        if self.unread_kind().is_some() {
+            return 0;
+        }
         self.count * self.element.size() as u64
     }
 
@@ -160,6 +190,7 @@ impl Tensor {
 
     /// All values in C order of a tensor of bools or bytes; see [`Tensor::read_f32`].
     pub fn read_bool(&self, budget: &mut Budget) -> Result<Vec<bool>> {
+        self.check_read()?;
         if !matches!(self.element, Element::Bool | Element::U8) {
             return Err(Error::malformed(
                 self.place(),
@@ -178,6 +209,7 @@ impl Tensor {
     /// `Malformed` where the shape is another or the numbers are not floating point, `OverLimit`
     /// where it is too large.
     pub fn volume(&self, limits: &Limits) -> Result<Volume> {
+        self.check_read()?;
         let place = self.place();
         if !matches!(self.element, Element::F16 | Element::BF16 | Element::F32 | Element::F64) {
             return Err(Error::malformed(
@@ -278,6 +310,7 @@ impl Tensor {
 
     /// The elements' bytes in C order.
     pub(super) fn packed(&self, budget: &mut Budget) -> Result<Vec<u8>> {
+        self.check_read()?;
         if self.count == 0 {
             return Ok(Vec::new());
         }

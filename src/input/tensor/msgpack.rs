@@ -98,7 +98,7 @@ pub(super) fn open(
         return Err(Error::malformed(Place::Offset(document.at), found, "none"));
     }
     let (kind, digest) = (FileKind::Msgpack, document.digest.finish());
-    Ok(TensorFile { kind, root, digest, file: Arc::clone(file) })
+    Ok(TensorFile { kind, root, has_checksums: false, digest, file: Arc::clone(file) })
 }
 
 /// The document inside of a packed file, in a nameless file.

@@ -46,7 +46,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     let mut left = limits.entries;
     let root = value(String::new(), json, &mut left)?;
     let (kind, digest) = (FileKind::Folder, digest.finish());
-    Ok(TensorFile { kind, root, digest, file: Arc::clone(file) })
+    Ok(TensorFile { kind, root, has_checksums: false, digest, file: Arc::clone(file) })
 }
 
 /// A value of the text. `left` counts the values that may still come.

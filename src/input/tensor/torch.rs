@@ -57,7 +57,13 @@ pub(super) fn open(
     let mut digest = Digest::new("torch");
     digest.directory(archive.entries());
     digest.bytes(&bytes);
-    Ok(TensorFile { kind: FileKind::Torch, root, digest: digest.finish(), file: Arc::clone(file) })
+    Ok(TensorFile {
+        kind: FileKind::Torch,
+        root,
+        has_checksums: archive.states_sums(),
+        digest: digest.finish(),
+        file: Arc::clone(file),
+    })
 }
 
 fn check_byte_order(archive: &Archive, root: &str) -> Result<()> {

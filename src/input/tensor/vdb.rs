@@ -56,7 +56,8 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
         Ok(())
     })?;
     let (kind, root) = (FileKind::Vdb, Value::Dict(root));
-    Ok(TensorFile { kind, root, digest: digest.finish(), file: Arc::clone(file) })
+    let (digest, file) = (digest.finish(), Arc::clone(file));
+    Ok(TensorFile { kind, root, has_checksums: true, digest, file })
 }
 
 /// A grid's place in the file.

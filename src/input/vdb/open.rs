@@ -93,6 +93,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: None,
         family: Family::Vdb,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),
