@@ -268,9 +268,12 @@ impl Error {
             }
             ErrorKind::WrongKind { .. } => "name a file of an expected kind".into(),
             ErrorKind::Unsupported { .. } => {
-                "use a newer version of this tool, or convert the file".into()
+                "convert the file to what is expected; a newer version of this tool may know more"
+                    .into()
             }
-            ErrorKind::NonFinite { .. } => "retrain, or have these values treated as empty".into(),
+            ErrorKind::NonFinite { .. } => {
+                "retrain, or bake with these values treated as empty".into()
+            }
             ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => {
                 "see the documentation of the option".into()
             }

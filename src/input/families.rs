@@ -89,15 +89,16 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     refuse_unpacked(file).map_err(in_file)?;
     refuse_ignored(reader.map(|reader| reader.family), options).map_err(in_file)?;
     let source = read(reader, file, options, limits).map_err(in_file)?;
-    if options.resolution.is_some() && !source.family.is_sampled() {
+    let takes_resolution = source.family.is_sampled() || plenoxels::takes_resolution(file);
+    if options.resolution.is_some() && !takes_resolution {
         let message = format!(
-            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and a {} model has \
-             its own",
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and states those of \
+             PeRFception's Plenoxels; a {} model has its own",
             source.family.name()
         );
         return Err(in_file(Error::usage(message)));
     }
-    Ok(rescale(source, options))
+    rescale(source, options).map_err(in_file)
 }
 
 /// Refuses options of checkpoints that a family, told by its keys, has no use for.
@@ -140,10 +141,10 @@ pub(super) fn describe(
         other_models::refuse(file)?;
         let described = checkpoint::describe(file, options, limits);
         let (source, mask) = described.map_err(|error| by_cause(error, file))?;
-        return Ok((rescale(source, options), mask));
+        return Ok((rescale(source, options)?, mask));
     };
     options.check()?;
     let source = read(Some(reader), file, options, limits)?;
     let mask = source.field.free_space.as_ref().map(|mask| mask.nodes.0);
-    Ok((rescale(source, options), mask))
+    Ok((rescale(source, options)?, mask))
 }

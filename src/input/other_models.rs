@@ -49,7 +49,7 @@ impl Advice {
 }
 
 /// The first that fits counts.
-const MODELS: [OtherModel; 20] = [
+const MODELS: [OtherModel; 21] = [
     OtherModel {
         parts: &["_model.gauss_params."],
         name: "Gaussian splats of nerfstudio (splatfacto)",
@@ -78,6 +78,11 @@ const MODELS: [OtherModel; 20] = [
     OtherModel {
         parts: &["_model.occupancy_grid.", "_model.field."],
         name: "Instant-NGP of nerfstudio",
+        advice: Advice::Nerfstudio,
+    },
+    OtherModel {
+        parts: &["_model.field.mlp_base.", "_model.field.mlp_head."],
+        name: "nerfacto of nerfstudio",
         advice: Advice::Nerfstudio,
     },
     OtherModel { parts: &["_model."], name: "a model of nerfstudio", advice: Advice::Nerfstudio },
@@ -167,9 +172,7 @@ pub(super) fn refuse(file: &TensorFile) -> Result<()> {
         None if is_capture(&file.root) => ("Gaussian splats", Advice::NoField),
         None => return Ok(()),
     };
-    let found = format!("{name}, a model that is not read");
-    let expected = "a model of docs/models.md";
-    Err(Error::unsupported(Place::File, found, expected).advise(advice.text()))
+    Err(Error::unsupported(Place::File, name, "a model of docs/models.md").advise(advice.text()))
 }
 
 /// Names of the file's values, with dots between the keys that lead to them.

@@ -81,7 +81,7 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
             format!("pass --memory {least} ({shown}) or more, or fewer --threads").into()
         }
         ErrorKind::NonFinite { .. } => {
-            "retrain, or pass --nonfinite empty to treat these values as empty".into()
+            "retrain, or bake with --nonfinite empty, which treats these values as empty".into()
         }
         ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
         ErrorKind::Exists => "pass --force to overwrite it".into(),

@@ -102,7 +102,7 @@ fn source(
     let rules = Harmonics { degree, evaluation, offset: OFFSET, clamp };
     let model = Arc::new(model);
     let bounds = model.frame.bounds();
-    bounds.check(&Place::Key("scale".to_owned()))?;
+    bounds.check_model(&Place::Key("scale".to_owned()))?;
     let voxel = 1.0 / (model.frame.scale * (side - 1) as f64);
     let own_step = model.rules.step * (side - 1) as f64;
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]

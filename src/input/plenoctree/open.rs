@@ -65,9 +65,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let interval = (f64::from(stepsize * voxel_size) / arrays.unit) as f32;
+    let key = |name: &str| Place::Key(name.to_owned());
     let field = RadianceField {
         scene: Scene {
-            bounds: cells.bounds(&Place::Key("invradius3".to_owned()))?,
+            bounds: cells.bounds(["invradius3", "offset"].map(key).each_ref())?,
             nodes: cells.nodes(),
             activation: Activation::relu(interval),
             march,

@@ -196,6 +196,6 @@ fn bounds(file: &TensorFile) -> Result<Bounds> {
     };
     let corner = |corner: [f64; 3]| corner.map(|value| value as f32);
     let bounds = Bounds { min: corner([a, b, c]), max: corner([d, e, f]) };
-    bounds.check(&place)?;
+    bounds.check_model(&place)?;
     Ok(bounds)
 }

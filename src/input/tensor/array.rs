@@ -296,6 +296,15 @@ impl Tensor {
         self.first..self.first + reach.sum::<u64>() + 1
     }
 
+    /// Elements of [`Self::span`].
+    pub(super) fn span_length(&self) -> u64 {
+        if self.count == 0 {
+            return 0;
+        }
+        let span = self.span();
+        span.end - span.start
+    }
+
     pub(super) fn is_dense(&self) -> bool {
         if self.count == 0 {
             return true;

@@ -12,6 +12,7 @@ use super::value::{Value, joined_name};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::base::text::quoted_numbers;
 
 /// Longer texts describe no folder: pictures hold its values.
 const LONGEST: u64 = 4 << 20;
@@ -37,10 +38,12 @@ pub fn is_parameters(file: &SourceFile) -> Result<bool> {
 /// Opens such a text.
 pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     let bytes = file.read(0, file.length(), limits.header_bytes)?;
-    let json: serde_json::Value = serde_json::from_slice(&bytes).map_err(|error| {
-        let place = Place::Key(format!("line {}", error.line()));
-        Error::malformed(place, error.to_string(), "a JSON object of parameters")
-    })?;
+    let text = String::from_utf8_lossy(&bytes);
+    let json: serde_json::Value =
+        serde_json::from_str(&quoted_numbers(&text)).map_err(|error| {
+            let place = Place::Key(format!("line {}", error.line()));
+            Error::malformed(place, error.to_string(), "a JSON object of parameters")
+        })?;
     let mut digest = Digest::new("parameters");
     digest.bytes(&bytes);
     let mut left = limits.entries;

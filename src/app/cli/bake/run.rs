@@ -96,6 +96,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(fitted) = &report.fitted {
         warn_of_idle_levels(fitted, common);
     }
+    if !report.unchanged && report.levels.iter().all(|level| level.blocks_stored == 0) {
+        warn("the container is empty: no node of the input has a density that shows", common);
+    }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;
         warn(&format!("{count} values were not finite and became empty"), common);
