@@ -45,6 +45,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let mut budget = Budget::new(limits);
     let density = read_grid(file, name, limits, &mut budget)?;
     check_class(&density, name)?;
+    let is_empty = density.tree.leaves.is_empty() && density.tree.tiles.is_empty();
+    if is_empty && named(&grids, DENSITY).is_none() {
+        return Err(without_density(&grids));
+    }
     let (bounds, nodes) = bounds_of(&density, limits, &place)?;
     let color = COLORS.into_iter().find_map(|name| named(&grids, name));
     let color = color.map(|name| read_grid(file, name, limits, &mut budget)).transpose()?;
@@ -123,16 +127,7 @@ fn density_name<'a>(
         }
     }
     let [name] = fogs.as_slice() else {
-        let found = match grids {
-            [] => "no grids".to_owned(),
-            grids => {
-                let names: Vec<&str> = grids.iter().map(|(name, _)| shown(name)).collect();
-                format!("grids {}", names.join(", "))
-            }
-        };
-        let expected = "a fog volume in a grid named density, or one fog volume alone";
-        let error = Error::unsupported(Place::Key(GRIDS.to_owned()), found, expected);
-        return Err(error.advise("name the grid of density so, and save the file"));
+        return Err(without_density(grids));
     };
     let name: &'a str = name;
     assumptions.push(Assumption {
@@ -144,6 +139,20 @@ fn density_name<'a>(
         ),
     });
     Ok(name)
+}
+
+/// The error for a file in which no grid is that of density.
+fn without_density(grids: &[(&str, &str)]) -> Error {
+    let found = match grids {
+        [] => "no grids".to_owned(),
+        grids => {
+            let names: Vec<&str> = grids.iter().map(|(name, _)| shown(name)).collect();
+            format!("grids {}", names.join(", "))
+        }
+    };
+    let expected = "a fog volume in a grid named density, or one fog volume alone";
+    let error = Error::unsupported(Place::Key(GRIDS.to_owned()), found, expected);
+    error.advise("give the grid of density this name, and save the file")
 }
 
 /// A grid's name, for people.
