@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 
 pub use super::place::Place;
 
+/// The remedy for files of a version that only a later one of this program can know.
+pub const NEWER: &str = "use a newer version of this tool";
+
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -262,6 +265,11 @@ impl Error {
             }
             ErrorKind::TooLittleMemory { least, .. } => {
                 format!("allow {least} bytes or more, or fewer threads").into()
+            }
+            ErrorKind::Malformed { .. }
+                if matches!(self.0.place, Place::Key(_) | Place::Line(_)) =>
+            {
+                "correct this value, or make the file again".into()
             }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
                 "the file is damaged, or its writer broke the format: make it again".into()

@@ -49,7 +49,7 @@ impl Advice {
 }
 
 /// The first that fits counts.
-const MODELS: [OtherModel; 21] = [
+const MODELS: [OtherModel; 22] = [
     OtherModel {
         parts: &["_model.gauss_params."],
         name: "Gaussian splats of nerfstudio (splatfacto)",
@@ -89,6 +89,7 @@ const MODELS: [OtherModel; 21] = [
     OtherModel { parts: &["field.grids.0"], name: "K-Planes", advice: Advice::OwnCode },
     OtherModel { parts: &["xyz_encoder.params"], name: "ngp_pl", advice: Advice::OwnCode },
     OtherModel { parts: &["tensorfs.0."], name: "LocalRF", advice: Advice::OwnCode },
+    OtherModel { parts: &["U_vec_density"], name: "CCNeRF", advice: Advice::OwnCode },
     OtherModel {
         parts: &["aabb_train", "aabb_infer"],
         name: "a network of torch-ngp other than its hash grid",
@@ -143,8 +144,7 @@ const MODELS: [OtherModel; 21] = [
 /// # Errors
 /// `Unsupported`, with the model's name.
 pub(super) fn refuse(file: &TensorFile) -> Result<()> {
-    let has_density =
-        |name: &str| ["density", "density.grid", "density.xy_plane"].iter().any(|own| *own == name);
+    let has_density = |name: &str| ["density", "density.grid", "density.xy_plane"].contains(&name);
     let mut names = Vec::new();
     gather(&file.root, String::new(), DEPTH, &mut names);
     let state = format!("{STATE}.");
@@ -166,7 +166,7 @@ pub(super) fn refuse(file: &TensorFile) -> Result<()> {
     let occurs = |part: &&str| {
         names.iter().any(|name| name.starts_with(part) || name.contains(&format!(".{part}")))
     };
-    let known = MODELS.iter().find(|model| model.parts.iter().all(|part| occurs(&part)));
+    let known = MODELS.iter().find(|model| model.parts.iter().all(occurs));
     let (name, advice) = match known {
         Some(model) => (model.name, model.advice),
         None if is_capture(&file.root) => ("Gaussian splats", Advice::NoField),

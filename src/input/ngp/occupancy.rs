@@ -45,16 +45,17 @@ impl Occupancy {
     /// The part of the world in which samples count, if it is not all of the cube.
     #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
     pub(super) fn sampled(&self, frame: &Frame) -> Option<Bounds> {
+        // The cube's axes are y, z and x of the world.
         let Crop::Box([y, z, x]) = self.crop else { return None };
         let whole = frame.bounds();
-        let corner = |end: usize| -> [f32; 3] {
-            std::array::from_fn(|axis| {
-                let at = [x, y, z][axis][end];
-                let inside = ((at - frame.offset[axis]) / frame.scale) as f32;
-                inside.clamp(whole.min[axis], whole.max[axis])
-            })
-        };
-        Some(Bounds { min: corner(0), max: corner(1) })
+        let mut shown = whole;
+        let faces = whole.min.into_iter().zip(whole.max);
+        let axes = shown.min.iter_mut().zip(&mut shown.max).zip(faces).zip(frame.offset);
+        for ((((low, high), (first, last)), offset), [from, to]) in axes.zip([x, y, z]) {
+            let at = |at: f64| (((at - offset) / frame.scale) as f32).clamp(first, last);
+            (*low, *high) = (at(from), at(to));
+        }
+        Some(shown)
     }
 
     /// True if a position, within a distance, is shown.

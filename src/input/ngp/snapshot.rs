@@ -12,7 +12,7 @@ use super::file::{Matrix, NgpFile, Rules, Values, check_network};
 use super::frame::Frame;
 use super::layout::{Layout, Sizes};
 use super::occupancy::{Crop, Occupancy};
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, NEWER, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::lazy::Lazy;
 use crate::input::options::SourceOptions;
@@ -186,7 +186,8 @@ fn check_version(keys: &Keys<'_>) -> Result<()> {
             VERSION => return Ok(()),
             newer @ 2.. => {
                 let found = format!("version {newer}");
-                return Err(Error::unsupported(place, found, VERSION.to_string()));
+                let error = Error::unsupported(place, found, VERSION.to_string());
+                return Err(error.advise(NEWER));
             }
             older => format!("version {older}"),
         },
@@ -198,7 +199,7 @@ fn check_version(keys: &Keys<'_>) -> Result<()> {
 
 /// Cubes of cells, each twice as large as the one before, up to that of the whole scene.
 fn cascades(aabb: i64) -> u32 {
-    (0..7).take_while(|&number| 1i64 << number < aabb).count() as u32 + 1
+    (0..7u32).find(|&number| 1i64 << number >= aabb).map_or(8, |larger| larger + 1)
 }
 
 /// The part of the unit cube that is shown, if it is not all of it.
@@ -208,16 +209,16 @@ fn crop(keys: &Keys<'_>) -> Result<Crop> {
         keys.find(&path).map(|value| value.vector3(&path)).transpose()
     };
     let (Some(min), Some(max)) = (corner("min")?, corner("max")?) else { return Ok(Crop::None) };
-    let is_inside = |axis: usize| min[axis] <= 0.0 && max[axis] >= 1.0;
-    if (0..3).all(is_inside) {
+    let axes = || min.into_iter().zip(max);
+    if axes().all(|(min, max)| min <= 0.0 && max >= 1.0) {
         return Ok(Crop::None);
     }
     if is_turned(keys)? {
         return Ok(Crop::LeftOut);
     }
-    let within: [[f64; 2]; 3] =
-        std::array::from_fn(|axis| [min[axis].max(0.0), max[axis].min(1.0)]);
-    if within.iter().any(|[low, high]| !(low < high)) {
+    let mut within = [[0.0, 1.0]; 3];
+    within.iter_mut().zip(axes()).for_each(|(own, (min, max))| *own = [min.max(0.0), max.min(1.0)]);
+    if !within.iter().all(|[low, high]| low < high) {
         let place = Place::Key(CROP.to_owned());
         let found = format!("a box from {min:?} to {max:?}");
         return Err(Error::malformed(place, found, "a part of the unit cube"));

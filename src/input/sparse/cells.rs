@@ -36,11 +36,12 @@ impl CellBox {
     /// `Malformed` for a box without extent, and for one that is far thinner along one axis than
     /// along another, at the place of the radius; for a middle far from 0, at its own.
     pub fn bounds(&self, [place, center]: [&Place; 2]) -> Result<Bounds> {
-        if let Some(far) = self.radius.iter().find(|edge| !(edge.abs() <= Bounds::FARTHEST)) {
+        let is_far = |at: &f64| !(-Bounds::FARTHEST..=Bounds::FARTHEST).contains(at);
+        if let Some(far) = self.radius.into_iter().find(is_far) {
             let found = format!("half an edge of {far}");
             return Err(Error::malformed(place.clone(), found, "edges up to 2e10"));
         }
-        if let Some(far) = self.center.iter().find(|at| !(at.abs() <= Bounds::FARTHEST)) {
+        if let Some(far) = self.center.into_iter().find(is_far) {
             let found = format!("the middle of a box at {far}");
             return Err(Error::malformed(center.clone(), found, "one within 1e10 of 0"));
         }

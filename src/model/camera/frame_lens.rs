@@ -160,9 +160,8 @@ impl<'a> FrameLens<'a> {
     }
 
     fn sides(&self) -> Result<[Option<f64>; 2]> {
-        let side = |name, long| {
-            Ok(self.number(name)?.map_or_else(|| self.number(long), |n| Ok(Some(n)))?)
-        };
+        let side =
+            |name, long| self.number(name)?.map_or_else(|| self.number(long), |n| Ok(Some(n)));
         Ok([side("w", "width")?, side("h", "height")?])
     }
 

@@ -36,7 +36,7 @@ fn stem<'a>(folder: &Path, path: &str, name: &'a str) -> &'a str {
     let Some((stem, extension)) = name.rsplit_once('.') else { return name };
     let is_picture = |known: &&str| extension.eq_ignore_ascii_case(known);
     let starts_with_letter = extension.starts_with(|c: char| c.is_ascii_alphabetic());
-    let is_extension = EXTENSIONS.iter().chain(&OTHER_EXTENSIONS).any(|known| is_picture(&known))
+    let is_extension = EXTENSIONS.iter().chain(&OTHER_EXTENSIONS).any(is_picture)
         || starts_with_letter && picture_as_named(folder, path).is_some();
     if stem.is_empty() || !is_extension { name } else { stem }
 }
@@ -102,7 +102,7 @@ pub(super) fn names(folder: &Path, paths: &[Option<&str>]) -> Vec<String> {
 /// A path of another machine or of Windows is looked for by its parts.
 pub fn picture_path(folder: &Path, name: &str) -> Option<PathBuf> {
     picture_as_named(folder, name).or_else(|| {
-        let parts = is_absolute(name).then(|| parts(folder, name)).unwrap_or_default();
+        let parts = if is_absolute(name) { parts(folder, name) } else { Vec::new() };
         by_last_parts(folder, &parts, 1)
     })
 }
@@ -168,10 +168,9 @@ pub(super) fn find(
     frames: &[(&str, Option<&str>)],
     wanted: &str,
 ) -> std::result::Result<usize, Vec<String>> {
-    let by = |is_it: &dyn Fn(&(&str, Option<&str>)) -> bool| frames.iter().position(is_it);
-    if let Some(number) =
-        by(&|(name, _)| *name == wanted).or_else(|| by(&|(_, path)| *path == Some(wanted)))
-    {
+    let by_name = frames.iter().position(|(name, _)| *name == wanted);
+    let by_path = || frames.iter().position(|(_, path)| *path == Some(wanted));
+    if let Some(number) = by_name.or_else(by_path) {
         return Ok(number);
     }
     let nowhere = Path::new("");
