@@ -81,7 +81,10 @@ pub(super) fn names(folder: &Path, paths: &[Option<&str>]) -> Vec<String> {
             alike.entry(name).or_default().push(number);
         }
         let mut deeper = depths.clone();
-        for group in alike.values().filter(|group| group.len() > 1) {
+        // The same frame twice has one name.
+        let differ =
+            |group: &&Vec<usize>| group.iter().any(|&number| paths[number] != paths[group[0]]);
+        for group in alike.values().filter(differ) {
             let has_folders = |&&number: &&usize| depths[number] < folders[number].len();
             // One more than there are folders adds the extension.
             let is_last = |&&number: &&usize| depths[number] == folders[number].len();
@@ -223,7 +226,9 @@ mod tests {
         assert_eq!(named(&deep), ["a_x_1", "b_x_1", "y_1", "1"]);
         assert_eq!(named(&["r/1.png", "r/1.jpg"]), ["r_1.png", "r_1.jpg"]);
         // The same frame twice stays so, and it ends.
-        assert_eq!(named(&["r/1", "r/1", "r_1"]), ["r_1", "r_1", "r_1"]);
+        assert_eq!(named(&["r/1.png", "r/1.png"]), ["1", "1"]);
+        assert_eq!(named(&["r/1", "r/1", "r_1"]), ["1", "1", "r_1"]);
+        assert_eq!(named(&["r/1", "r_1", "s/1"]), ["r_1", "r_1", "s_1"]);
     }
 
     #[test]

@@ -346,7 +346,7 @@ mod tests {
             ),
             (r#"{"camera_type":"perspective","camera_path":[]}"#, "camera path", "transforms.json"),
             (r#"{"asset":{}}"#, "without frames", "transforms.json"),
-            (r#"{"frames":[]}"#, "no frames", "make it again"),
+            (r#"{"frames":[]}"#, "no frames", "make the file again"),
             ("[1, 2]", "another file", "transforms.json"),
             ("ply\n", "another file", "transforms.json"),
             ("{\n// comment\n}", "line 2", ""),
