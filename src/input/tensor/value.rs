@@ -1,7 +1,7 @@
 //! Plain values of a tensor file: the contents of a pickle or a header.
 
 use super::array::Tensor;
-use super::zip::unread;
+use super::unread::unread;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
 
+use super::unread::Unread;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
@@ -61,31 +62,6 @@ pub enum Data {
     },
     /// Of a kind that is not read. Whoever needs it learns why.
     Unread(Arc<Unread>),
-}
-
-/// A tensor that is not read.
-#[derive(Debug)]
-pub struct Unread {
-    /// Its name.
-    pub tensor: String,
-    /// Its kind, in a few words.
-    pub what: String,
-}
-
-impl Unread {
-    /// The error for those who need its numbers.
-    pub fn error(&self) -> Error {
-        unread(Place::Tensor(self.tensor.clone()), &self.what)
-    }
-}
-
-/// The error for something at `place` that is needed, and of a kind that is not read.
-pub(in crate::input::tensor) fn unread(place: Place, what: &str) -> Error {
-    let expected = "plain numbers, texts, and tensors of float16 to float64, bfloat16, bool, uint8 \
-                    or int8 to int64";
-    Error::unsupported(place, what, expected).advise(
-        "save it again as one of these, such as the state_dict of a model and its plain settings",
-    )
 }
 
 impl Data {

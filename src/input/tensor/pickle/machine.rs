@@ -288,25 +288,6 @@ impl<'a, 's> Machine<'a, 's> {
         }
     }
 
-    /// A whole number of `length` bytes, two's complement, little-endian. Longer ones than 8 bytes,
-    /// such as seeds, are the nearest float.
-    fn long(&mut self, length: u64) -> Result<()> {
-        let bytes = self.take(length)?;
-        let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);
-        let mut padded = [if negative { 0xff } else { 0 }; 8];
-        if let Some(head) = padded.get_mut(..bytes.len()) {
-            head.copy_from_slice(bytes);
-            return self.push(Node::Int(i64::from_le_bytes(padded)));
-        }
-        let (last, rest) = bytes.split_last().unwrap_or((&0, &[]));
-        let first = f64::from(i8::from_le_bytes([*last]));
-        let value = rest.iter().rev().fold(first, |sum, &byte| sum * 256.0 + f64::from(byte));
-        match value.is_finite() {
-            true => self.push(Node::Float(value)),
-            false => self.push(Node::Opaque(format!("a whole number of {length} bytes"))),
-        }
-    }
-
     /// Bytes with their count before them: one, four or eight bytes of it.
     fn counted(&mut self, code: u8) -> Result<&'a [u8]> {
         let length = match code {
@@ -317,7 +298,7 @@ impl<'a, 's> Machine<'a, 's> {
         self.take(length)
     }
 
-    fn take(&mut self, length: u64) -> Result<&'a [u8]> {
+    pub(super) fn take(&mut self, length: u64) -> Result<&'a [u8]> {
         self.reader.take(usize::try_from(length).unwrap_or(usize::MAX))
     }
 
