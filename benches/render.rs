@@ -51,8 +51,8 @@ fn main() {
     let cameras = camera::read(&cameras, Some(size), &Limits::default());
     let frames: Vec<String> =
         arguments.own("--frames").unwrap_or("0").split(',').map(str::to_owned).collect();
-    let cameras = camera::pick(cameras.expect("cameras").cameras, &frames);
-    let cameras = cameras.expect("frames of the camera file");
+    let cameras = cameras.expect("cameras").pick(&frames);
+    let cameras = cameras.expect("frames of the camera file").cameras;
     match arguments.own("--references") {
         Some(folder) => compare_references(&field, &cameras, Path::new(folder)),
         None => measure(&field, &cameras),

@@ -102,7 +102,7 @@ fn camera(
         (None, None) => return overview(field, size, watch),
     };
     let frame = frame.unwrap_or_else(|| "0".to_owned());
-    let picked = camera::pick(cameras.cameras, &[frame])?.into_iter().next();
+    let picked = cameras.pick(&[frame])?.cameras.into_iter().next();
     picked.ok_or_else(|| Error::usage("the camera has no frames"))
 }
 

@@ -78,7 +78,7 @@ impl Origin {
             digest: source.digest,
             covers_values: match &source.field.density {
                 Grid::Array(_) => source.field.density.has_checksum(),
-                Grid::Values(_) => source.kind.has_checksums(),
+                Grid::Values(_) => source.has_checksums,
             },
             companions: companions(&source.companions),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),

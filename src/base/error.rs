@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 
 pub use super::place::Place;
 
+/// The remedy for files of a version that only a later one of this program can know.
+pub const NEWER: &str = "use a newer version of this tool";
+
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -22,6 +25,7 @@ struct Details {
     kind: ErrorKind,
     place: Place,
     file: Option<PathBuf>,
+    advice: Option<Cow<'static, str>>,
 }
 
 /// Kinds of errors.
@@ -120,7 +124,7 @@ pub enum ErrorKind {
 impl Error {
     /// An error of this kind at this place.
     pub fn new(kind: ErrorKind, place: Place) -> Self {
-        Self(Box::new(Details { kind, place, file: None }))
+        Self(Box::new(Details { kind, place, file: None, advice: None }))
     }
 
     /// Bytes that break their format's rules.
@@ -192,6 +196,13 @@ impl Error {
         self
     }
 
+    /// Gives a remedy of its own to an error whose kind tells too little of the cause.
+    #[must_use]
+    pub fn advise(mut self, remedy: impl Into<Cow<'static, str>>) -> Self {
+        self.0.advice = Some(remedy.into());
+        self
+    }
+
     /// Says that the error's place is in the container that a value of a JSON document embeds,
     /// whose first byte is the file's byte `offset`.
     #[must_use]
@@ -221,8 +232,16 @@ impl Error {
         self.0.file.as_deref()
     }
 
+    /// The remedy that was given to this very error.
+    pub fn advice(&self) -> Option<&str> {
+        self.0.advice.as_deref()
+    }
+
     /// The remedy, in a sentence.
     pub fn remedy(&self) -> Cow<'static, str> {
+        if let Some(advice) = &self.0.advice {
+            return advice.clone();
+        }
         match &self.0.kind {
             ErrorKind::Io(error) => match error.kind() {
                 std::io::ErrorKind::NotFound => "check the path".into(),
@@ -247,14 +266,22 @@ impl Error {
             ErrorKind::TooLittleMemory { least, .. } => {
                 format!("allow {least} bytes or more, or fewer threads").into()
             }
+            ErrorKind::Malformed { .. }
+                if matches!(self.0.place, Place::Key(_) | Place::Line(_)) =>
+            {
+                "correct this value, or make the file again".into()
+            }
             ErrorKind::Overflow { .. } | ErrorKind::Malformed { .. } => {
                 "the file is damaged, or its writer broke the format: make it again".into()
             }
             ErrorKind::WrongKind { .. } => "name a file of an expected kind".into(),
             ErrorKind::Unsupported { .. } => {
-                "use a newer version of this tool, or convert the file".into()
+                "convert the file to what is expected; a newer version of this tool may know more"
+                    .into()
             }
-            ErrorKind::NonFinite { .. } => "retrain, or have these values treated as empty".into(),
+            ErrorKind::NonFinite { .. } => {
+                "retrain, or bake with these values treated as empty".into()
+            }
             ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => {
                 "see the documentation of the option".into()
             }

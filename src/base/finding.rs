@@ -243,6 +243,13 @@ pub struct Finding {
     pub error: Error,
 }
 
+impl Finding {
+    /// The remedy that was given to the fault itself, else that of its code.
+    pub fn remedy(&self) -> &str {
+        self.error.advice().unwrap_or(self.code.remedy())
+    }
+}
+
 /// Gets findings as they are made; an error stops the walk.
 pub type Report<'a> = dyn FnMut(Finding) -> Result<()> + 'a;
 

@@ -48,6 +48,12 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// The limits of one of so many things that are held at the same time.
+    #[must_use]
+    pub fn shared_by(&self, things: u64) -> Self {
+        Self { memory: self.memory / things.max(1), ..self.clone() }
+    }
+
     /// Every limit under its name, with the thing that it bounds.
     pub fn named(&mut self) -> [(&'static str, &'static str, &mut u64); 9] {
         [

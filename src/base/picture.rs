@@ -1,20 +1,27 @@
-//! Pictures as files: 8-bit PNG and float32 EXR. The only door to `image` and `exr`.
+//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only door to `image`, `imagesize` and
+//! `exr`.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Cursor, Read as _, Seek, SeekFrom};
 use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
 use half::f16;
-use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder, codecs::png::PngEncoder};
+use image::{
+    ExtendedColorType, ImageDecoder as _, ImageEncoder, ImageFormat, codecs::png::PngEncoder,
+};
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits;
 
 /// Pixels along a side, at most.
 const MOST_PIXELS: u64 = 1 << 16;
+/// The pictures that can be decoded.
+const READ: &str = "a PNG or a JPEG";
+/// The letter of a JPEG's segment that coded values follow.
+const START_OF_SCAN: u8 = 0xda;
 /// Bytes that one byte of deflated data stands for, at most (RFC 1951: a match of 258 bytes takes
-/// two bits).
+/// two bits). JPEGs have fewer: a bit or more stands for a block of 64 values.
 const MOST_INFLATED: u64 = 1032;
 
 /// A PNG of 8-bit grey (`values` one a pixel), RGB (three a pixel) or RGBA (four, alpha not
@@ -142,10 +149,22 @@ pub fn box_means<'a>(
     })
 }
 
-/// Width and height of a picture file, from its header.
+/// Width and height of a picture file, as it is stored, from its header: a mark that a viewer should
+/// turn it (EXIF's orientation) does not count. Formats that [`read`] refuses have a size too.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
-    let (width, height) = image::image_dimensions(path).map_err(|error| unreadable(error, path))?;
-    Ok([width as usize, height as usize])
+    let unreadable = |error| match error {
+        imagesize::ImageError::IoError(error)
+            if !matches!(
+                error.kind(),
+                std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::InvalidData
+            ) =>
+        {
+            Error::io(error, path)
+        }
+        error => not_a_picture(error.to_string(), path),
+    };
+    let found = imagesize::size(path).map_err(unreadable)?;
+    Ok([found.width, found.height])
 }
 
 /// A picture file as 8-bit RGBA, rows from the top.
@@ -159,7 +178,7 @@ pub struct Rgba {
     pub bytes: Vec<u8>,
 }
 
-/// Reads a PNG, at most `max_bytes` of it once decoded.
+/// Reads a PNG or a JPEG, at most `max_bytes` of it once decoded.
 pub fn read(path: &Path, max_bytes: u64) -> Result<Rgba> {
     let file = File::open(path).map_err(|error| Error::io(error, path))?;
     decode(BufReader::new(file), path, max_bytes)
@@ -167,11 +186,25 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Rgba> {
 
 /// The same from bytes, which errors say are the file `path`.
 pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<Rgba> {
-    let length = from.seek(SeekFrom::End(0)).map_err(|error| Error::io(error, path))?;
-    from.rewind().map_err(|error| Error::io(error, path))?;
-    let mut reader = image::ImageReader::new(from)
-        .with_guessed_format()
-        .map_err(|error| Error::io(error, path))?;
+    let io = |error| Error::io(error, path);
+    let length = from.seek(SeekFrom::End(0)).map_err(io)?;
+    from.rewind().map_err(io)?;
+    let mut reader = image::ImageReader::new(from).with_guessed_format().map_err(io)?;
+    match reader.format() {
+        Some(ImageFormat::Png) => {}
+        Some(ImageFormat::Jpeg) => {
+            let mut from = reader.into_inner();
+            check_jpeg_end(&mut from, length, max_bytes).map_err(|error| error.in_file(path))?;
+            from.rewind().map_err(io)?;
+            reader = image::ImageReader::with_format(from, ImageFormat::Jpeg);
+        }
+        Some(other) => {
+            let found = format!("a picture in the format {other:?}");
+            let error = Error::unsupported(Place::File, found, READ);
+            return Err(error.advise("make PNG or JPEG of it").in_file(path));
+        }
+        None => return Err(not_a_picture("no format that is known".to_owned(), path)),
+    }
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(max_bytes);
     reader.limits(limits);
@@ -197,13 +230,45 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
 }
 
 fn unreadable(error: image::ImageError, path: &Path) -> Error {
-    let found = match error {
+    match error {
         image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            return Error::io(error, path);
+            Error::io(error, path)
         }
-        error => format!("a picture that cannot be read ({error})"),
-    };
-    Error::malformed(Place::File, found, "a PNG").in_file(path)
+        error => not_a_picture(error.to_string(), path),
+    }
+}
+
+fn not_a_picture(why: String, path: &Path) -> Error {
+    let found = format!("a picture that cannot be read ({why})");
+    Error::malformed(Place::File, found, READ).in_file(path)
+}
+
+/// Refuses a JPEG that is cut short: its decoder would make the rest grey.
+fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> Result<()> {
+    limits::check("bytes of a picture", length, max_bytes, &Place::File)?;
+    let io = |error| Error::new(ErrorKind::Io(error), Place::File);
+    from.rewind().map_err(io)?;
+    let mut bytes = Vec::new();
+    from.take(length).read_to_end(&mut bytes).map_err(io)?;
+    // Segments: FF, a letter, two bytes of length. Thumbnails in them have ends of their own.
+    let mut at = 2;
+    while let Some(&[0xff, kind, high, low]) = bytes.get(at..).and_then(|rest| rest.first_chunk()) {
+        if kind == 0xff {
+            at += 1;
+            continue;
+        }
+        at += 2 + usize::from(u16::from_be_bytes([high, low]));
+        if kind == START_OF_SCAN {
+            break;
+        }
+    }
+    // FF stands in coded values only before 0 and before marks of restarts.
+    match bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == [0xff, 0xd9])) {
+        true => Ok(()),
+        false => {
+            Err(Error::new(ErrorKind::Truncated { wanted: length + 2, left: length }, Place::File))
+        }
+    }
 }
 
 #[cfg(test)]
@@ -236,5 +301,71 @@ mod tests {
         }
         // Small lies are found by the data.
         read(lying(3, 2)).expect_err("a lie");
+    }
+
+    /// A picture of two colours, left and right.
+    fn jpeg(width: u32, height: u32) -> Vec<u8> {
+        let color = |x| if 2 * x < width { [200, 100, 50] } else { [20, 40, 220] };
+        let picture = image::RgbImage::from_fn(width, height, |x, _| image::Rgb(color(x)));
+        let mut bytes = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)
+            .encode_image(&picture)
+            .expect("a picture");
+        bytes
+    }
+
+    #[test]
+    fn jpegs_are_read_as_stored_and_whole() {
+        let mut bytes = jpeg(48, 16);
+        // A camera that was held upright: viewers turn it, training codes do not.
+        let turned = b"\xff\xe1\x00\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\
+                       \x06\0\0\0\0\0\0\0";
+        bytes.splice(2..2, turned.iter().copied());
+        let read = |bytes: &[u8]| decode(Cursor::new(bytes), Path::new("a.jpg"), 1 << 30);
+        let picture = read(&bytes).expect("a picture");
+        assert_eq!((picture.width, picture.height), (48, 16));
+        for (pixel, wanted) in [(0, [200, 100, 50, 255]), (47, [20, 40, 220, 255])] {
+            let found = &picture.bytes[4 * pixel..4 * pixel + 4];
+            let far = found.iter().zip(wanted).map(|(&a, b)| a.abs_diff(b)).max();
+            assert!(far <= Some(3), "{found:?} for {wanted:?}");
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("named.png");
+        std::fs::write(&path, &bytes).expect("writable");
+        assert_eq!(size(&path).expect("a size"), [48, 16]);
+        let error = read(&bytes[..bytes.len() - 2]).expect_err("cut");
+        assert!(matches!(error.kind(), ErrorKind::Truncated { .. }), "{error}");
+        for cut in 0..bytes.len() - 2 {
+            read(&bytes[..cut]).expect_err("cut");
+        }
+    }
+
+    #[test]
+    fn other_pictures_have_a_size_and_are_refused_by_their_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut tiff = b"II*\0\x08\0\0\0\x02\0".to_vec();
+        for (tag, side) in [(0x100u16, 200u32), (0x101, 150)] {
+            tiff.extend(
+                [&tag.to_le_bytes()[..], b"\x04\0\x01\0\0\0", &side.to_le_bytes()].concat(),
+            );
+        }
+        // 14 bits for each side less 1, from the lowest.
+        let sides = (199u32 | 149 << 14).to_le_bytes();
+        let webp = [b"RIFF\x1a\0\0\0WEBPVP8L\x0d\0\0\0\x2f", &sides[..], &[0; 8]].concat();
+        for (name, bytes) in [("Tiff", tiff), ("WebP", webp)] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).expect("writable");
+            assert_eq!(size(&path).expect("a size"), [200, 150], "{name}");
+            let error = read(&path, 1 << 30).expect_err("not decoded");
+            assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
+            assert!(error.to_string().contains(name), "{error}");
+        }
+        let path = folder.path().join("text.png");
+        std::fs::write(&path, b"version https://git-lfs.github.com/spec/v1\n").expect("writable");
+        size(&path).expect_err("no picture");
+        assert!(matches!(
+            size(&folder.path().join("none")).expect_err("none").kind(),
+            ErrorKind::Io(_)
+        ));
     }
 }

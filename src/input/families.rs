@@ -1,12 +1,13 @@
 //! The families of models, told by the keys of their files.
 
-use super::checkpoint;
+use super::checkpoint::{self, unwrapped};
 use super::options::{MlpChoice, SourceOptions};
+use super::other_models;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
 use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb};
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::Limits;
 
 /// The name of unpacked containers in errors.
@@ -49,7 +50,31 @@ fn refuse_unpacked(file: &TensorFile) -> Result<()> {
 
 /// The family that wrote a file, if its keys alone tell.
 pub fn family(file: &TensorFile) -> Option<Family> {
-    reader(file).map(|reader| reader.family)
+    reader(&unwrapped(file)).map(|reader| reader.family)
+}
+
+/// An error of a reader, by its cause: a value that is not read is no fault of its shape or type.
+fn by_cause(error: Error, file: &TensorFile) -> Error {
+    let is_fault =
+        matches!(error.kind(), ErrorKind::Malformed { .. } | ErrorKind::WrongKind { .. });
+    let value = file.root.at_place(error.place()).filter(|_| is_fault);
+    let cause = value.and_then(|value| value.unread_error(error.place().clone()));
+    cause.unwrap_or(error)
+}
+
+/// Opens a file by the reader of its family.
+fn read(
+    reader: Option<&Reader>,
+    file: &TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+) -> Result<Source> {
+    let source = match reader {
+        Some(reader) => (reader.open)(file, options, limits),
+        None => other_models::refuse(file)
+            .and_then(|()| checkpoint::open_tensors(file, options, limits)),
+    };
+    source.map_err(|error| by_cause(error, file))
 }
 
 /// Opens a model of any family.
@@ -58,21 +83,22 @@ pub fn family(file: &TensorFile) -> Option<Family> {
 /// Those of the family, and settings out of their range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     options.check()?;
+    let file = &*unwrapped(file);
     let reader = reader(file);
     let in_file = |error: Error| error.in_file(file.file.path());
     refuse_unpacked(file).map_err(in_file)?;
     refuse_ignored(reader.map(|reader| reader.family), options).map_err(in_file)?;
-    let open = reader.map_or(checkpoint::open_tensors as _, |reader| reader.open);
-    let source = open(file, options, limits).map_err(in_file)?;
-    if options.resolution.is_some() && !source.family.is_sampled() {
+    let source = read(reader, file, options, limits).map_err(in_file)?;
+    let takes_resolution = source.family.is_sampled() || plenoxels::takes_resolution(file);
+    if options.resolution.is_some() && !takes_resolution {
         let message = format!(
-            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and a {} model has \
-             its own",
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and states those of \
+             PeRFception's Plenoxels; a {} model has its own",
             source.family.name()
         );
         return Err(in_file(Error::usage(message)));
     }
-    Ok(rescale(source, options))
+    rescale(source, options).map_err(in_file)
 }
 
 /// Refuses options of checkpoints that a family, told by its keys, has no use for.
@@ -110,12 +136,15 @@ pub(super) fn describe(
     limits: &Limits,
 ) -> Result<(Source, Option<[usize; 3]>)> {
     refuse_unpacked(file)?;
+    let file = &*unwrapped(file);
     let Some(reader) = reader(file) else {
-        let (source, mask) = checkpoint::describe(file, options, limits)?;
-        return Ok((rescale(source, options), mask));
+        other_models::refuse(file)?;
+        let described = checkpoint::describe(file, options, limits);
+        let (source, mask) = described.map_err(|error| by_cause(error, file))?;
+        return Ok((rescale(source, options)?, mask));
     };
     options.check()?;
-    let source = (reader.open)(file, options, limits)?;
+    let source = read(Some(reader), file, options, limits)?;
     let mask = source.field.free_space.as_ref().map(|mask| mask.nodes.0);
-    Ok((rescale(source, options), mask))
+    Ok((rescale(source, options)?, mask))
 }

@@ -180,7 +180,8 @@ impl List {
             Value::Int(_) => ("int", plain(value)),
             Value::Float(_) => ("float", plain(value)),
             Value::Text(_) => ("text", plain(value)),
-            Value::Tensor(_) => ("tensor", None),
+            Value::Opaque(kind) => ("opaque", Some(kind.as_str().into())),
+            Value::Tensor(tensor) => ("tensor", tensor.unread_kind().map(Into::into)),
         };
         let is_optimizer = self.key.starts_with("optimizer");
         let mut listed = ListedValue {
@@ -192,7 +193,9 @@ impl List {
             bytes: None,
             offset: None,
         };
-        if let Value::Tensor(tensor) = value {
+        if let Value::Tensor(tensor) = value
+            && tensor.unread_kind().is_none()
+        {
             let within =
                 |dict: &str| self.key.strip_prefix(dict).is_some_and(|rest| rest.starts_with('.'));
             let part = match is_optimizer {

@@ -16,6 +16,7 @@ pub mod network;
 pub mod ngp;
 mod open;
 mod options;
+mod other_models;
 pub mod plenoctree;
 pub mod plenoxels;
 pub mod sampled;

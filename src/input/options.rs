@@ -34,7 +34,8 @@ pub struct SourceOptions {
     /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
     /// space. Default: such inputs are refused
     pub drop_background: bool,
-    /// Nodes along the longest axis of a model that has none. Default: 256
+    /// Nodes along the longest axis of a model that has none. Default: 256. Of PeRFception's Plenoxels
+    /// the cells along each axis. Default: the least power of 2 that holds them
     pub resolution: Option<usize>,
 }
 
@@ -63,6 +64,9 @@ pub enum MlpChoice {
 }
 
 impl SourceOptions {
+    /// Scales that scenes have: beyond them float32 loses boxes.
+    pub(crate) const SCALES: std::ops::RangeInclusive<f32> = 1e-9..=1e9;
+
     /// Refuses values that no scene has.
     pub fn check(&self) -> Result<()> {
         let refuse = |option, found: &dyn std::fmt::Debug, expected: &str| {
@@ -86,8 +90,8 @@ impl SourceOptions {
             return refuse("resolution", &nodes, "2 to 65536 nodes");
         }
         let scale = self.scene_scale;
-        if let Some(scale) = scale.filter(|scale| !(*scale > 0.0 && scale.is_finite())) {
-            return refuse("scene_scale", &scale, "a number above 0");
+        if let Some(scale) = scale.filter(|scale| !Self::SCALES.contains(scale)) {
+            return refuse("scene_scale", &scale, "a number from 1e-9 to 1e9");
         }
         if let Some(least) = self.color_threshold.filter(|t| !(0.0..1.0).contains(t)) {
             return refuse("color_threshold", &least, "a weight from 0 to below 1");

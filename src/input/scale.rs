@@ -7,14 +7,17 @@ use std::sync::Arc;
 
 use super::options::SourceOptions;
 use super::source::Source;
-use crate::base::error::Result;
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// The source in the scene's world. Distances that the user gave are the scene's already.
-pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Source {
+///
+/// # Errors
+/// `InvalidOption` for a scale of the user's that leaves no box, `Malformed` for one of the file's.
+pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Result<Source> {
     let scale = options.scene_scale.unwrap_or(source.scene_scale);
     let scene = &mut source.field.scene;
     let march = &mut scene.march;
@@ -36,7 +39,21 @@ pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Source {
         });
     }
     source.scene_scale = scale;
-    source
+    let scene = &source.field.scene;
+    let place = Place::Key("scene_scale".to_owned());
+    let has_steps = scene.march.voxel_size > 0.0 && scene.march.voxel_size.is_finite();
+    match (scene.bounds.check_model(&place), options.scene_scale) {
+        (Ok(()), _) if scale == 1.0 || has_steps => Ok(source),
+        (_, Some(scale)) => {
+            let expected = "a scale that leaves a box with corners within 1e10 of 0";
+            Err(Error::invalid_option("scene_scale", scale.to_string(), expected))
+        }
+        (Err(error), None) => Err(error),
+        (Ok(()), None) => {
+            let expected = "a scale that leaves voxels with an extent";
+            Err(Error::malformed(place, scale.to_string(), expected))
+        }
+    }
 }
 
 #[derive(Debug)]

@@ -98,7 +98,8 @@ impl SceneSettings {
 }
 
 fn parse_json(bytes: &[u8]) -> Result<Value> {
-    serde_json::from_slice(text::without_mark(bytes)).map_err(|error| {
+    let json = String::from_utf8_lossy(text::without_mark(bytes));
+    serde_json::from_str(&text::quoted_numbers(&json)).map_err(|error| {
         let place = Place::Key(format!("line {}", error.line()));
         Error::malformed(place, error.to_string(), "settings of a scene, in JSON")
     })

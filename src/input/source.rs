@@ -20,6 +20,8 @@ pub struct Source {
     pub family: Family,
     /// Format of the file.
     pub kind: FileKind,
+    /// True if the digest holds checksums of all values.
+    pub has_checksums: bool,
     /// The input's world is the scene's times this, unless the user says otherwise.
     pub scene_scale: f32,
     /// Settings that it lacks and that were assumed, to be shown to the user.

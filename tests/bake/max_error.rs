@@ -52,7 +52,7 @@ fn activated(decode: Decode, activation: &Activation, value: f32) -> f64 {
 
 /// The nodes that must be right, at every level.
 fn retained(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
-    let planes = masked_planes(field, Nonfinite::Refuse).expect("planes");
+    let planes = masked_planes(field, Nonfinite::Refuse, &Silent).expect("planes");
     let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
     let threshold = options.alpha_threshold;
     let visible = Visible::find(&planes, &sizes, &*options.filter, threshold, false, &Silent);

@@ -76,6 +76,34 @@ impl Pack {
             rest => entries[at].1.set(rest, value),
         }
     }
+
+    /// Takes the value out that keys lead to.
+    pub fn remove(&mut self, path: &[&str]) {
+        let Self::Map(entries) = self else { panic!("a map") };
+        match path {
+            [key] => entries.retain(|(name, _)| name != key),
+            [key, rest @ ..] => {
+                entries.iter_mut().find(|(name, _)| name == key).expect("there").1.remove(rest)
+            }
+            [] => {}
+        }
+    }
+
+    /// Adds bytes to a binary value.
+    pub fn append(&mut self, path: &[&str], more: &[u8]) {
+        match (self, path) {
+            (Self::Bytes(bytes), []) => bytes.extend(more),
+            (Self::Map(entries), [key, rest @ ..]) => {
+                entries
+                    .iter_mut()
+                    .find(|(name, _)| name == key)
+                    .expect("there")
+                    .1
+                    .append(rest, more);
+            }
+            _ => panic!("a binary value"),
+        }
+    }
 }
 
 pub fn zlib(bytes: &[u8]) -> Vec<u8> {

@@ -12,6 +12,7 @@ mod lies;
 mod long_rays;
 mod merf;
 mod ngp;
+mod open_inputs;
 mod shown;
 mod small_models;
 mod snerg;

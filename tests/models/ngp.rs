@@ -217,6 +217,9 @@ fn a_larger_scene_is_cropped_to_the_unit_cube() {
     let model = small_ngp(1.4, false, CELLS, 2);
     let mut pack = model.snapshot(Some(1.4), false);
     pack.set(&["snapshot", "nerf", "aabb_scale"], Pack::Int(2));
+    // Cells of the second cube follow, which nothing reads.
+    let second = vec![0; 2 * model.occupied.len()];
+    pack.append(&["snapshot", "density_grid_binary"], &second);
     let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
     let source = open_with(pack.bytes(), &options, &Limits::default()).expect("its middle");
     let shown = renderer(&source);
@@ -230,6 +233,71 @@ fn a_larger_scene_is_cropped_to_the_unit_cube() {
         let pairs = a.iter().flatten().zip(b.iter().flatten());
         pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-4, "{a} {b}"));
     }
+}
+
+#[test]
+fn the_part_that_a_snapshot_shows_is_kept() {
+    let model = small_ngp(1.4, false, CELLS, 2);
+    let whole = open(model.snapshot(Some(1.4), false).bytes()).expect("a snapshot");
+    let cropped = |min: [f64; 3], max: [f64; 3], turn: Option<[f64; 9]>| {
+        let list = |numbers: &[f64]| Pack::List(numbers.iter().map(|n| Pack::Float(*n)).collect());
+        let mut pack = model.snapshot(Some(1.4), false);
+        pack.set(
+            &["snapshot", "render_aabb"],
+            Pack::Map(vec![("min", list(&min)), ("max", list(&max))]),
+        );
+        if let Some(turn) = turn {
+            let rows = turn.chunks(3).map(list).collect();
+            pack.set(&["snapshot", "render_aabb_to_local"], Pack::List(rows));
+        }
+        open(pack.bytes())
+    };
+    let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    // Along the cube's axes, which are the world's y, z and x.
+    let (min, max) = ([0.45, 0.3, 0.35], [0.6, 0.7, 0.5]);
+    let source = cropped(min, max, Some(unit)).expect("a part");
+    assert!(source.assumptions.iter().any(|told| told.message.contains("render_aabb")));
+    let sampled = source.field.scene.march.sampled.expect("a part of the box");
+    let [low, high] = [min, max].map(|at| model.to_world(at));
+    for axis in 0..3 {
+        assert!((f64::from(sampled.min[axis]) - low[axis]).abs() < 1e-6, "{sampled:?}");
+        assert!((f64::from(sampled.max[axis]) - high[axis]).abs() < 1e-6, "{sampled:?}");
+    }
+    let (own, all) = (renderer(&source), renderer(&whole));
+    let (mut inside, mut outside) = (0, 0);
+    for at in places(3000) {
+        let shows = (0..3).all(|axis| (min[axis]..=max[axis]).contains(&at[axis]));
+        let [own, all] = [&own, &all]
+            .map(|model_of| model_of.sample(model.to_world(at), 0).expect("a point").density);
+        assert_eq!(own, if shows { all } else { 0.0 }, "{at:?}");
+        inside += usize::from(shows && all > 0.0);
+        outside += usize::from(!shows && all > 0.0);
+    }
+    assert!(inside > 20 && outside > 500, "{inside} {outside}");
+    // All of the cube is no part, and a turned part is told.
+    let all = cropped([-1.0; 3], [2.0; 3], None).expect("all");
+    assert_eq!(all.field.scene.march.sampled, None);
+    let turned = [0.8, 0.6, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0];
+    let turned = cropped(min, max, Some(turned)).expect("left out");
+    assert_eq!(turned.field.scene.march.sampled, None);
+    assert!(turned.assumptions.iter().any(|told| told.message.contains("left out")));
+    malformed(cropped([0.6; 3], [0.4; 3], None).expect_err("nothing"), "render_aabb");
+}
+
+#[test]
+fn snapshots_before_versions_are_refused() {
+    let mut pack = small_ngp(1.4, false, CELLS, 2).snapshot(Some(1.4), false);
+    pack.remove(&["snapshot", "version"]);
+    let error = open(pack.bytes()).expect_err("older");
+    assert!(error.remedy().contains("Instant-NGP"), "{}", error.remedy());
+    unsupported(error, "no version");
+    unsupported(with(&["snapshot", "version"], Pack::Int(0)), "version 0");
+    // Cells of float32, as they were before.
+    let cells = CELLS.pow(3) * 4;
+    malformed(
+        with(&["snapshot", "density_grid_binary"], Pack::Bytes(vec![0; cells])),
+        "two for each",
+    );
 }
 
 #[test]

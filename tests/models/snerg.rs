@@ -163,7 +163,7 @@ fn lies_are_found() {
         let text = small_snerg().parameters().to_string().replacen("[[", "[[NaN,", 1);
         std::fs::write(folder.join("scene_params.json"), text).expect("writable");
     });
-    malformed(nan, "line");
+    malformed(nan, "worldspace_T_opengl");
     let missing = broken(|folder| {
         std::fs::remove_file(folder.join("feature_002.png")).expect("it was there");
     });

@@ -26,7 +26,7 @@ const FOLDERS: usize = 2;
 const ROOM: &str = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"buffer.bin","byteLength":4},
 {"uri":"odd.gltf","byteLength":4},{"uri":"odd.mipvog","byteLength":4}],
 "images":[{"uri":"photos/r_0.png"}]}"#;
-/// A camera file, whose second frame has another picture or one of the same name.
+/// A camera file, whose second frame has another picture or the same one.
 const CAMERAS: &str = r#"{"camera_angle_x":0.7,"w":8,"h":8,"frames":[
 {"file_path":"./photos/r_0","transform_matrix":[[1,0,0,0],[0,0,-1,-4],[0,1,0,0],[0,0,0,1]]},
 {"file_path":"SECOND","transform_matrix":[[1,0,0,0],[0,0,-1,-3.9],[0,1,0,0],[0,0,0,1]]}]}"#;
@@ -66,7 +66,7 @@ fn fill(here: &Path) {
     write("text.txt", b"hello\n");
     write("cut.mipvog", &fs::read(here.join("a.mipvog")).expect("there")[..3000]);
     write("cams.json", CAMERAS.replace("SECOND", "./photos/r_1").as_bytes());
-    write("same.json", CAMERAS.replace("SECOND", "./other/r_0").as_bytes());
+    write("same.json", CAMERAS.replace("SECOND", "./photos/r_0").as_bytes());
     let room =
         r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"name":"n"}]}"#;
     write("room.glb", &glb(room, &[]));

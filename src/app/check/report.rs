@@ -44,7 +44,7 @@ pub struct ReportedFinding {
     /// The value found and the value expected.
     pub message: String,
     /// The advice to the file's owner.
-    pub remedy: &'static str,
+    pub remedy: String,
 }
 
 impl Report {
@@ -72,7 +72,7 @@ impl Report {
                 _ => None,
             },
             message: clipped(finding.error.kind().to_string()),
-            remedy: finding.code.remedy(),
+            remedy: finding.remedy().to_owned(),
         });
     }
 }

@@ -1,12 +1,15 @@
 //! Options that choose cameras.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use clap::Args;
 
+use super::common::Common;
+use super::outcome::{assumed, warn};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
-use crate::model::camera::{self, Camera};
+use crate::model::camera::{self, Camera, PickedCameras};
 use crate::model::grid::Bounds;
 
 /// Picture size of cameras that no file tells the size of.
@@ -32,6 +35,9 @@ pub struct CameraArguments {
     /// Frames, by name or index [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     frames: Vec<String>,
+    /// Set once the warnings of the file are told: a verb may ask for the cameras again.
+    #[arg(skip)]
+    told: OnceLock<()>,
 }
 
 /// Pixels along a row, and rows.
@@ -65,8 +71,8 @@ impl CameraArguments {
     }
 
     /// Reads or makes the cameras; refuses to without a file or a turntable.
-    pub fn cameras(&self, bounds: &Bounds, limits: &Limits) -> Result<Vec<Camera>> {
-        match (self.of_file(limits)?, self.turntable()) {
+    pub fn cameras(&self, bounds: &Bounds, common: &Common) -> Result<Vec<Camera>> {
+        match (self.of_file(common)?, self.turntable()) {
             (Some(cameras), _) => Ok(cameras),
             (None, Some(count)) => self.pick(camera::turntable(bounds, count, self.made_size())),
             (None, None) => {
@@ -76,15 +82,24 @@ impl CameraArguments {
     }
 
     /// The picked cameras of the file, if there is one.
-    pub fn of_file(&self, limits: &Limits) -> Result<Option<Vec<Camera>>> {
+    pub fn of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
         let Some(path) = &self.cameras else { return Ok(None) };
-        let read = camera::read(path, self.size.map(|Size(size)| size), limits)?;
-        self.pick(read.cameras).map(Some)
+        let read = camera::read(path, self.size.map(|Size(size)| size), &common.limits())?;
+        let picked = read.pick(&self.frames)?;
+        self.told.get_or_init(|| warn_of_cameras(path, &picked, common));
+        Ok(Some(picked.cameras))
     }
 
     /// The frames that the user picked.
     pub fn pick(&self, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
         camera::pick(cameras, &self.frames)
+    }
+}
+
+/// Tells what is left out or assumed of the cameras of a file.
+pub fn warn_of_cameras(file: &Path, picked: &PickedCameras, common: &Common) {
+    for warning in &picked.warnings {
+        warn(&format!("{}: {}", file.display(), assumed(warning)), common);
     }
 }
 

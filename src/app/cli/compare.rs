@@ -24,7 +24,7 @@ use crate::base::picture;
 use crate::base::progress::Step;
 use crate::input;
 use crate::model::camera::Camera;
-use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors};
+use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors, shared_photograph};
 use crate::view::render::{LevelChoice, Renderer};
 
 /// An error of this much is white in heat maps.
@@ -135,7 +135,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         arguments.warn_of_settings(&opened, common)?;
         Reference::Field(Box::new(opened))
     };
-    let cameras = arguments.cameras.cameras(&field.view().bounds, &common.limits())?;
+    let cameras = arguments.cameras.cameras(&field.view().bounds, common)?;
+    if let Reference::Pictures { folder, .. } = &reference
+        && let Some(message) = shared_photograph(folder, &cameras)
+    {
+        warn(&message, common);
+    }
     check_memory(&cameras, arguments.supersample, &common.limits())?;
     let scales = checked_scales(&arguments.scales, &cameras)?;
     let mut made = Provisional::default();

@@ -155,7 +155,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let expected = format!("a level below {levels}");
     Error::require_option(options.level < levels, "level", options.level, &expected)?;
     let cameras = match arguments.cameras.given() {
-        true => arguments.cameras.cameras(&source.field.view().bounds, &options.limits)?,
+        true => arguments.cameras.cameras(&source.field.view().bounds, common)?,
         false => Vec::new(),
     };
     check_memory(&cameras, 1, &options.limits)?;

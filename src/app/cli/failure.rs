@@ -68,6 +68,9 @@ fn limit(what: &str) -> Option<&'static str> {
 
 /// The remedy, by the names of options and verbs.
 pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
+    if let Some(advice) = error.advice() {
+        return named(advice).into();
+    }
     match error.kind() {
         ErrorKind::OverLimit { what, .. } => match limit(what) {
             Some(name) => format!("raise --limit {name} if this input is trusted").into(),
@@ -78,7 +81,7 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
             format!("pass --memory {least} ({shown}) or more, or fewer --threads").into()
         }
         ErrorKind::NonFinite { .. } => {
-            "retrain, or pass --nonfinite empty to treat these values as empty".into()
+            "retrain, or bake with --nonfinite empty, which treats these values as empty".into()
         }
         ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
         ErrorKind::Exists => "pass --force to overwrite it".into(),
@@ -135,6 +138,10 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
             path.with_extension("mipvog").display()
         ),
         _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
+        _ if kind.contains("Git LFS") => {
+            format!("fetch the file that {shown} stands for: git lfs pull")
+        }
+        _ if kind.contains("download the file again") => format!("download {shown} again"),
         _ => return None,
     })
 }

@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::cameras::warn_of_cameras;
 use super::common::Common;
 use super::outcome::warn;
 use crate::bake::fit::{FittedLevel, is_held_out};
 use crate::bake::{BakeOptions, FitReport, Photographs};
 use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
 use crate::model::camera::{self, Camera};
+use crate::view::compare::shared_photograph;
 
 /// Length and pictures of a fit.
 #[derive(Debug, Args)]
@@ -76,17 +77,19 @@ impl FitArguments {
     pub fn apply(
         &self,
         options: &mut BakeOptions,
-        cameras: impl FnOnce(&Limits) -> Result<Option<Vec<Camera>>>,
-        limits: &Limits,
+        cameras: impl FnOnce() -> Result<Option<Vec<Camera>>>,
+        common: &Common,
     ) -> Result<()> {
         self.apply_numbers(options);
         if let Some(path) = &self.fit_cameras {
-            options.fit_cameras = camera::read(path, None, limits)?.cameras;
+            let picked = camera::read(path, None, &common.limits())?.pick(&[])?;
+            warn_of_cameras(path, &picked, common);
+            options.fit_cameras = picked.cameras;
         }
         let photographs = self.photographs.as_ref().filter(|_| options.filter.is_fitted());
         if let Some(folder) = photographs {
             if self.fit_cameras.is_none() {
-                options.fit_cameras = cameras(limits)?.ok_or_else(|| {
+                options.fit_cameras = cameras()?.ok_or_else(|| {
                     Error::usage(
                         "--photographs needs --fit-cameras or --cameras to tell from where",
                     )
@@ -98,6 +101,9 @@ impl FitArguments {
                     "--photographs needs {FEWEST_PHOTOGRAPHS} cameras or more, because one in eight \
                      is held out; there are {found}"
                 )));
+            }
+            if let Some(message) = shared_photograph(folder, &options.fit_cameras) {
+                warn(&message, common);
             }
             options.photographs = Some(Photographs::of(folder, &options.fit_cameras)?);
             if self.fit_steps.is_none() {

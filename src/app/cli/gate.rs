@@ -6,10 +6,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::cameras::CameraArguments;
+use super::common::Common;
 use super::compare::errors_text;
 use super::progress::Bar;
 use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
 use crate::model::camera::Camera;
 use crate::model::field::RadianceField;
 use crate::view::compare::{Reference, ScaleErrors, compare};
@@ -76,13 +76,13 @@ impl GateArguments {
     }
 
     /// The cameras, read before a long bake could be wasted on a bad camera file.
-    pub fn cameras(&self, field: &RadianceField, limits: &Limits) -> Result<Vec<Camera>> {
-        self.cameras.cameras(&field.scene.bounds, limits)
+    pub fn cameras(&self, field: &RadianceField, common: &Common) -> Result<Vec<Camera>> {
+        self.cameras.cameras(&field.scene.bounds, common)
     }
 
     /// The cameras of a file, if there is one.
-    pub fn cameras_of_file(&self, limits: &Limits) -> Result<Option<Vec<Camera>>> {
-        self.cameras.of_file(limits)
+    pub fn cameras_of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
+        self.cameras.of_file(common)
     }
 
     /// Compares a container with the input it was baked from.

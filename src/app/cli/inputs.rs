@@ -25,8 +25,7 @@ fn named(path: &Path) -> Option<Vec<PathBuf>> {
         return companion_paths(&asset).ok();
     }
     let file = camera::read(path, None, &limits).ok()?;
-    let pictures = file.cameras.iter().filter_map(|camera| camera.picture.as_deref());
-    Some(pictures.filter_map(|name| camera::picture_path(&file.folder, name)).collect())
+    Some(file.pictures().collect())
 }
 
 /// Refuses an output that is one of the inputs, by whatever name.

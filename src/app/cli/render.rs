@@ -109,8 +109,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let mut field = arguments.open(common)?;
-    let cameras =
-        arguments.viewpoints.cameras(&arguments.cameras, &mut field, &common.limits(), &bar)?;
+    let cameras = arguments.viewpoints.cameras(&arguments.cameras, &mut field, common, &bar)?;
     let scales = &checked_scales(&arguments.scales, &cameras)?;
     check_memory(&cameras, arguments.supersample, &common.limits())?;
     let options = PictureOptions {

@@ -57,7 +57,8 @@ pub struct SceneArguments {
     #[arg(long)]
     pub drop_background: bool,
     /// Nodes along the longest axis at which a model without nodes is sampled (Instant-NGP,
-    /// torch-ngp) [default: 256]; of an export, cubic cells along it instead of nodes
+    /// torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels, which state
+    /// none; of an export, cubic cells along the longest axis instead of nodes
     #[arg(long, value_name = "N")]
     pub resolution: Option<usize>,
 }
@@ -158,7 +159,7 @@ impl SceneArguments {
             && let Ok(found) = camera::read(path, Some([1; 2]), limits)
         {
             let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
-            options.cameras = found.cameras.iter().map(place).collect();
+            options.cameras = found.sound().map(place).collect();
         }
         let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {

@@ -130,7 +130,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     for assumption in &source.assumptions {
         warn(&assumed(&assumption.message), common);
     }
-    let cameras = arguments.cameras.cameras(&source.field.scene.bounds, &limits)?;
+    let cameras = arguments.cameras.cameras(&source.field.scene.bounds, common)?;
     check_memory(&cameras, 1, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);

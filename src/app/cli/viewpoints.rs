@@ -3,8 +3,8 @@
 use clap::Args;
 
 use super::cameras::CameraArguments;
+use super::common::Common;
 use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::model::camera::{Camera, Orbit, flight};
 use crate::view::overview;
@@ -43,7 +43,7 @@ impl ViewpointArguments {
         &self,
         cameras: &CameraArguments,
         field: &mut Renderer,
-        limits: &Limits,
+        common: &Common,
         progress: &dyn Progress,
     ) -> Result<Vec<Camera>> {
         let bounds = field.view().bounds;
@@ -63,7 +63,7 @@ impl ViewpointArguments {
             }
             return cameras.pick(vec![overview(field, size, progress)?]);
         }
-        let given = cameras.cameras(&bounds, limits)?;
+        let given = cameras.cameras(&bounds, common)?;
         match self.path {
             Some(count) => flight(&given, count.into()),
             None => Ok(given),

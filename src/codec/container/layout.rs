@@ -1,7 +1,7 @@
 //! Header and directory: the records of `formats/mipvog.md`, sections 2 and 3.
 
 use crate::base::bytes::ByteReader;
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
 use crate::model::baked::GROUPS;
 
 /// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line
@@ -189,7 +189,8 @@ impl Header {
         let [major, minor] = version;
         if major != VERSION[0] {
             let found = format!("version {major}.{minor}");
-            return Err(Error::unsupported(Place::Offset(8), found, "major version 1"));
+            let error = Error::unsupported(Place::Offset(8), found, "major version 1");
+            return Err(error.advise(NEWER));
         }
         if reserved != 0 || reserved_too != 0 || rest.iter().any(|&byte| byte != 0) {
             return Err(Error::malformed(

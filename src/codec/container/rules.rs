@@ -8,7 +8,7 @@ use super::layout::{
     TABLE, VMLP,
 };
 use crate::base::bytes::SourceFile;
-use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
 use crate::model::baked::{Group, Metadata, ViewMetadata};
 use crate::model::field::{ColorDomain, DensityFunction};
@@ -25,7 +25,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
         let found = format!("required features {unknown:#x}");
         let expected = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional \
                         brightness), 4 (anisotropy)";
-        let error = Error::unsupported(Place::Offset(16), found, expected);
+        let error = Error::unsupported(Place::Offset(16), found, expected).advise(NEWER);
         report(Finding { code: Code::Feature, error })?;
     }
     if header.directory_offset != HEADER_BYTES {
@@ -64,7 +64,8 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
         next = entry.padded_end();
         if !is_known(entry.kind) && entry.is_critical() {
             let found = format!("the critical chunk {}", entry.kind.escape_ascii());
-            let error = Error::unsupported(entry.place(), found, "critical chunks of version 1.2");
+            let expected = "critical chunks of version 1.2";
+            let error = Error::unsupported(entry.place(), found, expected).advise(NEWER);
             report(Finding { code: Code::ChunkUnknown, error })?;
         }
         let twin = |other: &&Entry| other.kind == entry.kind && other.level == entry.level;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::march;
 use super::names::NamedValues;
+use super::wrappers::unwrapped;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::input::options::SourceOptions;
@@ -83,6 +84,7 @@ fn candidates(names: &NamedValues<'_>, checkpoint: &Path) -> Vec<PathBuf> {
 
 fn read(path: &Path, limits: &Limits) -> Result<Coarse> {
     let file = tensor::open(path, limits)?;
+    let file = unwrapped(&file);
     let names = NamedValues::new(&file);
     let shift = match names.own_mask_number("act_shift")? {
         Some(shift) => shift,

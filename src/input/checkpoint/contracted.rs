@@ -91,7 +91,7 @@ impl Inner {
             return Err(Error::malformed(place, found, "a box around -1 to 1"));
         }
         let bounds = Bounds { min: self.world(stored.min), max: self.world(stored.max) };
-        bounds.check(&Place::Key("scene_radius".to_owned()))?;
+        bounds.check_model(&Place::Key("scene_radius".to_owned()))?;
         Ok(bounds)
     }
 

@@ -88,7 +88,7 @@ pub(super) fn bounds(names: &NamedValues<'_>) -> Result<Bounds> {
         })
     };
     let bounds = Bounds { min: corner("xyz_min")?, max: corner("xyz_max")? };
-    bounds.check(&Place::Key("xyz_min".into()))?;
+    bounds.check_model(&Place::Key("xyz_min".into()))?;
     Ok(bounds)
 }
 

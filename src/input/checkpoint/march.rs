@@ -10,6 +10,7 @@ use super::names::NamedValues;
 use crate::base::error::{Error, Place, Result};
 use crate::input::options::SourceOptions;
 use crate::input::source::{Assumption, Family};
+use crate::input::tensor::Value;
 use crate::model::field::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 
@@ -217,12 +218,26 @@ fn voxels(
 /// The threshold that DirectVoxGO stores: it drops samples of at most this opacity, and those of
 /// at most this weight.
 fn threshold(names: &NamedValues<'_>) -> Result<Option<f32>> {
-    let Some(value) = names.number("fast_color_thres")? else { return Ok(None) };
+    let value = match names.setting("fast_color_thres") {
+        // Forks change it while they train: thresholds by the step that they start at.
+        Some(schedule @ Value::Dict(_)) => last_of_schedule(schedule)?,
+        _ => names.number("fast_color_thres")?,
+    };
+    let Some(value) = value else { return Ok(None) };
     if (0.0..1.0).contains(&value) {
         return narrow("fast_color_thres", value).map(Some);
     }
     let place = Place::Key("model_kwargs.fast_color_thres".into());
     Err(Error::malformed(place, value.to_string(), "an opacity from 0 to 1"))
+}
+
+/// The value of a schedule by steps that training ended with.
+fn last_of_schedule(schedule: &Value) -> Result<Option<f64>> {
+    let steps = schedule.entries().iter().filter_map(|(step, value)| {
+        Some((step.parse::<f64>().ok().filter(|step| step.is_finite())?, value))
+    });
+    let last = steps.max_by(|(one, _), (other, _)| one.total_cmp(other));
+    last.map(|(_, value)| value.number("fast_color_thres")).transpose()
 }
 
 /// A setting that must be above 0.

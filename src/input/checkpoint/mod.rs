@@ -19,9 +19,11 @@ mod mlp;
 mod names;
 mod open;
 mod stored;
+mod wrappers;
 
 pub use contracted::Inner;
 pub use mlp::layer_tensors;
 pub use names::{NamedValues, STATE};
 pub use open::{describe, open_tensors};
 pub use stored::StoredGrid;
+pub use wrappers::unwrapped;

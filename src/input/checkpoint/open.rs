@@ -6,6 +6,7 @@ use super::contracted::Inner;
 use super::march::Recorded;
 use super::mask::Mask;
 use super::names::NamedValues;
+use super::wrappers::unwrapped;
 use super::{grids, march, mlp};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
@@ -87,6 +88,7 @@ fn assemble<'a>(
         MlpChoice::Auto => mlp::find(&names, family, features, limits, &mut assumptions)?,
         MlpChoice::File(path) => {
             let other = tensor::open(path, limits)?;
+            let other = unwrapped(&other);
             let names = NamedValues::new(&other);
             // A network that was named is meant to run once a ray.
             let found = mlp::find(&names, Family::MipVog, features, limits, &mut assumptions)
@@ -156,6 +158,7 @@ fn assemble<'a>(
         scene_scale: 1.0,
         family,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         assumptions,
         recorded: recorded.names(),
         digest: file.digest,

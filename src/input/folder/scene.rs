@@ -31,7 +31,7 @@ pub fn scene(cells: &CellBox, options: &SourceOptions, place: &Place) -> Result<
         voxel: None,
     };
     Ok(Scene {
-        bounds: cells.bounds(place)?,
+        bounds: cells.bounds([place; 2])?,
         nodes: cells.nodes(),
         activation: Activation { shift: 0.0, interval: stepsize, order, function },
         march,

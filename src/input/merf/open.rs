@@ -60,6 +60,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(FolderModel { assets, network })),
         family: Family::Merf,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         recorded: Vec::new(),
         digest: file.digest,

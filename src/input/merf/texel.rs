@@ -17,10 +17,9 @@ pub(super) fn pair(
     size: [usize; 2],
     limits: &Limits,
 ) -> Result<Vec<Texel>> {
-    let (colors, features) = parallel::join(
-        || folder.read(colors, size, limits),
-        || folder.read(features, size, limits),
-    );
+    let half = limits.shared_by(2);
+    let (colors, features) =
+        parallel::join(|| folder.read(colors, size, &half), || folder.read(features, size, &half));
     let (colors, features) = (colors?, features?);
     let pairs = colors.bytes.as_chunks::<4>().0.iter().zip(features.bytes.as_chunks::<4>().0);
     Ok(pairs.map(|([r, g, b, d], [f, h, i, j])| [*r, *g, *b, *d, *f, *h, *i, *j]).collect())

@@ -130,9 +130,10 @@ impl Layout {
         for (number, level) in self.levels.iter().enumerate() {
             let mut axes = [(0u32, 0.0); 3];
             for (axis, at) in axes.iter_mut().zip(position) {
-                let at = at * f64::from(level.scale) + 0.5;
+                // Nothing is stored beyond the box, and far positions have no node.
+                let at = at.clamp(0.0, 1.0) * f64::from(level.scale) + 0.5;
                 let low = at.floor();
-                #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+                #[expect(clippy::cast_possible_truncation, reason = "within the level's nodes")]
                 let node = low as u32;
                 *axis = (node, at - low);
             }
@@ -190,6 +191,21 @@ mod tests {
         assert_eq!(entries(16, 2, 2048.0), 6_098_120);
         assert_eq!(entries(8, 4, 4.0 * 2048.0), 3_213_824);
         assert_eq!(entries(16, 2, 16.0 * 2048.0), 6_811_592);
+    }
+
+    #[test]
+    fn positions_far_away_have_the_features_of_the_faces() {
+        let sizes = Sizes { levels: 2, features: 1, log2_entries: 10, base: 4, more: 0 };
+        let layout = sizes.layout(1.0, &Place::File).expect("levels");
+        let table: Vec<f32> = (0..layout.entries()).map(|entry| entry as f32).collect();
+        let features = |position: [f64; 3]| {
+            let mut found = [0.0; 2];
+            layout.encode(&table, position, |number, value| found[number] = value);
+            found
+        };
+        assert_eq!(features([1e300, 0.5, -1e300]), features([1.0, 0.5, 0.0]));
+        assert_eq!(features([f64::INFINITY, 5e9, 0.25]), features([1.0, 1.0, 0.25]));
+        features([f64::NAN; 3]);
     }
 
     #[test]

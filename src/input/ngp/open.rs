@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::file::NgpFile;
 use super::model::Unloaded;
+use super::occupancy::Crop;
 use super::values::{DensityValues, Samples};
 use super::{snapshot, torch};
 use crate::base::error::{Error, Place, Result};
@@ -101,7 +102,7 @@ fn source(
     let rules = Harmonics { degree, evaluation, offset: OFFSET, clamp };
     let model = Arc::new(model);
     let bounds = model.frame.bounds();
-    bounds.check(&Place::Key("scale".to_owned()))?;
+    bounds.check_model(&Place::Key("scale".to_owned()))?;
     let voxel = 1.0 / (model.frame.scale * (side - 1) as f64);
     let own_step = model.rules.step * (side - 1) as f64;
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
@@ -114,7 +115,7 @@ fn source(
         far: None,
         color_threshold: options.color_threshold.unwrap_or(COLOR_THRESHOLD),
         alpha_threshold: 0.0,
-        sampled: None,
+        sampled: model.occupancy.sampled(&model.frame),
         voxel: None,
     };
     let scene = Scene {
@@ -138,18 +139,39 @@ fn source(
     let colors = if plain { colors.plain() } else { colors };
     field.color.push(Grid::Values(Arc::new(colors)));
     field.check()?;
+    let mut assumptions = assumptions(family, side, (!plain).then_some(degree), &options.cameras);
+    assumptions.extend(crop_assumption(model.occupancy.crop()));
     Ok(Source {
         field,
         model: Some(Arc::new(Unloaded(model))),
         family,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
-        assumptions: assumptions(family, side, (!plain).then_some(degree), &options.cameras),
+        assumptions,
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
         companions: Vec::new(),
     })
+}
+
+/// What is made of the box that a snapshot shows.
+fn crop_assumption(crop: Crop) -> Option<Assumption> {
+    let (value, message) = match crop {
+        Crop::None => return None,
+        Crop::Box(_) => (
+            "kept",
+            "the snapshot shows a part of its cube (render_aabb), and so does what is made of it; \
+             save it without a crop to have all of it",
+        ),
+        Crop::LeftOut => (
+            "none",
+            "the snapshot shows a part of its cube that is turned (render_aabb_to_local), which is \
+             left out: all of the cube is shown; crop the container instead",
+        ),
+    };
+    Some(Assumption { key: "render_aabb", value: value.to_owned(), message: message.to_owned() })
 }
 
 fn assumptions(

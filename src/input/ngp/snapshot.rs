@@ -6,12 +6,13 @@
 //! | `snapshot.params_binary`, `params_type`, `n_params` | matrices of both networks, then the table |
 //! | `snapshot.density_grid_binary`, `density_grid_size` | float16, Morton order, cubes of growing size |
 //! | `snapshot.nerf.aabb_scale`, `snapshot.nerf.dataset` | the size of the scene, and its place in the world |
+//! | `snapshot.render_aabb`, `snapshot.render_aabb_to_local` | the part of the cube that is shown, and its rotation |
 
 use super::file::{Matrix, NgpFile, Rules, Values, check_network};
 use super::frame::Frame;
 use super::layout::{Layout, Sizes};
-use super::occupancy::Occupancy;
-use crate::base::error::{Error, Place, Result};
+use super::occupancy::{Crop, Occupancy};
+use crate::base::error::{Error, NEWER, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::input::lazy::Lazy;
 use crate::input::options::SourceOptions;
@@ -32,8 +33,11 @@ const MOST_LAYERS: i64 = 16;
 const MOST_CELLS: i64 = 256;
 /// Densities above this, or above the mean, are occupied.
 const OCCUPIED: f64 = 0.01;
-/// Versions that are known.
+/// The version that is known. Snapshots before it, of July 2022, state none: their cells are float32.
 const VERSION: i64 = 1;
+/// The box that is shown, in the unit cube's axes, and the rotation of its own.
+const CROP: &str = "snapshot.render_aabb";
+const CROP_TURN: &str = "snapshot.render_aabb_to_local";
 
 /// A value that some keys lead to.
 struct Keys<'a>(&'a Value);
@@ -92,11 +96,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     let keys = Keys(&file.root);
     refuse_others(&keys)?;
     let place = |path: &str| Place::Key(path.to_owned());
-    let version = keys.integer("snapshot.version", Some(VERSION), i64::MAX)?;
-    if version > VERSION {
-        let found = format!("version {version}");
-        return Err(Error::unsupported(place("snapshot.version"), found, VERSION.to_string()));
-    }
+    check_version(&keys)?;
     let aabb = match keys.find("snapshot.nerf.aabb_scale") {
         Some(_) => keys.integer("snapshot.nerf.aabb_scale", None, 128)?,
         None => keys.integer("snapshot.nerf.dataset.aabb_scale", Some(1), 128)?,
@@ -170,11 +170,75 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         reach,
         per_edge: 1.0,
         frame: frame(&keys)?,
-        occupancy: occupancy(&keys, limits)?,
+        occupancy: occupancy(&keys, cascades(aabb), crop(&keys)?, limits)?,
         rules: Rules { step, ends: 0.01, divides: true },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })
+}
+
+/// Refuses snapshots of other versions, and older ones, which state none.
+fn check_version(keys: &Keys<'_>) -> Result<()> {
+    let place = Place::Key("snapshot.version".to_owned());
+    let found = match keys.find("snapshot.version") {
+        None => "no version, as before July 2022".to_owned(),
+        Some(_) => match keys.integer("snapshot.version", None, i64::MAX)? {
+            VERSION => return Ok(()),
+            newer @ 2.. => {
+                let found = format!("version {newer}");
+                let error = Error::unsupported(place, found, VERSION.to_string());
+                return Err(error.advise(NEWER));
+            }
+            older => format!("version {older}"),
+        },
+    };
+    let error = Error::unsupported(place, found, VERSION.to_string());
+    Err(error
+        .advise("train the scene again with an Instant-NGP since July 2022, and save it there"))
+}
+
+/// Cubes of cells, each twice as large as the one before, up to that of the whole scene.
+fn cascades(aabb: i64) -> u32 {
+    (0..7u32).find(|&number| 1i64 << number >= aabb).map_or(8, |larger| larger + 1)
+}
+
+/// The part of the unit cube that is shown, if it is not all of it.
+fn crop(keys: &Keys<'_>) -> Result<Crop> {
+    let corner = |name: &str| -> Result<Option<[f64; 3]>> {
+        let path = format!("{CROP}.{name}");
+        keys.find(&path).map(|value| value.vector3(&path)).transpose()
+    };
+    let (Some(min), Some(max)) = (corner("min")?, corner("max")?) else { return Ok(Crop::None) };
+    let axes = || min.into_iter().zip(max);
+    if axes().all(|(min, max)| min <= 0.0 && max >= 1.0) {
+        return Ok(Crop::None);
+    }
+    if is_turned(keys)? {
+        return Ok(Crop::LeftOut);
+    }
+    let mut within = [[0.0, 1.0]; 3];
+    within.iter_mut().zip(axes()).for_each(|(own, (min, max))| *own = [min.max(0.0), max.min(1.0)]);
+    if !within.iter().all(|[low, high]| low < high) {
+        let place = Place::Key(CROP.to_owned());
+        let found = format!("a box from {min:?} to {max:?}");
+        return Err(Error::malformed(place, found, "a part of the unit cube"));
+    }
+    Ok(Crop::Box(within))
+}
+
+/// True if the box that is shown has axes of its own.
+fn is_turned(keys: &Keys<'_>) -> Result<bool> {
+    const UNIT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let Some(value) = keys.find(CROP_TURN) else { return Ok(false) };
+    let numbers = value.numbers(CROP_TURN)?;
+    // 3 x 3 numbers, of older versions 3 x 4.
+    let rotation: Vec<f64> = match numbers.len() {
+        12 => numbers.chunks_exact(4).flat_map(|row| row.iter().take(3)).copied().collect(),
+        _ => numbers,
+    };
+    let is_unit = rotation.len() == UNIT.len()
+        && rotation.iter().zip(UNIT).all(|(found, unit)| (found - unit).abs() < 1e-6);
+    Ok(!is_unit)
 }
 
 fn unsigned(value: i64) -> u64 {
@@ -230,8 +294,13 @@ fn shapes(keys: &Keys<'_>, name: &str, inputs: usize, outputs: usize) -> Result<
         let refuse = || Error::malformed(Place::Key(path.clone()), "0", format!("1 to {most}"));
         usize::try_from(found).ok().filter(|&found| found > 0).ok_or_else(refuse)
     };
+    let hidden = keys.integer(&format!("{name}.n_hidden_layers"), Some(1), MOST_LAYERS)?;
+    let hidden = usize::try_from(hidden).unwrap_or(0);
+    if hidden == 0 {
+        // One matrix, without a relu before it or behind it.
+        return Ok(vec![[outputs, inputs]]);
+    }
     let neurons = count("n_neurons", 64, MOST_NEURONS)?;
-    let hidden = count("n_hidden_layers", 1, MOST_LAYERS)?;
     let mut shapes = vec![[neurons, inputs]];
     shapes.resize(hidden, [neurons, neurons]);
     shapes.push([outputs, neurons]);
@@ -292,7 +361,7 @@ fn frame(keys: &Keys<'_>) -> Result<Frame> {
 }
 
 /// The cells whose density is above a threshold.
-fn occupancy(keys: &Keys<'_>, limits: &Limits) -> Result<Occupancy> {
+fn occupancy(keys: &Keys<'_>, cascades: u32, crop: Crop, limits: &Limits) -> Result<Occupancy> {
     let size = keys.integer("snapshot.density_grid_size", Some(128), MOST_CELLS)?;
     let side = usize::try_from(size).unwrap_or(0);
     if !side.is_power_of_two() {
@@ -301,9 +370,11 @@ fn occupancy(keys: &Keys<'_>, limits: &Limits) -> Result<Occupancy> {
     }
     let tensor = keys.tensor("snapshot.density_grid_binary")?;
     let cells = side.pow(3);
-    if tensor.element() != Element::U8 || tensor.count() < 2 * cells as u64 {
+    let bytes = 2 * cells as u64 * u64::from(cascades);
+    if tensor.element() != Element::U8 || tensor.count() != bytes {
         let found = format!("{} bytes", tensor.bytes());
-        let expected = format!("{} at least, for {cells} cells", 2 * cells);
+        let expected =
+            format!("{bytes}, two for each of {cells} cells of each of {cascades} cubes");
         return Err(Error::malformed(tensor.place(), found, expected));
     }
     let mut budget = Budget::new(limits);
@@ -314,5 +385,5 @@ fn occupancy(keys: &Keys<'_>, limits: &Limits) -> Result<Occupancy> {
     let sum: f64 = densities.iter().map(|density| f64::from(density.max(0.0))).sum();
     let least = OCCUPIED.min(sum / cells as f64);
     let occupied = densities.into_iter().map(|density| f64::from(density) > least);
-    Ok(Occupancy::new(side, occupied.collect()))
+    Ok(Occupancy::new(side, occupied.collect()).cropped(crop))
 }

@@ -53,7 +53,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let index = Arc::new(Index::other(cells.cells, arrays.rows.rows(), Box::new(leaves), &place)?);
     let (stored, density) = (arrays.basis.functions(), arrays.rows.width() - 1);
     let (channels, color_domain, view) = colors(&arrays.basis, options.view);
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.rows)],
     };
@@ -66,9 +66,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let interval = (f64::from(stepsize * voxel_size) / arrays.unit) as f32;
+    let key = |name: &str| Place::Key(name.to_owned());
     let field = RadianceField {
         scene: Scene {
-            bounds: cells.bounds(&Place::Key("invradius3".to_owned()))?,
+            bounds: cells.bounds(["invradius3", "offset"].map(key).each_ref())?,
             nodes: cells.nodes(),
             activation: Activation::relu(interval),
             march,
@@ -91,6 +92,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(TreeFile { arrays, functions })),
         family: Family::PlenOctree,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),

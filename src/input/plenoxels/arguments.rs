@@ -8,6 +8,8 @@ use sha2::{Digest, Sha256};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
+use crate::base::text::{quoted_numbers, without_mark};
+use crate::input::options::SourceOptions;
 
 /// The settings that a picture depends on. Those that are missing have svox2's defaults.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -71,8 +73,9 @@ fn parse(bytes: &[u8]) -> Result<RunArguments> {
         Error::malformed(place, error.to_string(), "the settings of a svox2 training run")
     };
     // A list would be taken for settings without names.
+    let text = String::from_utf8_lossy(without_mark(bytes));
     let settings: serde_json::Map<String, serde_json::Value> =
-        serde_json::from_slice(bytes).map_err(malformed)?;
+        serde_json::from_str(&quoted_numbers(&text)).map_err(malformed)?;
     let arguments: RunArguments = serde_json::from_value(settings.into()).map_err(malformed)?;
     arguments.check()?;
     Ok(arguments)
@@ -98,7 +101,9 @@ impl RunArguments {
         let near = self.near_clip;
         require("near_clip", near, near >= 0.0 && near.is_finite(), "a distance of 0 or more")?;
         let scale = self.scene_scale.unwrap_or(1.0);
-        require("scene_scale", scale, scale > 0.0 && scale.is_finite(), "a number above 0")?;
+        #[expect(clippy::cast_possible_truncation, reason = "used in float32")]
+        let holds = SourceOptions::SCALES.contains(&(scale as f32));
+        require("scene_scale", scale, holds, "a number from 1e-9 to 1e9")?;
         let refuse = |name: &str, found: String, expected: &str| {
             Err(Error::unsupported(key(name), found, expected))
         };

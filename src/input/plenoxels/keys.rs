@@ -6,6 +6,7 @@ use super::arrays::Arrays;
 use super::lightning;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
+use crate::input::options::SourceOptions;
 use crate::input::sparse::{CellBox, Index, RowArray};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 
@@ -21,13 +22,18 @@ pub fn knows(file: &TensorFile) -> bool {
     lightning::knows(file) || has("links") && (has("sh_data") || has("density_data") || has("data"))
 }
 
+/// True for files that do not state their cells, which an option may.
+pub fn takes_resolution(file: &TensorFile) -> bool {
+    lightning::knows(file)
+}
+
 /// Finds the arrays; nothing of svox2's own is read.
-pub(super) fn find(file: &TensorFile, drop_background: bool, limits: &Limits) -> Result<Arrays> {
+pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Arrays> {
     let root = &file.root;
     refuse_basis(root)?;
-    refuse_background(file, drop_background)?;
+    refuse_background(file, options.drop_background)?;
     if lightning::knows(file) {
-        let arrays = lightning::find(file, limits)?;
+        let arrays = lightning::find(file, options.resolution, limits)?;
         return arrays.checked(&Place::Tensor("model.sh_data".to_owned()));
     }
     let tensor = |key: &str| -> Result<&Tensor> {

@@ -7,8 +7,8 @@
 //! | `state_dict.model.sh_data` | coefficients, uint8: a value is `q * scale + min` by column |
 //! | `model.sh_data_min`, `model.sh_data_scale` | and the same of `density_data` where it is uint8 |
 //!
-//! No file states the cells along an axis, which are a power of 2 and the same for all: the least
-//! that holds all cells is taken, and said.
+//! No file states the cells along an axis, which are the same for all axes. Without an option they
+//! are the least power of 2 that holds all cells, and that is said.
 
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ pub(super) fn knows(file: &TensorFile) -> bool {
 }
 
 /// Finds the arrays, and reads the cells of all rows.
-pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Arrays> {
+pub(super) fn find(file: &TensorFile, side: Option<usize>, limits: &Limits) -> Result<Arrays> {
     let tensor = |key: &str| -> Result<&Tensor> {
         value(file, key).and_then(Value::tensor).ok_or_else(|| {
             let place = Place::Tensor(key.to_owned());
@@ -54,8 +54,14 @@ pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Arrays> {
                 return Err(Error::malformed(data.place(), found, "[rows, at most 64 numbers]"));
             }
         };
-        if data.element() != Element::U8 {
-            return RowArray::new(data, width, limits);
+        match data.element() {
+            Element::U8 => {}
+            Element::I8 | Element::I16 | Element::U16 | Element::I32 | Element::I64 => {
+                let found = format!("quantized numbers as {}", data.element().name());
+                let error = Error::unsupported(data.place(), found, "uint8, or floats");
+                return Err(error.advise("save the scene with 8 bits, or without quantization"));
+            }
+            _ => return RowArray::new(data, width, limits),
         }
         let column = |name: String| -> Result<Vec<f32>> {
             let found = tensor(&name)?;
@@ -76,7 +82,7 @@ pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Arrays> {
     };
     let (density, color) = (Arc::new(rows("density_data")?), Arc::new(rows("sh_data")?));
     let links = tensor("model.links_idx")?;
-    let cells = Cells::read(links, limits)?;
+    let cells = Cells::read(links, side, limits)?;
     if cells.rows.len() as u64 != density.rows() {
         let found = format!("{} cells", cells.rows.len());
         let expected = format!("{}, as density_data has", density.rows());
@@ -105,7 +111,7 @@ struct Cells {
 }
 
 impl Cells {
-    fn read(tensor: &Tensor, limits: &Limits) -> Result<Self> {
+    fn read(tensor: &Tensor, side: Option<usize>, limits: &Limits) -> Result<Self> {
         let place = tensor.place();
         if !matches!(tensor.element(), Element::I32 | Element::I64) {
             let found = format!("{} numbers", tensor.element().name());
@@ -123,6 +129,13 @@ impl Cells {
         let mut rows: Vec<(u32, u32)> = cells.zip(0..).collect();
         rows.sort_unstable();
         let last = rows.last().map_or(0, |(cell, _)| *cell as usize);
+        if let Some(side) = side {
+            let least = (2..=most).find(|side| side.pow(3) > last).unwrap_or(most);
+            let expected = format!("{least} to {most} cells, for the last cell is number {last}");
+            let holds = (least..=most).contains(&side);
+            Error::require_option(holds, "resolution", side, &expected)?;
+            return Ok(Self { side, rows });
+        }
         let mut side = least;
         while side.pow(3) <= last {
             side *= 2;

@@ -35,5 +35,5 @@ mod lightning;
 mod model;
 mod open;
 
-pub use keys::knows;
+pub use keys::{knows, takes_resolution};
 pub use open::open_tensors;

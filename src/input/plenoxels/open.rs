@@ -25,7 +25,7 @@ const OFFSET: f32 = 0.5;
 /// `Unsupported` for other bases, scenes in normalised device coordinates, renderers that do not
 /// interpolate, and backgrounds; `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    let arrays = find(file, options.drop_background, limits)?;
+    let arrays = find(file, options, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;
     let mut assumptions = Vec::new();
     let (mut companions, mut recorded) = (Vec::new(), Vec::new());
@@ -34,6 +34,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         Some(ArgumentsFile { path, digest, arguments }) => {
             companions.push(Companion { role: "args", path, digest });
             recorded = vec!["stepsize", "near", "background"];
+            if arguments.scene_scale.is_none() && options.scene_scale.is_none() {
+                assumptions.push(data_set_scale(&arguments.dataset_type));
+            }
             run = arguments;
         }
         None if options.stepsize.is_none() || options.background.is_none() => {
@@ -56,14 +59,15 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             message: "option drop-background: the spheres behind the box are left out".to_owned(),
         });
     }
-    if lightning::knows(file) {
+    if lightning::knows(file) && options.resolution.is_none() {
         let [side, _, _] = arrays.index.nodes().0;
         assumptions.push(Assumption {
             key: "cells",
             value: side.to_string(),
             message: format!(
                 "the checkpoint does not state its grid: assuming {side} cells along each axis, \
-                 the least power of 2 that holds all of them"
+                 the least power of 2 that holds all of them; option resolution sets them (384 in \
+                 some of its configurations)"
             ),
         });
     }
@@ -89,7 +93,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ),
     };
     // The digest of an archive has the checksums of all values.
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
@@ -113,6 +117,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(PlenoxelsFile { arrays, run, harmonics })),
         family: Family::Plenoxels,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale,
         assumptions,
         recorded,
@@ -122,10 +127,24 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
+/// What is made of a run whose scale its data set chose.
+fn data_set_scale(kind: &str) -> Assumption {
+    Assumption {
+        key: "scene_scale",
+        value: "1".to_owned(),
+        message: format!(
+            "args.json leaves the scale of cameras to the data set (dataset_type {kind}), and its \
+             own is not stored: assuming 1; option scene-scale sets the trained one (0.6667 for \
+             NeRF's synthetic scenes)"
+        ),
+    }
+}
+
 /// The scene of the field.
 #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
 fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result<Scene> {
     let (stepsize, voxel_size) = (run.step_size as f32, cells.voxel_size());
+    let tensor = |name: &str| Place::Tensor(name.to_owned());
     let march = March {
         near: run.near_clip as f32,
         color_threshold: options.color_threshold.unwrap_or(0.0),
@@ -134,7 +153,7 @@ fn scene(cells: &CellBox, run: &RunArguments, options: &SourceOptions) -> Result
         ..March::new(stepsize, voxel_size)
     };
     Ok(Scene {
-        bounds: cells.bounds(&Place::Tensor("radius".to_owned()))?,
+        bounds: cells.bounds(["radius", "center"].map(tensor).each_ref())?,
         nodes: cells.nodes(),
         activation: Activation::relu(stepsize * voxel_size),
         march,

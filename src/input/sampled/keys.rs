@@ -35,9 +35,13 @@ pub(super) fn numbers(file: &TensorFile, key: &str) -> Result<Option<Vec<f64>>> 
     let Value::Text(text) = value else { return value.numbers(key).map(Some) };
     let plain = text.trim_matches(['[', ']', ' ']);
     let numbers: Option<Vec<f64>> = plain.split(',').map(|part| part.trim().parse().ok()).collect();
-    numbers
-        .map(Some)
-        .ok_or_else(|| Error::malformed(Place::Key(key.to_owned()), format!("{text:?}"), "numbers"))
+    numbers.map(Some).ok_or_else(|| {
+        Error::malformed(
+            Place::Key(key.to_owned()),
+            format!("{text:?}"),
+            "numbers with commas between, such as 1,1,1",
+        )
+    })
 }
 
 /// One finite number.
@@ -196,6 +200,6 @@ fn bounds(file: &TensorFile) -> Result<Bounds> {
     };
     let corner = |corner: [f64; 3]| corner.map(|value| value as f32);
     let bounds = Bounds { min: corner([a, b, c]), max: corner([d, e, f]) };
-    bounds.check(&place)?;
+    bounds.check_model(&place)?;
     Ok(bounds)
 }

@@ -7,13 +7,15 @@ use super::model::SampledFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
-use crate::input::source::{Family, Source};
+use crate::input::source::{Assumption, Family, Source};
 use crate::input::sparse::{Channel, RowGrid};
-use crate::input::tensor::TensorFile;
+use crate::input::tensor::{TensorFile, Value};
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
 
+/// Plain colours go up to 1, and a little beyond where they were interpolated.
+const BRIGHTEST: f32 = 2.0;
 /// Step length in voxels of files that state none.
 const STEPSIZE: f32 = 0.5;
 
@@ -47,13 +49,17 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (channels, Some(ViewDependence::Harmonics(field)))
         }
     };
-    let unchecked = match file.kind.has_checksums() {
+    let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
     let grid = |array, channels| {
         let index = &arrays.index;
         Grid::Values(Arc::new(RowGrid::new(index, array, channels, 0, unchecked.clone())))
+    };
+    let assumptions = match arrays.harmonics {
+        None => bright_colors(file)?.into_iter().collect(),
+        Some(_) => Vec::new(),
     };
     let (scene, recorded) = scene(file, &arrays, options)?;
     let field = RadianceField {
@@ -71,13 +77,29 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(SampledFile { arrays, stored, step })),
         family: Family::Sampled,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
-        assumptions: Vec::new(),
+        assumptions,
         recorded,
         digest: file.digest,
         file: Arc::clone(&file.file),
         companions: Vec::new(),
     })
+}
+
+/// What is made of plain colours that go far beyond white.
+fn bright_colors(file: &TensorFile) -> Result<Option<Assumption>> {
+    let Some(tensor) = file.root.get("color").and_then(Value::tensor) else { return Ok(None) };
+    let colors = tensor.glance()?.into_iter().filter(|value| value.is_finite());
+    let most = colors.fold(0.0, f32::max);
+    Ok((most > BRIGHTEST).then(|| Assumption {
+        key: "color",
+        value: most.to_string(),
+        message: format!(
+            "color goes up to {most} or more, expected 0 to 1: taken as it is, which looks white; \
+             divide it by 255 if it counts from 0 to 255"
+        ),
+    }))
 }
 
 /// The scene, and the names of settings that the file states.

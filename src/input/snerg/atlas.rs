@@ -101,10 +101,11 @@ impl Atlas {
             }
             budget.spend(decoded, "bytes of pictures", &place)?;
             let size = [width, PLANES * height];
+            let half = limits.shared_by(2);
             let (colors, features) = parallel::join(
-                || pictures.folder.read(&rgba_name(slice), size, limits),
+                || pictures.folder.read(&rgba_name(slice), size, &half),
                 || match pictures.features {
-                    true => pictures.folder.read(&feature_name(slice), size, limits).map(Some),
+                    true => pictures.folder.read(&feature_name(slice), size, &half).map(Some),
                     false => Ok(None),
                 },
             );

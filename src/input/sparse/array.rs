@@ -8,8 +8,10 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::base::lock::lock;
 use crate::input::tensor::Tensor;
-use crate::model::grid::Element;
+use crate::model::grid::{Element, Nodes};
 
+/// The remedy for values that are not finite where no option helps.
+const NOT_FINITE: &str = "retrain: these values are part of the scene";
 /// Rows closer than this many bytes are read as one: a gap costs less than a call.
 const BRIDGED_BYTES: u64 = 4096;
 /// Bytes that are read at once, at most, unless one row is longer.
@@ -198,15 +200,50 @@ impl RowArray {
         }
     }
 
-    /// Refuses values that are not finite.
+    /// Refuses values that are not finite, where rows are no nodes.
     ///
     /// # Errors
-    /// `NonFinite`, with the number of the first one's row.
+    /// `Malformed`, with the number of the first one's row.
     pub fn check_finite(&self, values: &[f32]) -> Result<()> {
         let Some(at) = values.iter().position(|value| !value.is_finite()) else { return Ok(()) };
-        let count = values.iter().filter(|value| !value.is_finite()).count() as u64;
-        let first = [at % self.width, at / self.width, 0, 0];
-        Err(Error::new(ErrorKind::NonFinite { count, first }, self.place.clone()))
+        let count = values.iter().filter(|value| !value.is_finite()).count();
+        let (row, column) = (at / self.width, at % self.width);
+        let found =
+            format!("{count} values that are not finite, the first in row {row}, column {column}");
+        Err(Error::malformed(self.place.clone(), found, "finite numbers").advise(NOT_FINITE))
+    }
+
+    /// Refuses values that are not finite at nodes, of which `row` is each one's row. Rows of no node
+    /// do not matter.
+    ///
+    /// # Errors
+    /// `NonFinite`, with the first node.
+    pub(super) fn check_nodes(
+        &self,
+        values: &[f32],
+        nodes: Nodes,
+        row: impl Fn([usize; 3]) -> Option<usize>,
+    ) -> Result<()> {
+        if values.iter().all(|value| value.is_finite()) {
+            return Ok(());
+        }
+        let (mut count, mut first) = (0, None);
+        let [nx, ny, nz] = nodes.0;
+        for at in 0..nx * ny * nz {
+            let [x, y, z] = [at / (ny * nz), at / nz % ny, at % nz];
+            let start = row([x, y, z]).map_or(usize::MAX, |row| row.saturating_mul(self.width));
+            let values = values.get(start..start.saturating_add(self.width)).unwrap_or_default();
+            for (column, _) in values.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
+                count += 1;
+                first.get_or_insert([column, x, y, z]);
+            }
+        }
+        match first {
+            Some(first) => {
+                Err(Error::new(ErrorKind::NonFinite { count, first }, self.place.clone()))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Calls `see` with one column of all rows, in pieces.

@@ -34,8 +34,17 @@ impl CellBox {
     ///
     /// # Errors
     /// `Malformed` for a box without extent, and for one that is far thinner along one axis than
-    /// along another, at `place`.
-    pub fn bounds(&self, place: &Place) -> Result<Bounds> {
+    /// along another, at the place of the radius; for a middle far from 0, at its own.
+    pub fn bounds(&self, [place, center]: [&Place; 2]) -> Result<Bounds> {
+        let is_far = |at: &f64| !(-Bounds::FARTHEST..=Bounds::FARTHEST).contains(at);
+        if let Some(far) = self.radius.into_iter().find(is_far) {
+            let found = format!("half an edge of {far}");
+            return Err(Error::malformed(place.clone(), found, "edges up to 2e10"));
+        }
+        if let Some(far) = self.center.into_iter().find(is_far) {
+            let found = format!("the middle of a box at {far}");
+            return Err(Error::malformed(center.clone(), found, "one within 1e10 of 0"));
+        }
         let radii = self.radius.map(f64::abs);
         let [thinnest, widest] =
             [f64::min, f64::max].map(|end| radii.into_iter().fold(radii[0], end));
@@ -45,7 +54,7 @@ impl CellBox {
             return Err(Error::malformed(place.clone(), found, expected));
         }
         let bounds = self.reaching(|radius, count| radius * (1.0 + 1.0 / count));
-        bounds.check(place)?;
+        bounds.check_model(place)?;
         Ok(bounds)
     }
 

@@ -102,7 +102,9 @@ impl Index {
             let found = format!("{rows} rows for {} blocks of {edge} nodes a side", places.len());
             return Err(Error::malformed(place.clone(), found, "one for each node"));
         }
-        let mut table = vec![NO_ROW; counts.iter().product()];
+        let slots = crate::base::limits::product(&counts.map(|n| n as u64), "blocks", place)?;
+        let mut table: Vec<u32> = Budget::new(limits).zeroed(slots, "bytes of blocks", place)?;
+        table.fill(NO_ROW);
         for (number, block) in places.iter().enumerate() {
             let slot = (0..3).try_fold(0usize, |slot, axis| {
                 let (&at, &count) = (block.get(axis)?, counts.get(axis)?);

@@ -49,7 +49,7 @@ impl LoadedRows {
         let color = [arrays.len().saturating_sub(1), width(arrays.last()), color];
         let loaded = arrays.iter().map(|array| {
             let values = array.values(budget)?;
-            array.check_finite(&values).map(|()| values)
+            array.check_nodes(&values, index.nodes(), |node| index.row(node)).map(|()| values)
         });
         let loaded: Vec<Vec<f32>> = loaded.collect::<Result<_>>()?;
         let is_full = |node: [usize; 3]| {

@@ -6,16 +6,14 @@
 
 use std::ops::Range;
 
+use super::load::load;
+use super::unread::Unread;
 use super::zip::Data;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::model::field::Volume;
 use crate::model::grid::{Element, Nodes};
-
-/// Storages up to this many bytes are read whole when a part of them is needed, so that their
-/// checksum can be verified.
-const SMALL: u64 = 1 << 20;
 
 /// Most axes of a tensor; the same bound as PyTorch's and NumPy's.
 const AXES: u64 = 64;
@@ -86,6 +84,33 @@ impl Tensor {
         Self::new(name, element, shape, strides, 0, data)
     }
 
+    /// A tensor whose numbers are of a kind that is not read, told in `what`. Its shape is as stated.
+    ///
+    /// # Errors
+    /// `Overflow` where its sizes do.
+    pub fn unread(name: String, shape: Vec<u64>, what: String) -> Result<Self> {
+        let count = limits::product(&shape, "element count", &Place::Tensor(name.clone()))? as u64;
+        let data = Data::Unread(Unread { tensor: name.clone(), what }.into());
+        let strides = vec![0; shape.len()];
+        Ok(Self { name, element: Element::F32, shape, strides, first: 0, count, data })
+    }
+
+    /// The kind of a tensor that is not read.
+    pub fn unread_kind(&self) -> Option<&str> {
+        match &self.data {
+            Data::Unread(unread) => Some(&unread.what),
+            _ => None,
+        }
+    }
+
+    /// Refuses a tensor that is not read.
+    fn check_read(&self) -> Result<()> {
+        match &self.data {
+            Data::Unread(unread) => Err(unread.error()),
+            _ => Ok(()),
+        }
+    }
+
     /// Its name: the keys that lead to it, with dots between.
     pub fn name(&self) -> &str {
         &self.name
@@ -106,8 +131,11 @@ impl Tensor {
         self.count
     }
 
-    /// Bytes of its elements.
+    /// Bytes of its elements; none of those that are not read.
     pub fn bytes(&self) -> u64 {
+        if self.unread_kind().is_some() {
+            return 0;
+        }
         self.count * self.element.size() as u64
     }
 
@@ -160,6 +188,7 @@ impl Tensor {
 
     /// All values in C order of a tensor of bools or bytes; see [`Tensor::read_f32`].
     pub fn read_bool(&self, budget: &mut Budget) -> Result<Vec<bool>> {
+        self.check_read()?;
         if !matches!(self.element, Element::Bool | Element::U8) {
             return Err(Error::malformed(
                 self.place(),
@@ -178,6 +207,7 @@ impl Tensor {
     /// `Malformed` where the shape is another or the numbers are not floating point, `OverLimit`
     /// where it is too large.
     pub fn volume(&self, limits: &Limits) -> Result<Volume> {
+        self.check_read()?;
         let place = self.place();
         if !matches!(self.element, Element::F16 | Element::BF16 | Element::F32 | Element::F64) {
             return Err(Error::malformed(
@@ -240,8 +270,10 @@ impl Tensor {
             let expected = format!("parts up to {number}, and components up to {}", range.end);
             return Err(Error::malformed(self.place(), found, expected));
         }
-        // Both are inside of the array, whose every element was checked.
-        part.first += number * by + range.start * step;
+        // Both are inside of an array that has elements, for each of them was checked.
+        if self.count > 0 {
+            part.first += number * by + range.start * step;
+        }
         part.count = self.count / parts / count * (range.end - range.start);
         part.shape.splice(..2, [1, range.end - range.start]);
         Ok(part)
@@ -262,6 +294,15 @@ impl Tensor {
         self.first..self.first + reach.sum::<u64>() + 1
     }
 
+    /// Elements of [`Self::span`].
+    pub(super) fn span_length(&self) -> u64 {
+        if self.count == 0 {
+            return 0;
+        }
+        let span = self.span();
+        span.end - span.start
+    }
+
     pub(super) fn is_dense(&self) -> bool {
         if self.count == 0 {
             return true;
@@ -276,6 +317,7 @@ impl Tensor {
 
     /// The elements' bytes in C order.
     pub(super) fn packed(&self, budget: &mut Budget) -> Result<Vec<u8>> {
+        self.check_read()?;
         if self.count == 0 {
             return Ok(Vec::new());
         }
@@ -311,37 +353,6 @@ impl Tensor {
         }
         Ok(packed)
     }
-}
-
-/// Reads elements `start..end` of `storage`; verifies its checksum if that takes no more than
-/// reading a small storage whole.
-fn load(
-    storage: &Storage,
-    start: u64,
-    end: u64,
-    size: u64,
-    budget: &mut Budget,
-    place: &Place,
-) -> Result<Vec<u8>> {
-    let length = limits::product(&[end - start, size], "tensor", place)?;
-    let mut bytes: Vec<u8> = budget.zeroed(length, "tensor bytes", place)?;
-    storage.read_into(start * size, &mut bytes)?;
-    let Some(expected) = storage.crc32() else { return Ok(bytes) };
-    let whole = storage.length();
-    let found = if length as u64 == whole {
-        crc32fast::hash(&bytes)
-    } else if whole <= SMALL {
-        let mut all = vec![0; limits::product(&[whole], "storage", place)?];
-        storage.read_into(0, &mut all)?;
-        crc32fast::hash(&all)
-    } else {
-        return Ok(bytes);
-    };
-    if found == expected {
-        return Ok(bytes);
-    }
-    let what = "the tensor's storage".into();
-    Err(Error::new(ErrorKind::Checksum { what, found, expected }, place.clone()))
 }
 
 fn dense_strides(shape: &[u64]) -> Vec<u64> {

@@ -12,6 +12,8 @@ pub struct TensorFile {
     pub kind: FileKind,
     /// Contents of the file.
     pub root: Value,
+    /// True if the digest holds checksums of all values.
+    pub has_checksums: bool,
     /// SHA-256 that stands for its content: for archives that of the directory (names, sizes,
     /// checksums) with the pickle or array headers, for safetensors the header.
     pub digest: [u8; 32],
@@ -61,11 +63,6 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// True if a digest holds checksums of all values.
-    pub const fn has_checksums(self) -> bool {
-        matches!(self, Self::Torch | Self::Npz | Self::Vdb)
-    }
-
     /// Its name, as people know it.
     pub const fn name(self) -> &'static str {
         match self {

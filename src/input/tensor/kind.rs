@@ -5,6 +5,10 @@ use super::parameters::is_parameters;
 use super::vdb::is_vdb;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
+use crate::base::text::without_mark;
+
+/// Bytes of the header of a PLY file, at most, that are looked through.
+const LONGEST_PLY_HEADER: u64 = 1 << 13;
 
 /// True if a file starts like one of tensors.
 ///
@@ -38,6 +42,14 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
     }))
 }
 
+/// True for a PLY file of Gaussian splats, whose header names their colours.
+pub(super) fn is_splats(file: &SourceFile) -> Result<bool> {
+    let count = file.length().min(LONGEST_PLY_HEADER);
+    let start = file.read(0, count, count)?;
+    let names = |name: &[u8]| start.windows(name.len()).any(|window| window == name);
+    Ok(start.starts_with(b"ply") && names(b"f_dc_0") && names(b"rot_0"))
+}
+
 /// As many bytes as tell a file's kind.
 pub(super) fn start(file: &SourceFile) -> Result<Vec<u8>> {
     let count = file.length().min(264);
@@ -68,13 +80,36 @@ pub(super) fn old_checkpoint(start: &[u8]) -> Option<&'static str> {
             "a checkpoint in the format of PyTorch before 1.6 (load and save it again with \
              torch.save of any newer version)"
         }
-        _ if start.get(257..262) == Some(b"ustar") => {
+        _ if is_tar(start) && LEGACY_ENTRIES.iter().any(|name| start.starts_with(name)) => {
             "a tar file (the first checkpoints of PyTorch were; load and save it again with \
              torch.save of a version since 1.6)"
         }
         [0x80, 2..=5, ..] => "a bare pickle without tensors",
         _ => return None,
     })
+}
+
+/// Entries of the first checkpoints of PyTorch.
+const LEGACY_ENTRIES: [&[u8]; 4] = [b"sys_info\0", b"pickle\0", b"storages\0", b"tensors\0"];
+
+fn is_tar(start: &[u8]) -> bool {
+    start.get(257..262) == Some(b"ustar")
+}
+
+/// The kind of a text that a download leaves in place of a file.
+fn no_download(start: &[u8]) -> Option<&'static str> {
+    let text = without_mark(start).trim_ascii_start();
+    let starts = |with: &str| {
+        text.get(..with.len()).is_some_and(|text| text.eq_ignore_ascii_case(with.as_bytes()))
+    };
+    if starts("version https://git-lfs.github.com/spec/") {
+        return Some("a Git LFS pointer, which stands for the file (fetch the file: git lfs pull)");
+    }
+    if ["<!doctype html", "<html", "<head", "<body"].into_iter().any(starts) {
+        return Some("a web page in place of the file (download the file again)");
+    }
+    starts("<?xml")
+        .then_some("an XML text, such as the error of a download (if so, download the file again)")
 }
 
 /// The format of a file that starts so, if it is one that people mistake for a scene.
@@ -91,6 +126,7 @@ fn other_format(start: &[u8]) -> Option<&'static str> {
         [b'G', b'I', b'F', b'8', ..] => "a GIF picture",
         [0x76, 0x2f, 0x31, 0x01, ..] => "an OpenEXR picture",
         [b'p', b'l', b'y', b'\n' | b'\r', ..] => "a PLY file",
-        _ => return None,
+        _ if is_tar(start) => "a tar file (unpack it first, and name the file in it)",
+        _ => return no_download(start),
     })
 }

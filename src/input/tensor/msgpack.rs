@@ -89,6 +89,7 @@ pub(super) fn open(
         piece: (0, Vec::new()),
         left: limits.pickle_objects,
         texts: limits.header_bytes,
+        budget: Budget::new(limits),
         digest: Digest::new("msgpack"),
     };
     let root = document.value(String::new(), 0)?;
@@ -97,7 +98,7 @@ pub(super) fn open(
         return Err(Error::malformed(Place::Offset(document.at), found, "none"));
     }
     let (kind, digest) = (FileKind::Msgpack, document.digest.finish());
-    Ok(TensorFile { kind, root, digest, file: Arc::clone(file) })
+    Ok(TensorFile { kind, root, has_checksums: false, digest, file: Arc::clone(file) })
 }
 
 /// The document inside of a packed file, in a nameless file.
@@ -133,6 +134,8 @@ struct Document<'a> {
     /// Values that may still come, and bytes of texts.
     left: u64,
     texts: u64,
+    /// Memory for values.
+    budget: Budget,
     digest: Digest,
 }
 
@@ -164,6 +167,9 @@ impl Document<'_> {
         let start = self.at;
         limits::check("values", 1, self.left, &Place::Offset(start))?;
         self.left -= 1;
+        // Lists and maps take up to half as much again while they grow.
+        let bytes = size_of::<(String, Value)>() as u64 * 3 / 2;
+        self.budget.spend(bytes, "bytes of values", &Place::Offset(start))?;
         let [marker] = self.take()?;
         Ok(match marker {
             0..=0x7f => Value::Int(marker.into()),

@@ -38,25 +38,56 @@ pub(super) fn open(
     }
     let mut digest = Digest::new("npz");
     digest.directory(archive.entries());
+    let names: Vec<Option<&str>> =
+        archive.entries().iter().map(|entry| array_name(&entry.name)).collect();
+    let folder = common_folder(names.iter().copied().flatten());
     let mut root = Vec::with_capacity(archive.entries().len());
-    for (number, entry) in archive.entries().iter().enumerate() {
-        let Some(name) = entry.name.strip_suffix(EXTENSION) else {
-            return Err(Error::unsupported(
-                Place::Entry(entry.name.clone()),
-                "a zip entry that is no array",
-                "a PyTorch checkpoint (with data.pkl) or a NumPy archive (.npy entries only)",
-            ));
-        };
+    for (number, (entry, name)) in archive.entries().iter().zip(names).enumerate() {
+        let Some(name) = name.and_then(|name| name.get(folder..)) else { continue };
         let (value, header) = read_array(archive, number, entry, name, limits)?;
         digest.bytes(&header);
         root.push((name.to_owned(), value));
     }
+    if root.is_empty() {
+        return Err(without_arrays(archive));
+    }
     Ok(TensorFile {
         kind: FileKind::Npz,
+        has_checksums: archive.states_sums(),
         root: Value::Dict(root),
         digest: digest.finish(),
         file: Arc::clone(file),
     })
+}
+
+/// The name of an array; none of other entries, such as notes, folders and what a Mac keeps of
+/// files that it packs (`__MACOSX/._NAME`).
+fn array_name(entry: &str) -> Option<&str> {
+    let name = entry.strip_suffix(EXTENSION)?;
+    let is_mac = name.split('/').any(|part| part == "__MACOSX" || part.starts_with("._"));
+    (!is_mac && !name.is_empty()).then_some(name)
+}
+
+/// Bytes of the folder that all arrays lie in: archives that were packed from a folder.
+fn common_folder<'a>(mut names: impl Iterator<Item = &'a str> + Clone) -> usize {
+    let first = names.clone().next().unwrap_or_default();
+    let ends = first.match_indices('/').map(|(at, _)| at + 1);
+    let mut shared = ends.filter(|&end| names.clone().all(|name| name.starts_with(&first[..end])));
+    let end = shared.next_back().unwrap_or(0);
+    match names.any(|name| name.len() == end) {
+        true => 0,
+        false => end,
+    }
+}
+
+/// The error for a zip file of other things.
+fn without_arrays(archive: &Archive) -> Error {
+    let expected = "a PyTorch checkpoint (with data.pkl) or a NumPy archive (with .npy entries)";
+    let files = archive.entries().iter().filter(|entry| !entry.name.ends_with('/'));
+    let first = files.map(|entry| entry.name.as_str()).next().unwrap_or_default();
+    let found = format!("a zip file without arrays, with {first}");
+    let error = Error::unsupported(Place::File, found, expected);
+    error.advise("unpack it, and name the file in it")
 }
 
 /// Reads an array's header.
@@ -101,12 +132,16 @@ fn read_array(
         })?;
         return Ok((Value::Text(text), header));
     }
-    let element = element(&described.descr, name)?;
+    let Some(element) = element(&described.descr) else {
+        let kind = format!("a NumPy array of type {}", described.descr);
+        let tensor = Tensor::unread(name.to_owned(), described.shape, kind)?;
+        return Ok((Value::Tensor(tensor), header));
+    };
     let data = match archive.data(number)? {
         Data::Stored(Storage::File { file, range, .. }) => Data::Stored(Storage::File {
             file,
             range: range.start + skip..range.end,
-            crc32: Some(checksum_after(entry, &header)),
+            crc32: archive.states_sums().then(|| checksum_after(entry, &header)),
         }),
         Data::Deflated { archive, entry, .. } => Data::Deflated { archive, entry, skip },
         stored => stored,
@@ -140,16 +175,10 @@ fn checksum_after(entry: &Entry, head: &[u8]) -> u32 {
     shifted.finalize() ^ entry.crc32
 }
 
-fn element(descr: &serde_json::Value, name: &str) -> Result<Element> {
-    let unsupported = || {
-        Error::unsupported(
-            Place::Tensor(name.into()),
-            format!("elements of type {descr}"),
-            "little-endian f2, f4, f8, or b1, u1, i1, i2, i4, i8",
-        )
-    };
+/// The type of numbers that are read.
+fn element(descr: &serde_json::Value) -> Option<Element> {
     let plain = descr.as_str().map(|descr| descr.trim_start_matches(['<', '|', '=']));
-    plain.and_then(Element::from_numpy).ok_or_else(unsupported)
+    plain.and_then(Element::from_numpy)
 }
 
 /// The header of an array.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::TensorFile;
-use super::kind::{describe, is_safetensors, is_zip, old_checkpoint, start};
+use super::kind::{describe, is_safetensors, is_splats, is_zip, old_checkpoint, start};
 use super::zip::Archive;
 use super::{msgpack, npz, parameters, safetensors, torch, vdb};
 use crate::base::bytes::SourceFile;
@@ -52,8 +52,13 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
                     snapshot, a SNeRG folder, or an OpenVDB file";
+    if is_splats(file)? {
+        let error = Error::unsupported(Place::File, "Gaussian splats (a PLY file)", expected);
+        return Err(error.advise("splats have no density to bake: name the file of a field"));
+    }
     Err(match old_checkpoint(&start) {
-        Some(found) => Error::unsupported(Place::File, found, expected),
+        Some(found) => Error::unsupported(Place::File, found, expected)
+            .advise("save the model again with torch.save, as a dictionary of tensors"),
         None => Error::wrong_kind(describe(file)?, expected),
     })
 }

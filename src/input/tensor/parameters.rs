@@ -12,6 +12,7 @@ use super::value::{Value, joined_name};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Limits};
+use crate::base::text::quoted_numbers;
 
 /// Longer texts describe no folder: pictures hold its values.
 const LONGEST: u64 = 4 << 20;
@@ -37,16 +38,18 @@ pub fn is_parameters(file: &SourceFile) -> Result<bool> {
 /// Opens such a text.
 pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     let bytes = file.read(0, file.length(), limits.header_bytes)?;
-    let json: serde_json::Value = serde_json::from_slice(&bytes).map_err(|error| {
-        let place = Place::Key(format!("line {}", error.line()));
-        Error::malformed(place, error.to_string(), "a JSON object of parameters")
-    })?;
+    let text = String::from_utf8_lossy(&bytes);
+    let json: serde_json::Value =
+        serde_json::from_str(&quoted_numbers(&text)).map_err(|error| {
+            let place = Place::Key(format!("line {}", error.line()));
+            Error::malformed(place, error.to_string(), "a JSON object of parameters")
+        })?;
     let mut digest = Digest::new("parameters");
     digest.bytes(&bytes);
     let mut left = limits.entries;
     let root = value(String::new(), json, &mut left)?;
     let (kind, digest) = (FileKind::Folder, digest.finish());
-    Ok(TensorFile { kind, root, digest, file: Arc::clone(file) })
+    Ok(TensorFile { kind, root, has_checksums: false, digest, file: Arc::clone(file) })
 }
 
 /// A value of the text. `left` counts the values that may still come.

@@ -12,6 +12,10 @@ use crate::base::limits::Budget;
 const IN_MEMORY: u64 = 32 << 20;
 /// Bytes that are read at once while a checksum is taken.
 const PIECE: usize = 1 << 20;
+/// Pieces that a glance takes of a tensor, evenly from its first number to its last, and numbers of
+/// each.
+const GLANCES: u64 = 64;
+const GLANCE: u64 = 4096;
 
 impl Tensor {
     /// The tensor's bytes in C order. Bytes that are stored as they are stay in their file;
@@ -58,6 +62,45 @@ impl Tensor {
                 })
             }
         }
+    }
+}
+
+impl Tensor {
+    /// Some of the numbers, which tell their range as a rule. Nothing is verified, and of compressed
+    /// ones only the first are looked at.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn glance(&self) -> Result<Vec<f32>> {
+        let size = self.element().size() as u64;
+        let most = self.span_length().min(GLANCES * GLANCE);
+        let mut numbers = Vec::new();
+        match &self.data {
+            Data::Unread(_) => {}
+            Data::Deflated { archive, entry, skip } => {
+                let bytes = archive.head(*entry, skip + (self.first + most) * size)?;
+                let start = usize::try_from(skip + self.first * size).unwrap_or(usize::MAX);
+                self.decode_glance(bytes.get(start..).unwrap_or_default(), &mut numbers);
+            }
+            Data::Stored(storage) => {
+                let count = most.min(GLANCE);
+                let pieces = most.div_ceil(GLANCE).max(1);
+                let last = self.span_length() - count;
+                let mut bytes = vec![0; usize::try_from(count * size).unwrap_or(0)];
+                for piece in 0..pieces {
+                    let at = self.first + last * piece / pieces.saturating_sub(1).max(1);
+                    storage.read_into(at * size, &mut bytes)?;
+                    self.decode_glance(&bytes, &mut numbers);
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    fn decode_glance(&self, bytes: &[u8], numbers: &mut Vec<f32>) {
+        let start = numbers.len();
+        numbers.resize(start + bytes.len() / self.element().size(), 0.0);
+        self.element().decode(bytes, numbers.get_mut(start..).unwrap_or_default());
     }
 }
 

@@ -54,10 +54,20 @@ pub(super) fn open(
     let base = base.map_or(0, |entry| entry.offset);
     let storages = Entries { archive, folder: format!("{root}data/") };
     let root = pickle::read(&bytes, base, &storages, limits)?;
+    // Nothing in it could be used.
+    if let Some(error) = root.unread_error(Place::Offset(base)) {
+        return Err(error);
+    }
     let mut digest = Digest::new("torch");
     digest.directory(archive.entries());
     digest.bytes(&bytes);
-    Ok(TensorFile { kind: FileKind::Torch, root, digest: digest.finish(), file: Arc::clone(file) })
+    Ok(TensorFile {
+        kind: FileKind::Torch,
+        root,
+        has_checksums: archive.states_sums(),
+        digest: digest.finish(),
+        file: Arc::clone(file),
+    })
 }
 
 fn check_byte_order(archive: &Archive, root: &str) -> Result<()> {

@@ -1,6 +1,7 @@
 //! Plain values of a tensor file: the contents of a pickle or a header.
 
 use super::array::Tensor;
+use super::unread::unread;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 
@@ -44,6 +45,8 @@ pub enum Value {
     List(Vec<Value>),
     /// Values by key, in the file's order; keys that are no text were turned into it.
     Dict(Vec<(String, Value)>),
+    /// An object of a kind that is not read, which this names.
+    Opaque(String),
 }
 
 impl Value {
@@ -86,10 +89,47 @@ impl Value {
             Self::Int(value) => value.to_string(),
             Self::Float(value) => value.to_string(),
             Self::Text(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
-            Self::Tensor(t) => format!("a {} tensor of shape {:?}", t.element().name(), t.shape()),
+            Self::Tensor(t) => match t.unread_kind() {
+                Some(kind) => kind.to_owned(),
+                None => format!("a {} tensor of shape {:?}", t.element().name(), t.shape()),
+            },
             Self::List(values) => format!("a list of {}", values.len()),
             Self::Dict(entries) => format!("a dictionary of {}", entries.len()),
+            Self::Opaque(kind) => kind.clone(),
         }
+    }
+
+    /// The kind of a value that is not read.
+    pub fn unread_kind(&self) -> Option<&str> {
+        match self {
+            Self::Opaque(kind) => Some(kind),
+            Self::Tensor(tensor) => tensor.unread_kind(),
+            _ => None,
+        }
+    }
+
+    /// The error for those who need a value that is not read; none if it is.
+    pub fn unread_error(&self, place: Place) -> Option<Error> {
+        self.unread_kind().map(|kind| unread(place, kind))
+    }
+
+    /// The value that a place of an error names, in this one or in those that it holds.
+    pub fn at_place(&self, place: &Place) -> Option<&Self> {
+        let (Place::Tensor(name) | Place::Key(name)) = place else { return None };
+        self.named(name)
+    }
+
+    fn named(&self, name: &str) -> Option<&Self> {
+        if name.is_empty() {
+            return Some(self);
+        }
+        self.entries().iter().find_map(|(key, value)| {
+            let rest = name.strip_prefix(key.as_str())?;
+            match rest.strip_prefix('.') {
+                Some(rest) => value.named(rest),
+                None => rest.is_empty().then_some(value),
+            }
+        })
     }
 
     /// A number, whether Python's, NumPy's or a tensor of one element.
@@ -120,6 +160,7 @@ impl Value {
             (Self::Bool(value), _) => Ok(*value),
             (_, Ok(0.0)) => Ok(false),
             (_, Ok(1.0)) => Ok(true),
+            (_, Err(error)) if self.unread_kind().is_some() => Err(error),
             _ => Err(self.unlike(key, "true or false")),
         }
     }
@@ -135,7 +176,9 @@ impl Value {
             Self::Bool(value) => Ok(vec![f64::from(u8::from(*value))]),
             Self::Int(value) => Ok(vec![*value as f64]),
             Self::Float(value) => Ok(vec![*value]),
-            Self::Tensor(tensor) if tensor.count() <= SETTING_ELEMENTS => {
+            Self::Tensor(tensor)
+                if tensor.count() <= SETTING_ELEMENTS && tensor.unread_kind().is_none() =>
+            {
                 let limits = Limits { memory: SETTING_BYTES, ..Limits::default() };
                 tensor.read_f64(&mut Budget::new(&limits))
             }
@@ -147,6 +190,9 @@ impl Value {
     }
 
     fn unlike(&self, key: &str, expected: &str) -> Error {
+        if let Some(error) = self.unread_error(Place::Key(key.into())) {
+            return error;
+        }
         Error::malformed(Place::Key(key.into()), self.describe(), expected)
     }
 }

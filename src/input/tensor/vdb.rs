@@ -45,6 +45,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
         #[expect(clippy::cast_possible_wrap, reason = "places lie in the file")]
         let numbers = numbers.map(|(key, at)| (key.to_owned(), Value::Int(at as i64)));
         let mut entry = vec![("type".to_owned(), Value::Text(grid.kind))];
+        entry.extend(grid.parent.map(|parent| ("parent".to_owned(), Value::Text(parent))));
         entry.extend(numbers);
         grid_entries.push((grid.name, Value::Dict(entry)));
     }
@@ -56,7 +57,8 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
         Ok(())
     })?;
     let (kind, root) = (FileKind::Vdb, Value::Dict(root));
-    Ok(TensorFile { kind, root, digest: digest.finish(), file: Arc::clone(file) })
+    let (digest, file) = (digest.finish(), Arc::clone(file));
+    Ok(TensorFile { kind, root, has_checksums: true, digest, file })
 }
 
 /// A grid's place in the file.
@@ -64,6 +66,8 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
 struct Descriptor {
     name: String,
     kind: String,
+    /// The grid whose tree it has, if it has none of its own.
+    parent: Option<String>,
     range: [u64; 2],
     blocks: u64,
 }
@@ -132,20 +136,20 @@ fn header(reader: &mut ByteReader, limits: &Limits) -> Result<(Texts, u32)> {
 fn descriptor(reader: &mut ByteReader, length: u64) -> Result<Descriptor> {
     let name = read_text(reader)?;
     // A second grid of the same name has its number behind a separator.
-    let name = name.split('\u{1e}').next().unwrap_or_default().to_owned();
+    let bare = |name: &str| name.split('\u{1e}').next().unwrap_or_default().to_owned();
+    let name = bare(&name);
     let kind = read_text(reader)?;
     let (place, parent) = (reader.place(), read_text(reader)?);
-    let [start, blocks, end] = [reader.u64()?, reader.u64()?, reader.u64()?];
-    if !parent.is_empty() {
-        let found = format!("grid {name:?} that shares the tree of {parent:?}");
-        return Err(Error::unsupported(place, found, "grids with trees of their own"));
-    }
+    let [start, stated, end] = [reader.u64()?, reader.u64()?, reader.u64()?];
+    let parent = (!parent.is_empty()).then(|| bare(&parent));
+    // A grid without a tree has no blocks.
+    let blocks = if parent.is_some() { end } else { stated };
     if start != reader.offset() || start > blocks || blocks > end || end > length {
         let found = format!("grid {name:?} from {start} over {blocks} to {end}");
         let expected = format!("ascending places from {} to {length}", reader.offset());
         return Err(Error::malformed(place, found, expected));
     }
-    Ok(Descriptor { name, kind, range: [start, end], blocks })
+    Ok(Descriptor { name, kind, parent, range: [start, end], blocks })
 }
 
 /// A value of metadata.

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
 
+use super::unread::Unread;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
@@ -25,6 +26,7 @@ pub struct Archive {
     zip: ZipArchive<Positioned>,
     entries: Vec<Entry>,
     numbers: BTreeMap<String, usize>,
+    states_sums: bool,
 }
 
 /// An entry of the directory.
@@ -58,6 +60,8 @@ pub enum Data {
         /// Inflated bytes before the storage starts.
         skip: u64,
     },
+    /// Of a kind that is not read. Whoever needs it learns why.
+    Unread(Arc<Unread>),
 }
 
 impl Data {
@@ -66,6 +70,7 @@ impl Data {
         match self {
             Self::Stored(storage) => storage.length(),
             Self::Deflated { archive, entry, skip } => archive.length(*entry).saturating_sub(*skip),
+            Self::Unread(_) => 0,
         }
     }
 
@@ -79,6 +84,7 @@ impl Data {
                 bytes.drain(..skip);
                 Ok(Storage::Memory(bytes.into()))
             }
+            Self::Unread(unread) => Err(unread.error()),
         }
     }
 }
@@ -108,7 +114,16 @@ impl Archive {
             numbers.insert(entry.name.clone(), number);
             entries.push(entry);
         }
-        Ok(Self { file: Arc::clone(file), zip, entries, numbers })
+        // PyTorch can leave checksums out: it writes 0 for those of all entries.
+        let mut full = entries.iter().filter(|entry| entry.length > 0);
+        let states_sums =
+            entries.iter().all(|entry| entry.length == 0) || full.any(|entry| entry.crc32 != 0);
+        Ok(Self { file: Arc::clone(file), zip, entries, numbers, states_sums })
+    }
+
+    /// True if the directory states the checksums of its entries.
+    pub(super) fn states_sums(&self) -> bool {
+        self.states_sums
     }
 
     /// The entries, in the directory's order.
@@ -135,7 +150,7 @@ impl Archive {
         Ok(Data::Stored(Storage::File {
             file: Arc::clone(&self.file),
             range: entry.offset..entry.offset + entry.length,
-            crc32: Some(entry.crc32),
+            crc32: self.states_sums.then_some(entry.crc32),
         }))
     }
 
@@ -150,7 +165,7 @@ impl Archive {
         }
         let bytes = self.file.read(entry.offset, entry.length, allowed)?;
         let found = crc32fast::hash(&bytes);
-        if found != entry.crc32 {
+        if self.states_sums && found != entry.crc32 {
             let what = "the entry".into();
             let kind = ErrorKind::Checksum { what, found, expected: entry.crc32 };
             return Err(Error::new(kind, place));

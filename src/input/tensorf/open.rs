@@ -91,6 +91,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: Some(Arc::new(TensorfFile { arrays })),
         family: Family::Tensorf,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: match other {

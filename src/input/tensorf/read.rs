@@ -21,7 +21,7 @@ pub(super) fn corners(value: Option<&Value>, name: &str) -> Result<Bounds> {
     #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
     let [min, max] = [[x0, y0, z0], [x1, y1, z1]].map(|at| at.map(|value| value as f32));
     let bounds = Bounds { min, max };
-    bounds.check(&key(name))?;
+    bounds.check_model(&key(name))?;
     Ok(bounds)
 }
 

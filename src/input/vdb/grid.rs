@@ -16,6 +16,11 @@ const TYPES: [(&str, usize, bool); 4] = [
     ("Tree_vec3s_5_4_3_HalfFloat", 3, true),
 ];
 
+/// The metadata that says what a grid's numbers are.
+pub(super) const CLASS: &str = "class";
+/// Bytes of a grid in which its metadata lies.
+const HEAD_BYTES: u64 = 1 << 20;
+
 /// A grid.
 #[derive(Debug, Clone)]
 pub struct VdbGrid {
@@ -59,7 +64,45 @@ pub fn grid_names(file: &TensorFile) -> Vec<(&str, &str)> {
     named.collect()
 }
 
-/// Reads a grid with all its voxels.
+/// True for types of grids that have one number a voxel.
+pub(super) fn is_scalar(kind: &str) -> bool {
+    TYPES.iter().any(|(own, width, _)| *own == kind && *width == 1)
+}
+
+/// A number of a grid's entry: a place in the file.
+fn place_of(entry: &Value, key: &str, place: &Place) -> Result<u64> {
+    let value = entry.get(key).ok_or_else(|| Error::malformed(place.clone(), "no places", "some"));
+    value?.integer(key).map(i64::cast_unsigned)
+}
+
+fn entry_of<'a>(file: &'a TensorFile, name: &str) -> Result<(&'a Value, Place)> {
+    let place = Place::Key(format!("{GRIDS}.{name}"));
+    let grids = file.root.get(GRIDS).map_or(&[][..], Value::entries);
+    match grids.iter().find(|(own, _)| own == name) {
+        Some((_, entry)) => Ok((entry, place)),
+        None => Err(Error::malformed(place, "no such grid", "one")),
+    }
+}
+
+/// The class of a grid, of which only the start is read.
+///
+/// # Errors
+/// As [`read_grid`].
+pub(super) fn read_class(file: &TensorFile, name: &str, limits: &Limits) -> Result<Option<String>> {
+    let (entry, place) = entry_of(file, name)?;
+    let [start, end] = [place_of(entry, "start", &place)?, place_of(entry, "end", &place)?];
+    let length = end.saturating_sub(start).min(HEAD_BYTES);
+    let bytes = file.file.read(start, length, HEAD_BYTES)?;
+    let mut reader = ByteReader::new(&bytes, start);
+    reader.u32()?;
+    let class = read_metadata(&mut reader, limits)?.into_iter().find(|(name, _)| name == CLASS);
+    Ok(class.and_then(|(_, value)| match value {
+        VdbValue::Text(class) => Some(class),
+        _ => None,
+    }))
+}
+
+/// Reads a grid with all its voxels; one that shares the tree of another has that one's.
 ///
 /// # Errors
 /// `Unsupported` for other types and transforms, `Malformed` and `Truncated` for damaged files, and
@@ -70,19 +113,18 @@ pub fn read_grid(
     limits: &Limits,
     budget: &mut Budget,
 ) -> Result<VdbGrid> {
-    let place = || Place::Key(format!("{GRIDS}.{name}"));
-    let entry = file.root.at(&[GRIDS, name]);
-    let entry = entry.ok_or_else(|| Error::malformed(place(), "no such grid", "one"))?;
+    let (entry, own_place) = entry_of(file, name)?;
+    let place = || own_place.clone();
+    if let Some(Value::Text(parent)) = entry.get("parent") {
+        return read_instance(file, entry, &own_place, parent, limits, budget);
+    }
     let kind = grid_names(file).iter().find(|(own, _)| *own == name).map_or("", |(_, kind)| kind);
     let found = TYPES.iter().find(|(own, ..)| *own == kind);
     let Some(&(_, width, half)) = found else {
         let expected = "floats or vectors of three floats in a tree 5-4-3, full or half";
         return Err(Error::unsupported(place(), format!("a grid of type {kind}"), expected));
     };
-    let number = |key: &str| {
-        let value = entry.get(key).ok_or_else(|| Error::malformed(place(), "no places", "some"));
-        value?.integer(key).map(i64::cast_unsigned)
-    };
+    let number = |key: &str| place_of(entry, key, &own_place);
     let [start, blocks, end] = [number("start")?, number("blocks")?, number("end")?];
     let (length, what) = (end.saturating_sub(start), "bytes of a grid");
     budget.spend(length, what, &place())?;
@@ -111,4 +153,30 @@ pub fn read_grid(
     }
     budget.give_back(end.saturating_sub(start));
     Ok(VdbGrid { metadata, width, background: codec.background, placed, tree })
+}
+
+/// A grid that has its own metadata and map, and the tree of another one.
+fn read_instance(
+    file: &TensorFile,
+    entry: &Value,
+    place: &Place,
+    parent: &str,
+    limits: &Limits,
+    budget: &mut Budget,
+) -> Result<VdbGrid> {
+    let (parent_entry, _) = entry_of(file, parent)?;
+    if parent_entry.get("parent").is_some() {
+        let found = format!("the tree of {parent:?}, which is another grid's too");
+        return Err(Error::malformed(place.clone(), found, "a grid with a tree of its own"));
+    }
+    let shared = read_grid(file, parent, limits, budget)?;
+    let [start, end] = [place_of(entry, "start", place)?, place_of(entry, "end", place)?];
+    let bytes = file.file.read(start, end.saturating_sub(start), limits.header_bytes)?;
+    let mut reader = ByteReader::new(&bytes, start);
+    reader.u32()?;
+    let metadata = read_metadata(&mut reader, limits)?;
+    let map_place = reader.place();
+    let map = read_text(&mut reader)?;
+    let placed = read_map(&mut reader, &map, &map_place)?;
+    Ok(VdbGrid { metadata, placed, ..shared })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::grid::{VdbGrid, grid_names, read_grid};
+use super::grid::{CLASS, VdbGrid, grid_names, is_scalar, read_class, read_grid};
 use super::nodes::{GridValues, NodeBox, White};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -29,8 +29,8 @@ pub fn knows(file: &TensorFile) -> bool {
 /// Opens a fog volume: reads all of its grids.
 ///
 /// # Errors
-/// `Unsupported` for files without a grid `density`, for grids of other types, and for voxels that
-/// are not along the world's axes; `Malformed` and `Truncated` for damaged files.
+/// `Unsupported` for files in which no grid is that of density, for grids of other types and
+/// classes, and for voxels that are not along the world's axes; `Malformed` and `Truncated` for damaged files.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
         return Err(Error::usage(
@@ -39,19 +39,19 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         ));
     }
     let grids = grid_names(file);
-    let has = |name: &str| grids.iter().any(|(own, _)| *own == name);
     let place = Place::Key(GRIDS.to_owned());
-    if !has(DENSITY) {
-        let names: Vec<&str> = grids.iter().map(|(name, _)| *name).collect();
-        let found = format!("grids {names:?}");
-        return Err(Error::unsupported(place, found, "a fog volume with a grid named density"));
-    }
-    let mut budget = Budget::new(limits);
-    let density = read_grid(file, DENSITY, limits, &mut budget)?;
-    let (bounds, nodes) = bounds_of(&density, limits, &place)?;
-    let color = COLORS.into_iter().find(|name| has(name));
-    let color = color.map(|name| read_grid(file, name, limits, &mut budget)).transpose()?;
     let mut assumptions = Vec::new();
+    let name = density_name(file, &grids, limits, &mut assumptions)?;
+    let mut budget = Budget::new(limits);
+    let density = read_grid(file, name, limits, &mut budget)?;
+    check_class(&density, name)?;
+    let is_empty = density.tree.leaves.is_empty() && density.tree.tiles.is_empty();
+    if is_empty && named(&grids, DENSITY).is_none() {
+        return Err(without_density(&grids));
+    }
+    let (bounds, nodes) = bounds_of(&density, limits, &place)?;
+    let color = COLORS.into_iter().find_map(|name| named(&grids, name));
+    let color = color.map(|name| read_grid(file, name, limits, &mut budget)).transpose()?;
     let color = match color {
         Some(color) => {
             check_places(&density, &color, &place)?;
@@ -93,6 +93,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         model: None,
         family: Family::Vdb,
         kind: file.kind,
+        has_checksums: file.has_checksums,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),
@@ -100,6 +101,79 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         file: Arc::clone(&file.file),
         companions: Vec::new(),
     })
+}
+
+/// The name of a grid as it is written in the file, else in other letters of the same word.
+fn named<'a>(grids: &[(&'a str, &'a str)], wanted: &str) -> Option<&'a str> {
+    let mut names = grids.iter().map(|(name, _)| *name);
+    let exact = names.clone().find(|name| *name == wanted);
+    exact.or_else(|| names.find(|name| name.eq_ignore_ascii_case(wanted)))
+}
+
+/// The grid of density. Without one of that name it is the only fog volume of single numbers.
+fn density_name<'a>(
+    file: &'a TensorFile,
+    grids: &[(&'a str, &'a str)],
+    limits: &Limits,
+    assumptions: &mut Vec<Assumption>,
+) -> Result<&'a str> {
+    if let Some(name) = named(grids, DENSITY) {
+        return Ok(name);
+    }
+    let mut fogs = Vec::new();
+    for (name, _) in grids.iter().filter(|(_, kind)| is_scalar(kind)) {
+        if !is_surface(read_class(file, name, limits)?.as_deref()) {
+            fogs.push(*name);
+        }
+    }
+    let [name] = fogs.as_slice() else {
+        return Err(without_density(grids));
+    };
+    let name: &'a str = name;
+    assumptions.push(Assumption {
+        key: "density",
+        value: name.to_owned(),
+        message: format!(
+            "no grid is named density: the only fog volume, grid {}, is taken for it",
+            shown(name)
+        ),
+    });
+    Ok(name)
+}
+
+/// The error for a file in which no grid is that of density.
+fn without_density(grids: &[(&str, &str)]) -> Error {
+    let found = match grids {
+        [] => "no grids".to_owned(),
+        grids => {
+            let names: Vec<&str> = grids.iter().map(|(name, _)| shown(name)).collect();
+            format!("grids {}", names.join(", "))
+        }
+    };
+    let expected = "a fog volume in a grid named density, or one fog volume alone";
+    let error = Error::unsupported(Place::Key(GRIDS.to_owned()), found, expected);
+    error.advise("give the grid of density this name, and save the file")
+}
+
+/// A grid's name, for people.
+fn shown(name: &str) -> &str {
+    if name.is_empty() { "(unnamed)" } else { name }
+}
+
+/// True for classes of grids whose numbers are no densities.
+fn is_surface(class: Option<&str>) -> bool {
+    matches!(class, Some("level set" | "staggered"))
+}
+
+/// Refuses distances and velocities, which only look like densities.
+fn check_class(density: &VdbGrid, name: &str) -> Result<()> {
+    let Some(class) = density.text(CLASS).filter(|class| is_surface(Some(class))) else {
+        return Ok(());
+    };
+    let place = Place::Key(format!("{GRIDS}.{name}"));
+    let found = format!("a grid of class {class:?}, whose numbers are no densities");
+    let error = Error::unsupported(place, found, "a fog volume");
+    Err(error.advise("make a fog volume of it (Houdini's Convert VDB, OpenVDB's sdfToFogVolume)"))
 }
 
 /// The box of a grid's active voxels and a border, and its nodes. Without voxels it is the box from
@@ -118,7 +192,7 @@ fn bounds_of(grid: &VdbGrid, limits: &Limits, place: &Place) -> Result<(Bounds, 
             *max = (low + (count - 1) as f64 * spacing) as f32;
         }
     }
-    bounds.check(place)?;
+    bounds.check_model(place)?;
     Ok((bounds, nodes))
 }
 
@@ -133,9 +207,11 @@ fn check_places(density: &VdbGrid, color: &VdbGrid, place: &Place) -> Result<()>
     match own.axis == other.axis && apart.into_iter().all(near) {
         true => Ok(()),
         false => {
-            let found = format!("voxels of density at {own:?} and of colour at {other:?}");
-            let expected = "the same voxels: resample one of the grids";
-            Err(Error::unsupported(place.clone(), found, expected))
+            let (own, other) = (own.describe(), other.describe());
+            let found = format!("voxels of density of {own}, and voxels of colour of {other}");
+            let expected = "the same voxels for both";
+            Err(Error::unsupported(place.clone(), found, expected)
+                .advise("resample one of the grids to the voxels of the other, and save the file"))
         }
     }
 }

@@ -3,8 +3,9 @@
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 
-/// Off-diagonal numbers of this share of the largest one are rounding.
-const ROUNDING: f64 = 1e-9;
+/// Off-diagonal numbers of this share of those beside them are rounding: programs compute quarter
+/// turns in float32. A thousand voxels on, it is a thousandth of a voxel.
+const ROUNDING: f64 = 1e-6;
 
 /// A map from voxels to the world, along axes alone. The middle of voxel `v` is, along axis `w` of
 /// the world, `first[w] + step[w] * v[axis[w]]`.
@@ -28,6 +29,12 @@ impl Placed {
             *turned = if step < 0.0 { along.wrapping_neg() } else { along };
         }
         turned
+    }
+
+    /// The voxels' edges and the place of the first one, for people.
+    pub fn describe(&self) -> String {
+        let ([x, y, z], [a, b, c]) = (self.spacing(), self.first);
+        format!("{x} x {y} x {z} from ({a}, {b}, {c})")
     }
 
     /// Distances of voxels along each axis of the world.
@@ -102,12 +109,18 @@ fn placed(rows: &[[f64; 3]; 4], place: &Place) -> Result<Placed> {
     }
     let mut placed = Placed { axis: [0; 3], step: [0.0; 3], first: *first };
     let mut taken = [false; 3];
+    let most = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
     for world in 0..3 {
+        let of_world = most(&mut axes.iter().filter_map(|row| row.get(world)).map(|n| n.abs()));
         let mut along = axes
             .iter()
             .enumerate()
             .filter_map(|(axis, row)| row.get(world).map(|&step| (axis, step)))
-            .filter(|(_, step)| step.abs() > ROUNDING * largest);
+            .filter(|(axis, step)| {
+                let row = axes.get(*axis).into_iter().flatten();
+                let of_axis = most(&mut row.map(|number| number.abs()));
+                step.abs() > ROUNDING * of_axis.min(of_world)
+            });
         let (Some((axis, step)), None) = (along.next(), along.next()) else {
             return Err(refused("turned or sheared"));
         };

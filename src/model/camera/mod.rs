@@ -4,12 +4,18 @@
 //! `((i + 0.5 - cx) / fx, -(j + 0.5 - cy) / fy, -1)` in the camera's axes (x right, y up, looking
 //! along -z), rotated by the camera's matrix and not normalised.
 
+mod document;
+mod frame_lens;
+mod frame_names;
+mod frames;
 mod path;
 mod pinhole;
 mod transforms;
 mod turntable;
 
+pub use frame_names::photograph_path;
+pub use frames::{CameraFile, PickedCameras, pick};
 pub use path::flight;
 pub use pinhole::{Camera, LARGEST_SIDE, Lens, Ray, digest};
-pub use transforms::{CameraFile, parse, pick, picture_path, read};
+pub use transforms::{parse, read};
 pub use turntable::{Orbit, direction, sphere, turntable};

@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use super::{Camera, Lens};
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, Result};
 
 /// Cosine of the angle between two rotations above which a straight line is as good as an arc.
 const NEARLY_EQUAL: f64 = 1.0 - 1e-9;
@@ -71,10 +71,6 @@ impl Key {
         camera.check()?;
         let axes = DMat3::from_mat4(camera.to_world);
         let lengths = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::length);
-        if axes.determinant() <= 0.0 {
-            let place = Place::Key(format!("frame {}", camera.name));
-            return Err(Error::malformed(place, "a matrix that mirrors", "a rotation"));
-        }
         let unit = DMat3::from_cols(
             axes.x_axis / lengths[0],
             axes.y_axis / lengths[1],

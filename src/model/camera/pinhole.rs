@@ -16,7 +16,8 @@ const FARTHEST: f64 = 1e12;
 /// One camera: a frame of a camera file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// The file's name for the frame, without folder and extension.
+    /// The file's name for the frame, without folder and extension; with as much of its folders as
+    /// tells frames of one name apart.
     pub name: String,
     /// Camera to world, columns are the camera's axes and its place.
     pub to_world: DMat4,
@@ -163,6 +164,9 @@ impl Camera {
         if determinant.abs() < 1e-12 {
             return bad(format!("a matrix with determinant {determinant}"), "a rotation");
         }
+        if determinant < 0.0 {
+            return bad("a matrix that mirrors".into(), "a rotation");
+        }
         let is_near = |number: &f64| number.abs() <= FARTHEST;
         if let Some(far) = self.to_world.to_cols_array().into_iter().find(|n| !is_near(n)) {
             return bad(format!("a matrix with {far}"), "numbers up to 1e12");
@@ -170,7 +174,11 @@ impl Camera {
         let lens = &self.lens;
         let longest = lens.width.max(lens.height) as f64;
         if let Some(focal) = lens.focal.iter().find(|&f| !FOCAL_SHARES.contains(&(f / longest))) {
-            let found = format!("focal length {focal:e} of a picture of {longest} pixels");
+            let shown = match focal.abs() {
+                plain if (1e-4..1e12).contains(&plain) || plain == 0.0 => focal.to_string(),
+                _ => format!("{focal:e}"),
+            };
+            let found = format!("focal length {shown} of a picture of {longest} pixels");
             return bad(found, "a millionth to a million times the picture's longer side");
         }
         if !lens.center.iter().all(is_near) {

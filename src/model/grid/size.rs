@@ -82,6 +82,24 @@ impl Bounds {
         ))
     }
 
+    /// Corners of a model's box lie within this distance of 0: cameras around it have to stand within
+    /// a hundred times as much.
+    pub const FARTHEST: f64 = 1e10;
+
+    /// The same of the box of a model, which cameras stand around.
+    ///
+    /// # Errors
+    /// `Malformed`.
+    pub fn check_model(&self, place: &Place) -> Result<()> {
+        self.check(place)?;
+        let mut corners = self.min.iter().chain(&self.max);
+        if corners.all(|corner| f64::from(corner.abs()) <= Self::FARTHEST) {
+            return Ok(());
+        }
+        let found = format!("a box from {:?} to {:?}", self.min, self.max);
+        Err(Error::malformed(place.clone(), found, "corners within 1e10 of 0"))
+    }
+
     /// Lengths of its edges.
     pub fn extent(&self) -> [f64; 3] {
         std::array::from_fn(|axis| f64::from(self.max[axis]) - f64::from(self.min[axis]))

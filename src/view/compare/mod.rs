@@ -13,6 +13,6 @@ mod scales;
 
 pub use directions::{DirectionErrors, compare_directions};
 pub use metrics::{Errors, Picture};
-pub use reference::{Reference, photograph, photograph_file};
+pub use reference::{Reference, photograph, photograph_file, shared_photograph};
 pub use references::References;
 pub use scales::{FrameErrors, ScaleErrors, compare};

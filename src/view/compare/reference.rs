@@ -1,5 +1,6 @@
 //! The right pictures of a field: another field's, or photographs.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::metrics::Picture;
@@ -14,7 +15,7 @@ use crate::view::render::{Frame, FrameOptions, Renderer, render};
 pub enum Reference {
     /// Rendered from a field.
     Field(Box<Renderer>),
-    /// Files in a folder, named as the camera file names its frames.
+    /// Files in a folder, at the paths or by the names of the camera file's frames.
     Pictures {
         /// The folder.
         folder: PathBuf,
@@ -158,15 +159,39 @@ fn read_photograph(
     Ok((path, full))
 }
 
-/// A camera's photograph: by its name in the folder, or by the path of the camera file.
+/// A camera's photograph: by the path of the camera file, or by its name in the folder.
 ///
 /// # Errors
 /// A missing picture.
 pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
-    let by_name = camera::picture_path(folder, &camera.name);
-    let by_path = || camera::picture_path(folder, camera.picture.as_deref()?);
-    by_name.or_else(by_path).ok_or_else(|| {
+    let found = camera::photograph_path(folder, camera.picture.as_deref(), &camera.name);
+    found.ok_or_else(|| {
         let missing = std::io::ErrorKind::NotFound.into();
         Error::io(missing, &folder.join(format!("{}.png", camera.name)))
     })
+}
+
+/// Tells of a photograph that two cameras of different pictures share, as in a folder of one of two
+/// rigs.
+pub fn shared_photograph(folder: &Path, cameras: &[Camera]) -> Option<String> {
+    let mut taken: BTreeMap<PathBuf, &Camera> = BTreeMap::new();
+    for camera in cameras {
+        let path = photograph_file(folder, camera).ok()?;
+        match taken.get(&path) {
+            Some(other) if other.picture != camera.picture => {
+                return Some(format!(
+                    "{} is taken for the picture of two frames, {} and {}: name the folder that \
+                     all paths of the camera file start from, or choose frames with --frames",
+                    path.display(),
+                    other.name,
+                    camera.name
+                ));
+            }
+            Some(_) => {}
+            None => {
+                taken.insert(path, camera);
+            }
+        }
+    }
+    None
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::{ArgGroup, Args};
 
+use super::super::common::Common;
 use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
@@ -136,7 +137,7 @@ impl Arguments {
 
     /// The options that all arguments but the cameras of [`BakeOptions::seen_from`] give. The
     /// settings of a container stay, unless an option or a preset says otherwise.
-    pub fn options(&self, content: &Content, limits: &Limits) -> Result<BakeOptions> {
+    pub fn options(&self, content: &Content, common: &Common) -> Result<BakeOptions> {
         let mut options = match (self.preset, content) {
             (Some(preset), _) => preset.options(),
             (None, Content::Stored(unpacked)) => {
@@ -146,8 +147,8 @@ impl Arguments {
         };
         let measures = self.gate.measures()?;
         self.stored.apply(&mut options, measures);
-        self.fit.apply(&mut options, |limits| self.gate.cameras_of_file(limits), limits)?;
-        options.limits = limits.clone();
+        self.fit.apply(&mut options, || self.gate.cameras_of_file(common), common)?;
+        options.limits = common.limits();
         // Those of a container count only where it is baked anew, and are checked there.
         self.check_options(&options, matches!(content, Content::Trained(_)))?;
         Ok(options)

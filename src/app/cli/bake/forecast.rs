@@ -21,7 +21,7 @@ pub fn dry_run(
     common: &Common,
 ) -> Result<Outcome> {
     let (source, settings) = open(arguments, file, options, common)?;
-    let options = with_cameras(arguments, options, &source.field)?;
+    let options = with_cameras(arguments, options, &source.field, common)?;
     let bar = Bar::new(common);
     let forecast =
         forecast(&source.field, &options, &bar).map_err(|error| error.in_file(&arguments.input))?;

@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     let input = arguments.open(&limits)?;
-    let options = arguments.options(&input.content, &limits)?;
+    let options = arguments.options(&input.content, common)?;
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
@@ -95,6 +95,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     if let Some(fitted) = &report.fitted {
         warn_of_idle_levels(fitted, common);
+    }
+    if !report.unchanged && report.levels.iter().all(|level| level.blocks_stored == 0) {
+        warn("the container is empty: no node of the input has a density that shows", common);
     }
     if report.nonfinite_values > 0 {
         let count = report.nonfinite_values;

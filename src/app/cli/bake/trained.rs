@@ -52,7 +52,7 @@ pub fn bake_trained(
     refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
     let origin = Origin::of_source(&source);
     let cameras = match arguments.gate.measures()? {
-        true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, limits)?)),
+        true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, common)?)),
         // The loss of resampling is always told; a bound on memory excludes pictures.
         false if source.family.is_resampled() && options.memory.is_none() => {
             Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
@@ -64,7 +64,7 @@ pub fn bake_trained(
     }
     let mut view = ViewReport::of_source(&source, arguments.color_fit);
     view.require(arguments.gate.required_view_psnr())?;
-    let options = &with_cameras(arguments, options, &source.field)?;
+    let options = &with_cameras(arguments, options, &source.field, common)?;
     let current = arguments.incremental.current(
         &arguments.output,
         &source.field,
@@ -140,10 +140,11 @@ pub fn with_cameras(
     arguments: &Arguments,
     options: &BakeOptions,
     field: &RadianceField,
+    common: &Common,
 ) -> Result<BakeOptions> {
     let mut options = options.clone();
     if options.sees() {
-        options.seen_from = arguments.gate.cameras(field, &options.limits)?;
+        options.seen_from = arguments.gate.cameras(field, common)?;
     }
     Ok(options)
 }

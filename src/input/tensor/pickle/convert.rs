@@ -1,6 +1,7 @@
 //! From the arena's objects to a tree of values.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::node::{Allowance, Arena, Array, Id, Node, node};
 use super::numpy;
@@ -49,8 +50,12 @@ impl Copier<'_, '_> {
             Node::Bytes(bytes) => self.text(&format!("{} bytes", bytes.len())).map(Value::Text),
             Node::Global(global) => self.text(&format!("{global:?}")).map(Value::Text),
             Node::NumpyType(code) => self.text(code).map(Value::Text),
-            Node::Storage(..) => {
-                Err(Error::malformed(self.place.clone(), "a storage outside a tensor", "a tensor"))
+            Node::Storage(..) => Ok(Value::Opaque("a storage without a tensor".to_owned())),
+            Node::Opaque(kind) => self.text(kind).map(Value::Opaque),
+            Node::UnreadTensor(kind, shape) => {
+                self.count_tensor()?;
+                let kind = self.text(kind)?;
+                Tensor::unread(self.path.clone(), shape.clone(), kind).map(Value::Tensor)
             }
             Node::Tuple(items) | Node::List(items) => {
                 let mut list = Vec::new();
@@ -78,17 +83,15 @@ impl Copier<'_, '_> {
     fn dict(&mut self, items: &[(Id, Id)], depth: usize) -> Result<Value> {
         let mut dict: Vec<(String, Value)> = Vec::new();
         let mut numbers = BTreeMap::new();
-        for &(key, value) in items {
+        for (number, &(key, value)) in items.iter().enumerate() {
             let key = match node(self.nodes, key) {
                 Node::Text(text) => self.text(text)?,
                 Node::Int(value) => value.to_string(),
                 Node::Float(value) => value.to_string(),
                 Node::Bool(value) => value.to_string(),
                 Node::None => "None".into(),
-                other => {
-                    let found = format!("{} as a key", other.describe());
-                    return Err(Error::unsupported(self.place.clone(), found, "texts or numbers"));
-                }
+                // Nobody asks for it, and it must not hide another one.
+                other => self.text(&format!("{} as key {number}", other.describe()))?,
             };
             let value = self.under(&key, |copier| copier.value(value, depth))?;
             // As in Python, a key that comes again changes its value and keeps its place.
@@ -106,25 +109,29 @@ impl Copier<'_, '_> {
     /// An array without axes is a number.
     fn array(&mut self, array: &Array) -> Result<Value> {
         let place = Place::Tensor(self.path.clone());
-        let unsupported = || {
-            let found = format!("a NumPy array of type {}", array.code);
-            Error::unsupported(place.clone(), found, "f2, f4, f8, b1, u1, i1, i2, i4 or i8")
+        let kind = format!("a NumPy array of type {}", array.code);
+        let Some(bytes) = &array.bytes else {
+            self.count_tensor()?;
+            let kind = format!("{kind}, whose values are Python objects");
+            return Tensor::unread(self.path.clone(), array.shape.clone(), kind).map(Value::Tensor);
         };
         if array.shape.is_empty() {
-            return match numpy::number(&array.code, &array.bytes) {
-                Some(Node::Bool(value)) => Ok(Value::Bool(value)),
-                Some(Node::Int(value)) => Ok(Value::Int(value)),
-                Some(Node::Float(value)) => Ok(Value::Float(value)),
-                _ => Err(unsupported()),
-            };
+            return Ok(match numpy::number(&array.code, bytes) {
+                Some(Node::Bool(value)) => Value::Bool(value),
+                Some(Node::Int(value)) => Value::Int(value),
+                Some(Node::Float(value)) => Value::Float(value),
+                _ => Value::Opaque(kind),
+            });
         }
         self.count_tensor()?;
-        let element = Element::from_numpy(&array.code).ok_or_else(unsupported)?;
-        let data = Data::Stored(Storage::Memory(array.bytes.clone()));
+        let Some(element) = Element::from_numpy(&array.code) else {
+            return Tensor::unread(self.path.clone(), array.shape.clone(), kind).map(Value::Tensor);
+        };
+        let data = Data::Stored(Storage::Memory(Arc::clone(bytes)));
         let make = if array.fortran { Tensor::fortran } else { Tensor::dense };
         let tensor = make(self.path.clone(), element, array.shape.clone(), data)?;
-        if tensor.bytes() != array.bytes.len() as u64 {
-            let found = format!("{} bytes for shape {:?}", array.bytes.len(), array.shape);
+        if tensor.bytes() != bytes.len() as u64 {
+            let found = format!("{} bytes for shape {:?}", bytes.len(), array.shape);
             return Err(Error::malformed(place, found, format!("{}", tensor.bytes())));
         }
         Ok(Value::Tensor(tensor))

@@ -1,4 +1,4 @@
-//! The names that a pickle may use, all of them.
+//! The names that mean something here. Things of other names stay closed.
 
 use crate::model::grid::Element;
 
@@ -11,8 +11,16 @@ pub(super) enum Global {
     RebuildTensor,
     /// `torch._utils._rebuild_tensor_v3`: the same, with the element type as seventh argument.
     RebuildTensorV3,
-    /// `torch._utils._rebuild_parameter`: the tensor itself.
+    /// `torch._utils._rebuild_parameter` and its like: the tensor itself, the first argument.
     RebuildParameter,
+    /// `torch._tensor._rebuild_from_type_v2`: a function, a class, the function's arguments.
+    RebuildFromType,
+    /// `collections.defaultdict`: an ordinary dictionary for those who only read it.
+    DefaultDict,
+    /// `collections.Counter`: likewise.
+    Counter,
+    /// `set` and `frozenset`: lists for those who only read them.
+    Set,
     /// `torch.FloatStorage` and its like; without a type `UntypedStorage`.
     Storage(Option<Element>),
     /// `torch.float32` and its like.
@@ -44,7 +52,16 @@ impl Global {
             ("collections", "OrderedDict") => Self::OrderedDict,
             ("torch._utils", "_rebuild_tensor" | "_rebuild_tensor_v2") => Self::RebuildTensor,
             ("torch._utils", "_rebuild_tensor_v3") => Self::RebuildTensorV3,
-            ("torch._utils", "_rebuild_parameter") => Self::RebuildParameter,
+            (
+                "torch._utils",
+                "_rebuild_parameter"
+                | "_rebuild_parameter_with_state"
+                | "_rebuild_device_tensor_from_cpu_tensor",
+            ) => Self::RebuildParameter,
+            ("torch._tensor", "_rebuild_from_type_v2") => Self::RebuildFromType,
+            ("collections", "defaultdict") => Self::DefaultDict,
+            ("collections", "Counter") => Self::Counter,
+            ("__builtin__" | "builtins", "set" | "frozenset") => Self::Set,
             ("torch", "Size") => Self::Size,
             ("torch", "device") => Self::Device,
             ("torch" | "torch.cuda" | "torch.storage", "UntypedStorage") => Self::Storage(None),

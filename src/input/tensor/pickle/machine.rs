@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::global::Global;
-use super::node::{Arena, Id, Node};
+use super::node::{Arena, Id, Node, made_by};
 use super::storages::Storages;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -127,9 +127,18 @@ impl<'a, 's> Machine<'a, 's> {
             b'(' | b'0' | b'1' | b'2' | b'q' | b'r' | b'p' | 0x94 | b'h' | b'j' | b'g' => {
                 self.shuffle(code)
             }
-            b']' | b')' | b'}' | 0x85..=0x87 | b't' | b'l' | b'd' | b'a' | b'e' | b's' | b'u' => {
-                self.collect(code)
-            }
+            b']'
+            | b')'
+            | b'}'
+            | 0x85..=0x87
+            | 0x8f..=0x91
+            | b't'
+            | b'l'
+            | b'd'
+            | b'a'
+            | b'e'
+            | b's'
+            | b'u' => self.collect(code),
             b'c' => {
                 let module = self.line()?;
                 let name = self.line()?;
@@ -148,6 +157,25 @@ impl<'a, 's> Machine<'a, 's> {
                 let made = self.call(callable, arguments)?;
                 self.stack.push(made);
                 Ok(())
+            }
+            // An object of a class: without running anything, a call like any other.
+            0x81 => {
+                let (arguments, class) = (self.pop()?, self.pop()?);
+                let made = self.call(class, arguments)?;
+                self.stack.push(made);
+                Ok(())
+            }
+            0x92 => {
+                let (_, _, class) = (self.pop()?, self.pop()?, self.pop()?);
+                let made = made_by(&self.arena.get(class).describe());
+                self.push(made)
+            }
+            b'o' => {
+                let class = self.pop_to_mark()?.first().copied();
+                let class =
+                    class.ok_or_else(|| self.malformed("an object without a class", "one"))?;
+                let made = made_by(&self.arena.get(class).describe());
+                self.push(made)
             }
             b'b' => {
                 let state = self.pop()?;
@@ -197,7 +225,8 @@ impl<'a, 's> Machine<'a, 's> {
     /// Tuples, lists and dictionaries.
     fn collect(&mut self, code: u8) -> Result<()> {
         match code {
-            b']' => self.push(Node::List(Vec::new())),
+            // Sets are lists here.
+            b']' | 0x8f => self.push(Node::List(Vec::new())),
             b')' => self.push(Node::Tuple(Vec::new())),
             b'}' => self.push(Node::Dict(Vec::new())),
             0x85..=0x87 => {
@@ -208,18 +237,18 @@ impl<'a, 's> Machine<'a, 's> {
                 items.reverse();
                 self.push(Node::Tuple(items))
             }
-            b't' | b'l' | b'd' => {
+            b't' | b'l' | b'd' | 0x91 => {
                 let items = self.pop_to_mark()?;
                 match code {
                     b't' => self.push(Node::Tuple(items)),
-                    b'l' => self.push(Node::List(items)),
+                    b'l' | 0x91 => self.push(Node::List(items)),
                     _ => {
                         let pairs = self.pairs(&items)?;
                         self.push(Node::Dict(pairs))
                     }
                 }
             }
-            b'a' | b'e' => {
+            b'a' | b'e' | 0x90 => {
                 let items = if code == b'a' { vec![self.pop()?] } else { self.pop_to_mark()? };
                 let target = self.top()?;
                 match self.arena.get_mut(target) {
@@ -227,6 +256,7 @@ impl<'a, 's> Machine<'a, 's> {
                         list.extend(items);
                         Ok(())
                     }
+                    Some(Node::Opaque(_)) => Ok(()),
                     _ => Err(self.unlike(target, "a list to append to")),
                 }
             }
@@ -244,6 +274,7 @@ impl<'a, 's> Machine<'a, 's> {
                         dict.extend(pairs);
                         Ok(())
                     }
+                    Some(Node::Opaque(_)) => Ok(()),
                     _ => Err(self.unlike(target, "a dictionary to set items of")),
                 }
             }
@@ -257,19 +288,6 @@ impl<'a, 's> Machine<'a, 's> {
         }
     }
 
-    /// A whole number of `length` bytes, two's complement, little-endian.
-    fn long(&mut self, length: u64) -> Result<()> {
-        let bytes = self.take(length)?;
-        let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);
-        let mut padded = [if negative { 0xff } else { 0 }; 8];
-        let Some(head) = padded.get_mut(..bytes.len()) else {
-            let found = format!("a whole number of {length} bytes");
-            return Err(Error::unsupported(self.place.clone(), found, "at most 8 bytes"));
-        };
-        head.copy_from_slice(bytes);
-        self.push(Node::Int(i64::from_le_bytes(padded)))
-    }
-
     /// Bytes with their count before them: one, four or eight bytes of it.
     fn counted(&mut self, code: u8) -> Result<&'a [u8]> {
         let length = match code {
@@ -280,7 +298,7 @@ impl<'a, 's> Machine<'a, 's> {
         self.take(length)
     }
 
-    fn take(&mut self, length: u64) -> Result<&'a [u8]> {
+    pub(super) fn take(&mut self, length: u64) -> Result<&'a [u8]> {
         self.reader.take(usize::try_from(length).unwrap_or(usize::MAX))
     }
 
@@ -315,12 +333,9 @@ impl<'a, 's> Machine<'a, 's> {
     fn global(&mut self, module: &str, name: &str) -> Result<()> {
         let Some(global) = Global::find(module, name) else {
             let short = |text: &str| text.chars().take(80).collect::<String>();
-            return Err(Error::unsupported(
-                self.place.clone(),
-                format!("the Python name {}.{}", short(module), short(name)),
-                "only names that tensors, NumPy arrays and dictionaries need; nothing else in a \
-                 pickle is ever run (save the model's state_dict and plain settings)",
-            ));
+            let kind = format!("the Python name {}.{}", short(module), short(name));
+            self.arena.allowance.bytes(kind.len(), &self.place)?;
+            return self.push(Node::Opaque(kind));
         };
         self.push(Node::Global(global))
     }

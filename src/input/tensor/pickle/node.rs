@@ -35,7 +35,12 @@ pub(super) enum Node<'a> {
         shape: Vec<u64>,
         strides: Vec<u64>,
     },
-    /// A NumPy type: its letter and size, as in `f4`.
+    /// A tensor of a kind that is not read: the kind, and the shape where it is known.
+    UnreadTensor(String, Vec<u64>),
+    /// An object, a function or a class of a kind that is not read: the kind. Nothing of it is run,
+    /// and what is set in it is forgotten.
+    Opaque(String),
+    /// A NumPy type: its letter and size, as in `f4`, with `>` before it where it is big-endian.
     NumpyType(String),
     /// A NumPy array, empty until its state is set.
     Array(Option<Array>),
@@ -47,7 +52,8 @@ pub(super) struct Array {
     pub(super) code: String,
     pub(super) shape: Vec<u64>,
     pub(super) fortran: bool,
-    pub(super) bytes: Arc<[u8]>,
+    /// None of Python objects.
+    pub(super) bytes: Option<Arc<[u8]>>,
 }
 
 impl Node<'_> {
@@ -66,9 +72,22 @@ impl Node<'_> {
             Self::Global(global) => format!("{global:?}"),
             Self::Storage(..) => "a storage".into(),
             Self::Tensor { .. } => "a tensor".into(),
+            Self::UnreadTensor(kind, _) | Self::Opaque(kind) => kind.clone(),
             Self::NumpyType(code) => format!("the NumPy type {code}"),
             Self::Array(_) => "a NumPy array".into(),
         }
+    }
+}
+
+/// An object that a function or a class of a kind that is not read would make.
+pub(super) fn made_by<'a>(kind: &str) -> Node<'a> {
+    let name = kind.strip_prefix("the Python name ").unwrap_or(kind);
+    let is_tensor =
+        ["torch._utils._rebuild", "torch._tensor._rebuild"].iter().any(|s| name.starts_with(s));
+    match is_tensor {
+        true => Node::UnreadTensor(format!("a tensor that {name} makes"), Vec::new()),
+        false if kind.starts_with("a Python object") => Node::Opaque(kind.to_owned()),
+        false => Node::Opaque(format!("a Python object of {name}")),
     }
 }
 

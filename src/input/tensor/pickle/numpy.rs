@@ -2,7 +2,7 @@
 
 use super::machine::Machine;
 use super::node::{Array, Id, Node};
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 
 /// The number that `bytes` spell in a NumPy type.
 pub(super) fn number(code: &str, bytes: &[u8]) -> Option<Node<'static>> {
@@ -11,7 +11,10 @@ pub(super) fn number(code: &str, bytes: &[u8]) -> Option<Node<'static>> {
         "u1" => Node::Int(u8::from_le_bytes(bytes.try_into().ok()?).into()),
         "u2" => Node::Int(u16::from_le_bytes(bytes.try_into().ok()?).into()),
         "u4" => Node::Int(u32::from_le_bytes(bytes.try_into().ok()?).into()),
-        "u8" => Node::Int(u64::from_le_bytes(bytes.try_into().ok()?).try_into().ok()?),
+        "u8" => {
+            let value = u64::from_le_bytes(bytes.try_into().ok()?);
+            i64::try_from(value).map_or(Node::Float(value as f64), Node::Int)
+        }
         "i1" => Node::Int(i8::from_le_bytes(bytes.try_into().ok()?).into()),
         "i2" => Node::Int(i16::from_le_bytes(bytes.try_into().ok()?).into()),
         "i4" => Node::Int(i32::from_le_bytes(bytes.try_into().ok()?).into()),
@@ -27,13 +30,11 @@ impl<'a> Machine<'a, '_> {
     /// A NumPy number from its type and bytes.
     pub(super) fn numpy_scalar(&mut self, element: Id, bytes: Id) -> Result<Node<'a>> {
         let code = self.numpy_code(element)?;
-        let Node::Bytes(spelled) = self.arena.get(bytes) else {
-            return Err(self.unlike(bytes, "the bytes of a NumPy number"));
+        let spelled = match self.arena.get(bytes) {
+            Node::Bytes(spelled) => number(&code, spelled),
+            _ => None,
         };
-        number(&code, spelled).ok_or_else(|| {
-            let found = format!("a NumPy number of type {code} in {} bytes", spelled.len());
-            Error::unsupported(self.place.clone(), found, "b1, i1 to i8, u1 to u8 or f2 to f8")
-        })
+        Ok(spelled.unwrap_or_else(|| Node::Opaque(format!("a NumPy number of type {code}"))))
     }
 
     /// The letters of a NumPy type.
@@ -44,17 +45,17 @@ impl<'a> Machine<'a, '_> {
         }
     }
 
-    /// The state of a type: `(version, byte order, base type, field names, fields, ...)`.
-    pub(super) fn numpy_type_state(&self, state: Id) -> Result<()> {
+    /// The letters of a type once its state is set: `(version, byte order, base type, field names,
+    /// fields, ...)`. None where they stay.
+    pub(super) fn numpy_type_state(&self, code: &str, state: Id) -> Result<Option<String>> {
         let parts: Vec<&Node<'_>> =
             self.items(state)?.iter().take(5).map(|&part| self.arena.get(part)).collect();
-        let found = match parts.as_slice() {
-            [_, Node::Text("<" | "|" | "="), Node::None, Node::None, Node::None] => return Ok(()),
-            [_, Node::Text(">"), ..] => "a big-endian NumPy type",
-            [_, Node::Text(_), ..] => "a structured NumPy type",
-            _ => return Err(self.unlike(state, "the state of a NumPy type")),
-        };
-        Err(Error::unsupported(self.place.clone(), found, "a plain little-endian number"))
+        match parts.as_slice() {
+            [_, Node::Text("<" | "|" | "="), Node::None, Node::None, Node::None] => Ok(None),
+            [_, Node::Text(">"), ..] => Ok(Some(format!(">{code}"))),
+            [_, Node::Text(_), ..] => Ok(Some(format!("{code} with parts"))),
+            _ => Err(self.unlike(state, "the state of a NumPy type")),
+        }
     }
 
     /// The state of an array: `(version, shape, type, whether in Fortran order, bytes)`; without

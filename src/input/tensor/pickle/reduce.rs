@@ -4,16 +4,30 @@ use std::borrow::Cow;
 
 use super::global::Global;
 use super::machine::Machine;
-use super::node::{Array, Id, Node};
+use super::node::{Array, Id, Node, made_by};
 use crate::base::error::{Error, Result};
 use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
 impl<'a> Machine<'a, '_> {
-    /// `callable(*arguments)`.
-    pub(super) fn call(&mut self, callable: Id, arguments: Id) -> Result<Id> {
-        let &Node::Global(global) = self.arena.get(callable) else {
-            return Err(self.unlike(callable, "a function to call"));
+    /// `callable(*arguments)`. Functions that mean nothing here are not run: they make an object
+    /// that stays closed.
+    pub(super) fn call(&mut self, mut callable: Id, mut arguments: Id) -> Result<Id> {
+        // Functions that call another one, whose arguments lie in theirs.
+        while let (Node::Global(Global::RebuildFromType), Node::Tuple(outer)) =
+            (self.arena.get(callable), self.arena.get(arguments))
+        {
+            let &[function, _, inner, ..] = outer.as_slice() else { break };
+            (callable, arguments) = (function, inner);
+        }
+        let global = match self.arena.get(callable) {
+            &Node::Global(global) => global,
+            Node::Opaque(kind) => {
+                let made = made_by(kind);
+                self.arena.allowance.bytes(256, &self.place)?;
+                return self.arena.add(made, &self.place);
+            }
+            _ => return Err(self.unlike(callable, "a function to call")),
         };
         let Node::Tuple(arguments) = self.arena.get(arguments) else {
             return Err(self.unlike(arguments, "a tuple of arguments"));
@@ -23,15 +37,42 @@ impl<'a> Machine<'a, '_> {
         let node = match (global, arguments.as_slice()) {
             (Global::OrderedDict, []) => Node::Dict(Vec::new()),
             (Global::OrderedDict, &[items]) => self.ordered(items)?,
-            (Global::RebuildTensor, &[storage, first, shape, strides, ..]) => {
-                self.tensor(storage, [first, shape, strides], None)?
+            (Global::DefaultDict, _) => Node::Dict(Vec::new()),
+            (Global::Counter, &[counts]) => match self.arena.get(counts) {
+                Node::Dict(counts) => {
+                    let counts = counts.clone();
+                    self.arena.allowance.bytes(size_of_val(counts.as_slice()), &self.place)?;
+                    Node::Dict(counts)
+                }
+                _ => return Err(self.unlike(counts, "a dictionary of counts")),
+            },
+            (Global::Counter, []) => Node::Dict(Vec::new()),
+            (Global::Set, []) => Node::List(Vec::new()),
+            (Global::Set, &[items]) => {
+                let items = self.items(items)?.to_vec();
+                self.arena.allowance.bytes(size_of_val(items.as_slice()), &self.place)?;
+                Node::List(items)
             }
-            (Global::RebuildTensorV3, &[storage, first, shape, strides, _, _, element, ..]) => {
-                let &Node::Global(Global::ElementType(element)) = self.arena.get(element) else {
-                    return Err(self.unlike(element, "an element type"));
-                };
-                self.tensor(storage, [first, shape, strides], Some(element))?
+            (Global::RebuildTensor, &[storage, first, shape, strides, ref more @ ..]) => {
+                match self.mark(more.get(2)) {
+                    Some(mark) => self.unread_tensor(mark, shape)?,
+                    None => self.tensor(storage, [first, shape, strides], None)?,
+                }
             }
+            (
+                Global::RebuildTensorV3,
+                &[storage, first, shape, strides, _, _, element, ref more @ ..],
+            ) => match (self.mark(more.first()), self.arena.get(element)) {
+                (Some(mark), _) => self.unread_tensor(mark, shape)?,
+                (_, &Node::Global(Global::ElementType(element))) => {
+                    self.tensor(storage, [first, shape, strides], Some(element))?
+                }
+                (_, Node::Opaque(kind)) => {
+                    let kind = kind.clone();
+                    self.unread_tensor(kind, shape)?
+                }
+                _ => return Err(self.unlike(element, "an element type")),
+            },
             (Global::RebuildParameter, &[tensor, ..]) => return Ok(tensor),
             (Global::Size, &[sizes]) => {
                 let sizes = self.items(sizes)?.to_vec();
@@ -48,6 +89,7 @@ impl<'a> Machine<'a, '_> {
             },
             (Global::NumpyReconstruct, &[class, ..]) => match self.arena.get(class) {
                 Node::Global(Global::NumpyArray) => Node::Array(None),
+                Node::Opaque(kind) => made_by(kind),
                 _ => return Err(self.unlike(class, "numpy.ndarray")),
             },
             (Global::NumpyScalar, &[element, bytes]) => self.numpy_scalar(element, bytes)?,
@@ -80,6 +122,12 @@ impl<'a> Machine<'a, '_> {
         let &[kind, class, key, _, count, ..] = items else {
             return Err(self.unlike(id, "the five parts of a storage"));
         };
+        if let (Node::Text("storage"), Node::Opaque(kind)) =
+            (self.arena.get(kind), self.arena.get(class))
+        {
+            let kind = kind.clone();
+            return self.push(Node::Opaque(kind));
+        }
         let parts = [kind, class, key, count].map(|part| self.arena.get(part));
         let [Node::Text("storage"), Node::Global(Global::Storage(element)), key, count] = parts
         else {
@@ -100,8 +148,16 @@ impl<'a> Machine<'a, '_> {
     pub(super) fn build(&mut self, target: Id, state: Id) -> Result<()> {
         match self.arena.get(target) {
             // Attributes of dictionaries and tensors, such as a state dictionary's versions.
-            Node::Dict(_) | Node::Tensor { .. } => Ok(()),
-            Node::NumpyType(_) => self.numpy_type_state(state),
+            Node::Dict(_) | Node::Tensor { .. } | Node::UnreadTensor(..) | Node::Opaque(_) => {
+                Ok(())
+            }
+            Node::NumpyType(code) => {
+                let changed = self.numpy_type_state(code, state)?;
+                if let (Some(changed), Some(node)) = (changed, self.arena.get_mut(target)) {
+                    *node = Node::NumpyType(changed);
+                }
+                Ok(())
+            }
             Node::Array(_) => {
                 let array = self.numpy_array_state(state)?;
                 if let Some(node) = self.arena.get_mut(target) {
@@ -139,6 +195,10 @@ impl<'a> Machine<'a, '_> {
     ) -> Result<Node<'a>> {
         let (data, typed): (&Data, _) = match self.arena.get(storage) {
             Node::Storage(data, typed) => (data, *typed),
+            Node::Opaque(kind) => {
+                let kind = kind.clone();
+                return self.unread_tensor(kind, shape);
+            }
             _ => return Err(self.unlike(storage, "a storage")),
         };
         let Some(element) = element.or(typed) else {
@@ -153,6 +213,24 @@ impl<'a> Machine<'a, '_> {
         };
         self.arena.allowance.bytes(256, &self.place)?;
         Ok(node)
+    }
+
+    /// A tensor of a kind that is not read.
+    fn unread_tensor(&mut self, kind: String, shape: Id) -> Result<Node<'a>> {
+        let shape = self.counts(shape)?;
+        self.arena.allowance.bytes(256 + kind.len(), &self.place)?;
+        Ok(Node::UnreadTensor(format!("a tensor of {kind}"), shape))
+    }
+
+    /// A mark that a tensor's numbers mean something else than they say: the key among the last
+    /// arguments of a tensor, such as `{'neg': True}`.
+    fn mark(&self, marks: Option<&Id>) -> Option<String> {
+        let Node::Dict(marks) = self.arena.get(*marks?) else { return None };
+        marks.iter().find_map(|&(key, value)| match (self.arena.get(key), self.arena.get(value)) {
+            (_, Node::Bool(false)) => None,
+            (Node::Text(key), _) => Some(format!("numbers that are marked {key:?}")),
+            _ => Some("numbers with a mark".to_owned()),
+        })
     }
 
     /// Python's text as bytes, one byte a character.
@@ -205,13 +283,13 @@ impl<'a> Machine<'a, '_> {
     ) -> Result<Array> {
         let shape = self.counts(shape)?;
         let code = self.numpy_code(element)?;
-        let Node::Bytes(bytes) = self.arena.get(bytes) else {
-            let found = format!("a NumPy array of type {code} whose values are Python objects");
-            return Err(Error::unsupported(self.place.clone(), found, "an array of numbers"));
+        let bytes = match self.arena.get(bytes) {
+            Node::Bytes(bytes) => Some(std::sync::Arc::from(&**bytes)),
+            _ => None,
         };
-        let bytes = std::sync::Arc::from(&**bytes);
         let array = Array { code, shape, fortran, bytes };
-        self.arena.allowance.bytes(array.bytes.len() + 256, &self.place)?;
+        let length = array.bytes.as_ref().map_or(0, |bytes| bytes.len());
+        self.arena.allowance.bytes(length + 256, &self.place)?;
         Ok(array)
     }
 }

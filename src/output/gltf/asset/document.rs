@@ -79,13 +79,32 @@ impl Asset {
         let asset = self.document()?.get("asset")?;
         let version = asset.map(|asset| asset.get("version")).transpose()?.flatten();
         let Some(version) = version else {
-            return Err(Error::malformed(place, "no version of glTF", "\"2.0\""));
+            return Err(self.without_version(place)?);
         };
         let version: String = version.parse("\"2.0\"")?;
         match version.split_once('.') {
             Some(("2", _)) => Ok(()),
             _ => Err(Error::unsupported(place, format!("glTF {version}"), "glTF 2")),
         }
+    }
+
+    /// The error for a JSON text without a version of glTF: what it is, as far as it is known.
+    fn without_version(&self, place: Place) -> Result<Error> {
+        let document = self.document()?;
+        let has = |key: &str| -> Result<bool> { Ok(document.get(key)?.is_some()) };
+        Ok(if has("snapshot")? && has("encoding")? {
+            let found = "a snapshot of Instant-NGP as JSON";
+            Error::unsupported(Place::File, found, "one as .ingp or .msgpack")
+                .advise("save it with Instant-NGP as .ingp or .msgpack")
+        } else if has("asset")? {
+            Error::malformed(place, "no version of glTF", "\"2.0\"")
+        } else {
+            let found = match has("frames")? || has("camera_path")? {
+                true => "a camera file",
+                false => "a JSON text without the member asset",
+            };
+            Error::malformed(place, found, "a glTF asset")
+        })
     }
 
     /// The file.
