@@ -197,6 +197,28 @@ export function turntable(bounds: { min: number[]; max: number[] }, count: numbe
   });
 }
 
+/** Numbers from 0 to below `end`, by a congruential generator. */
+export function numbers(seed: number): (end: number) => number {
+  let state = seed;
+  return (end) => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return Math.floor((state / 2 ** 32) * end);
+  };
+}
+
+/** A zstd frame of one block, of at most 128 kB of stored bytes. */
+export function storedFrame(bytes: Uint8Array): Uint8Array {
+  const head = new DataView(new ArrayBuffer(12));
+  head.setUint32(0, 0xfd2fb528, true);
+  // One segment; its size in 4 bytes, of which the block's head repeats three.
+  head.setUint8(4, 0xa0);
+  head.setUint32(5, bytes.length, true);
+  const block = (bytes.length << 3) | 1;
+  head.setUint16(9, block & 0xffff, true);
+  head.setUint8(11, block >> 16);
+  return Uint8Array.from([...new Uint8Array(head.buffer), ...bytes]);
+}
+
 /** The page's picture of a view, four bytes a pixel. */
 export async function capture(page: Page, view: View): Promise<number[]> {
   return page.evaluate((view) => window.__mipvog.capture(view), view);
