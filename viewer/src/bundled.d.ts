@@ -9,3 +9,9 @@ declare module "*.wasm" {
   const bytes: Uint8Array<ArrayBuffer>;
   export default bytes;
 }
+
+/** The worker is bundled as text, too. */
+declare module "*.txt" {
+  const text: string;
+  export default text;
+}

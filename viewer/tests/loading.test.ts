@@ -190,20 +190,20 @@ test("a device that is lost on the way gets back what had come, and the rest as 
   await page.close();
 });
 
-/** A page whose workers of these numbers, in the order in which they are started, are not to be had. */
-async function withoutWorkers(...numbers: number[]): Promise<{ page: Page; problems: string[] }> {
+/** A page on so many cores, whose workers of these numbers, in the order in which they are started, are not to be had. */
+async function withWorkers(cores: number, missing: number[] = []): Promise<{ page: Page; problems: string[] }> {
   const made = await newPage(browser);
-  await made.page.addInitScript((numbers) => {
+  await made.page.addInitScript(([cores, missing]) => {
     const Own = Worker;
     let count = 0;
     window.Worker = class extends Own {
       constructor(address: string | URL, options?: WorkerOptions) {
-        super(numbers.includes(++count) ? "missing.js" : address, options);
+        super(missing.includes(++count) ? "missing.js" : address, options);
       }
     };
     // As many helpers as this on every machine.
-    Object.defineProperty(navigator, "hardwareConcurrency", { value: 2 });
-  }, numbers);
+    Object.defineProperty(navigator, "hardwareConcurrency", { value: cores });
+  }, [cores, missing] as const);
   return made;
 }
 
@@ -216,7 +216,7 @@ test("workers that help are missed by nobody, and without the one that reads not
   const pictures = [];
   // The first worker asks the device, the second one reads.
   for (const missing of [[], [3], [3, 4]]) {
-    const { page, problems } = await withoutWorkers(...missing);
+    const { page, problems } = await withWorkers(2, missing);
     await page.goto(server.page("large.mipvog", content));
     await ready(page);
     assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
@@ -226,9 +226,38 @@ test("workers that help are missed by nobody, and without the one that reads not
   }
   assert.ok(new Set(pictures[0]).size > 50, "something is to be seen");
   for (const picture of pictures) assert.equal(psnr(picture, pictures[0]), Infinity);
-  const { page } = await withoutWorkers(2);
+  const { page } = await withWorkers(2, [2]);
   await page.goto(server.page("large.mipvog", content));
   await page.waitForFunction(() => window.__mipvog?.error);
   assert.match(await page.locator("#error").innerText(), /decoder could not be started/);
   await page.close();
+});
+
+test("pictures of every level are the program's, however many workers help", async () => {
+  const large = join(folder.path, "small_blocks.mipvog");
+  // With 4 and with 16 helpers, shares of level 1 end at faces of the grid.
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "--bits", "12", "--block-size", "2", "-o", large);
+  const content = readFileSync(large);
+  const [view] = views(CAMERAS, 50);
+  const finest = [0, 1, 2];
+  const reference = finest.map((level) => {
+    const out = join(folder.path, `small_blocks.${level}`);
+    program("render", large, "--cameras", CAMERAS, "--frames", "0", "--size", "50x50", "--level-of-detail", String(level), "-o", out);
+    return join(out, "r_0.s1.png");
+  });
+  const alone: number[][] = [];
+  for (const cores of [1, 3, 4, 8, 16]) {
+    const { page, problems } = await withWorkers(cores);
+    await page.goto(server.page("small_blocks.mipvog", content));
+    await ready(page);
+    for (const level of finest) {
+      await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = level), level);
+      const picture = await capture(page, view);
+      const found = psnr(picture, await pixels(page, reference[level]));
+      assert.ok(found >= 50, `level ${level}, ${cores} cores: ${found} dB`);
+      assert.deepEqual(picture, (alone[level] ??= picture), `level ${level}, ${cores} cores`);
+    }
+    assert.deepEqual(problems, []);
+    await page.close();
+  }
 });

@@ -46,6 +46,8 @@ uniform mat3 u_toBox;
 uniform mat3 u_toLocal;
 uniform mat3 u_toView;
 uniform vec2 u_depthOfT;
+// What log2(1 + t) is multiplied by where depth is logarithmic; else 0.
+uniform float u_logarithm;
 // Whether the target takes linear values: all but the canvas do.
 uniform bool u_linear;
 

@@ -337,7 +337,9 @@ void main() {
   float left = exp(-depth);
   float t = weights > 0.0 ? reached / weights : 0.0;
   // Where there is nothing, as far as depths go.
-  gl_FragDepth = clamp(u_depthOfT.x + (weights > 1e-3 ? u_depthOfT.y / t : 0.0), 0.0, 1.0);
+  float written = u_depthOfT.x + (weights > 1e-3 ? u_depthOfT.y / t : 0.0);
+  if (u_logarithm > 0.0) written = weights > 1e-3 ? u_logarithm * log2(1.0 + t) : 1.0;
+  gl_FragDepth = clamp(written, 0.0, 1.0);
   if (u_output == STATISTICS) {
     fragment = vec4(float(samples), float(fetches), max(0.0, floor(last) - first + 1.0), 1.0);
     return;

@@ -30,6 +30,9 @@ export function pickedProjection(projection: Matrix, x: number, y: number): numb
   return Array.from(projection, (value, at) => (at % 4 < 2 ? PICKED * (value - middle[at % 4] * projection[at - (at % 4) + 3]) : value));
 }
 
+/** A projection of the pixel that a ray is the middle of, to whose distance near and far do not matter. */
+export const RAY_PROJECTION: readonly number[] = pickedProjection([100, 0, 0, 0, 0, 100, 0, 0, 0, 0, -1, -1, 0, 0, -1e-4, 0], 0.5, 0.5);
+
 /**
  * The world's point in the middle of a picture from `camera`, of one pixel of `OUTPUT.distance`; null where the field is next
  * to invisible.

@@ -24,6 +24,8 @@ export interface View {
   isLinear: boolean;
   /** Depth of the target by that of clip space: a factor and a shift. */
   depth: [number, number];
+  /** Where depth is logarithmic, what the logarithm of a distance and 1 is multiplied by; else 0. */
+  logarithm: number;
 }
 
 /** What of a field is shown. */
@@ -108,6 +110,9 @@ export function viewUniforms({ bounds, march, levels }: Metadata, view: View, sh
     u_viewport: view.viewport,
     u_linear: view.isLinear,
     u_depthOfT: [depth[1] - depth[0] * projection[10], depth[0] * projection[14]],
+    u_logarithm: view.logarithm,
+    // Of depth in clip space, the far end and the sign towards it.
+    u_farEnd: projection[14] < 0 ? [1, 1] : [depth[1] === 0 ? 0 : -1, -1],
     u_finest: shown.finest,
     u_fixedLevel: shown.fixedLevel === null ? -1 : Math.min(Math.max(shown.finest, shown.fixedLevel), levels.length - 1),
     u_range: [shown.keepsRange ? near : 0, (shown.keepsRange ? far : null) ?? BEYOND],

@@ -38,8 +38,6 @@ function fileName(address: string): string {
 /** A container on its own: training's z becomes the world's y. */
 export function openField(source: Source, name: string): Opened {
   const field = new RadianceField(source);
-  // A viewer's camera goes where no training camera was.
-  field.keepsRange = false;
   const object = new Group().add(field);
   object.rotation.x = -Math.PI / 2;
   return { object, fields: [field], name };
@@ -67,9 +65,7 @@ export async function openAsset(name: string, load: (loader: GLTFLoader) => Prom
   scene.traverse((object) => {
     failure ??= object.userData.radianceFieldError;
     isLit ||= object instanceof Light;
-    if (!(object instanceof RadianceField)) return;
-    object.keepsRange = false;
-    opened.fields.push(object);
+    if (object instanceof RadianceField) opened.fields.push(object);
   });
   if (failure) {
     release(opened);
