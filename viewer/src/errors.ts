@@ -25,8 +25,6 @@ export const REMEDY = {
   again: "Open it again.",
   source: "Give the constructor one of these.",
   renderer: "Make a WebGLRenderer.",
-  camera: "Use a PerspectiveCamera.",
-  perspective: "Leave the camera's mode at PERSPECTIVE_CAMERA.",
   attachments: "Draw it in a pass of its own, with one color attachment.",
   engine: "Make an Engine of Babylon.js, on a device with WebGL 2.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",

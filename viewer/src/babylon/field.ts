@@ -17,7 +17,6 @@ import type { InstancedMesh } from "@babylonjs/core/Meshes/instancedMesh.js";
 import { Mesh, type MeshCloneOptions } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import type { SubMesh } from "@babylonjs/core/Meshes/subMesh.js";
-import { Logger } from "@babylonjs/core/Misc/logger.js";
 import { Observable } from "@babylonjs/core/Misc/observable.js";
 import { Node } from "@babylonjs/core/node.js";
 import type { Nullable } from "@babylonjs/core/types.js";
@@ -47,7 +46,7 @@ const MIRROR_Z = SAME.map((value, at) => (at === 10 ? -1 : value));
 /**
  * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up. A
  * left-handed scene shows it mirrored along x before its own transform, as Babylon.js shows glTF assets, so that it looks
- * as it should. Drawn with perspective cameras.
+ * as it should.
  */
 export class RadianceField extends Mesh {
   /** Resolves once the metadata is there; rejects where it cannot be. */
@@ -72,7 +71,6 @@ export class RadianceField extends Mesh {
   private uniforms: Uniforms = {};
   /** The only material that draws the field, whatever a copier of materials puts in its place. */
   private own: ShaderMaterial | null = null;
-  private isRefused = false;
   /** What is drawn in place of what the scene's camera sees; null for pictures. */
   private sampled: { view: View; shown: Partial<Shown> } | null = null;
   /** What the material draws from, and the handles that it was made for. */
@@ -165,20 +163,7 @@ export class RadianceField extends Mesh {
   override render(subMesh: SubMesh, enableAlphaMode: boolean, effectiveMeshReplacement?: AbstractMesh): this {
     this.upload();
     if (this.own && this.material !== this.own) this.material = this.own;
-    if (!this.sampled && this.getScene().getProjectionMatrix().m[15] !== 0) {
-      this.refuse();
-      return this;
-    }
     return this.finest === null || !this.wrapped ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
-  }
-
-  /** Tells once why the field is not drawn: an error would end the whole scene's picture. */
-  private refuse(): void {
-    if (this.isRefused) return;
-    this.isRefused = true;
-    const error = new FieldError("Fields are drawn with perspective cameras, and with no others.", REMEDY.perspective);
-    Logger.Error(`${error.message} ${error.remedy}`);
-    this.onFailedObservable.notifyObservers({ error });
   }
 
   /** Hits what pictures show, as `pick` does; nothing before the first picture. */

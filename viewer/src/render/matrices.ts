@@ -28,6 +28,17 @@ export function unturned(m: Matrix): number[] {
   return [a[0], b[0], c[0], 0, a[1], b[1], c[1], 0, a[2], b[2], c[2], 0, 0, 0, 0, 1];
 }
 
+/** Whether a projection's rays are parallel. */
+export function isParallel(projection: Matrix): boolean {
+  return projection[15] === 1;
+}
+
+/** A factor and a shift along x and y: from a place in the picture, -1 to 1, to one at distance 1, or at any of parallel rays. */
+export function lensOf(projection: Matrix): [number, number, number, number] {
+  const [x, y] = isParallel(projection) ? [-projection[12], -projection[13]] : [projection[8], projection[9]];
+  return [1 / projection[0], 1 / projection[5], x / projection[0], y / projection[5]];
+}
+
 /** The place of a camera that looks along a direction of length 1. */
 export function lookingAlong(origin: readonly number[], direction: readonly number[]): number[] {
   const cross = (a: readonly number[], b: readonly number[]) => [0, 1, 2].map((axis) => a[(axis + 1) % 3] * b[(axis + 2) % 3] - a[(axis + 2) % 3] * b[(axis + 1) % 3]);

@@ -1,6 +1,6 @@
 /** What a picture takes, and what it shows at a point: from values that the shader writes in place of colours. */
 
-import type { Matrix } from "./matrices.js";
+import { isParallel, lensOf, type Matrix } from "./matrices.js";
 
 /** What a picture took, as means over the rays that meet the box. */
 export interface Statistics {
@@ -39,7 +39,9 @@ export const RAY_PROJECTION: readonly number[] = pickedProjection([100, 0, 0, 0,
  */
 export function pickedPoint([distance, opacity]: Float32Array, camera: Matrix, projection: Matrix): [number, number, number] | null {
   if (!(opacity > LEAST_PICKED)) return null;
-  const [x, y, z] = [projection[8] / projection[0], projection[9] / projection[5], -1].map((value) => value * distance);
+  const [, , right, up] = lensOf(projection);
+  const reach = isParallel(projection) ? 1 : distance;
+  const [x, y, z] = [right * reach, up * reach, -distance];
   const along = (axis: number) => camera[axis] * x + camera[axis + 4] * y + camera[axis + 8] * z + camera[axis + 12];
   return [along(0), along(1), along(2)];
 }

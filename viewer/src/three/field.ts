@@ -48,7 +48,7 @@ const NOTHING = [0, -1] as const;
 
 /**
  * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up:
- * a node of a scene whose y is up turns it by a quarter about x. Drawn with perspective cameras.
+ * a node of a scene whose y is up turns it by a quarter about x.
  */
 export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, RadianceFieldEventMap> {
   readonly isRadianceField = true;
@@ -186,7 +186,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * Counts what a picture of `rows` rows takes, from `width` by `height` rays of it. Without `skips` as a dense march
    * would: every sample between entry and exit, with its colours.
    */
-  statistics(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, rows: number, skips = true): Statistics {
+  statistics(renderer: WebGLRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Statistics {
     return statisticsOf(this.sample(renderer, camera, width, height, { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
@@ -194,7 +194,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * The world's point that a picture shows at `x`, `y`, shares of its width and height from the top left; null where the
    * field is next to invisible.
    */
-  pick(renderer: WebGLRenderer, camera: PerspectiveCamera, x: number, y: number): Vector3 | null {
+  pick(renderer: WebGLRenderer, camera: Camera, x: number, y: number): Vector3 | null {
     return this.pointOf(renderer, camera.matrixWorld, pickedProjection(camera.projectionMatrix.elements, x, y));
   }
 
@@ -228,7 +228,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /** Four numbers a pixel of one kind of output. */
-  private sample(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, shown: Partial<Shown>): Float32Array {
+  private sample(renderer: WebGLRenderer, camera: Camera, width: number, height: number, shown: Partial<Shown>): Float32Array {
     const target = new WebGLRenderTarget(width, height, { type: FloatType });
     const pixels = new Float32Array(4 * width * height);
     this.material.blending = NoBlending;
@@ -240,7 +240,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /** Draws the field alone into an empty target. */
-  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: PerspectiveCamera, shown: Partial<Shown>): void {
+  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: Camera, shown: Partial<Shown>): void {
     const proxy = new Mesh(this.geometry, this.material);
     proxy.matrixWorld.copy(this.matrixWorld);
     proxy.matrixWorldAutoUpdate = proxy.matrixAutoUpdate = false;
@@ -286,7 +286,6 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const { geometry } = object;
     geometry.setDrawRange(...NOTHING);
     const target = renderer.getRenderTarget();
-    if (!(camera as PerspectiveCamera).isPerspectiveCamera) return this.refuse("Fields are drawn with perspective cameras, and with no others.", REMEDY.camera);
     if (attachments(target) > 1) return this.refuse("A field is not drawn into a target of several color attachments.", REMEDY.attachments);
     this.upload(renderer);
     const { file } = this.streamed;
@@ -302,7 +301,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     geometry.setDrawRange(0, Infinity);
     if (!this.sampled) this.renderer = renderer;
     const { keepsRange, fixedLevel } = this;
-    const view = viewOf(camera as PerspectiveCamera, object.matrixWorld.elements, renderer);
+    const view = viewOf(camera, object.matrixWorld.elements, renderer);
     const uniforms = viewUniforms(file.metadata, view, { finest, fixedLevel, keepsRange, ...shown });
     for (const [name, value] of Object.entries(uniforms)) material.uniforms[name].value = value;
     material.uniformsNeedUpdate = true;
@@ -372,9 +371,9 @@ function colorSpaceOf(renderer: WebGLRenderer): string {
 }
 
 /** Where a renderer takes its picture. */
-function viewOf(camera: PerspectiveCamera, world: number[], renderer: WebGLRenderer): View {
+function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View {
   // An eye of a headset has a part of the picture.
-  const { viewport: own } = camera as PerspectiveCamera & { viewport?: Vector4 };
+  const { viewport: own, far } = camera as PerspectiveCamera & { viewport?: Vector4 };
   const viewport = own ?? renderer.getCurrentViewport(new Vector4());
   const { width, height } = renderer.domElement;
   // Named `reverseDepthBuffer` before release 182.
@@ -387,6 +386,6 @@ function viewOf(camera: PerspectiveCamera, world: number[], renderer: WebGLRende
     viewport: viewport.z === 0 ? [0, 0, width, height] : viewport.toArray(),
     isLinear: colorSpaceOf(renderer) !== SRGBColorSpace,
     depth: (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5],
-    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(camera.far + 1) : 0,
+    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
   };
 }
