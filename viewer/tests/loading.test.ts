@@ -103,6 +103,50 @@ test("a server without ranges is asked once, and the panel says so", async () =>
   await page.close();
 });
 
+test("a server that answers with less than was asked for is asked for the rest, whether it shows where parts end or not", async () => {
+  const { page, problems } = await newPage(browser);
+  const [view] = views(CAMERAS, 50);
+  await page.goto(server.page("usual.mipvog", bytes));
+  await ready(page);
+  const whole = await capture(page, view);
+  // A little more than the header, and less than the first request.
+  for (const most of [200_000, 3000]) {
+    server.most = most;
+    server.sent = 0;
+    await page.goto(server.page("short.mipvog", bytes));
+    await ready(page);
+    assert.equal(server.sent, bytes.length);
+    assert.equal(await page.evaluate(() => window.__mipvog.field!.file!.transfer), "ranges");
+    assert.equal(psnr(await capture(page, view), whole), Infinity);
+  }
+  // Of another host, which shows no Content-Range.
+  server.headers = { "Access-Control-Allow-Origin": "*" };
+  await page.goto(server.page("short.mipvog", bytes).replace("127.0.0.1", "localhost").replace("?file=", `?file=${server.origin}/`));
+  await ready(page);
+  [server.headers, server.most] = [{}, Infinity];
+  assert.equal(psnr(await capture(page, view), whole), Infinity);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a file that lies compressed on its server is read whole", async () => {
+  const { page } = await newPage(browser);
+  server.compressed = true;
+  await page.goto(server.page("compressed.mipvog", bytes));
+  await ready(page);
+  server.compressed = false;
+  assert.equal(await page.evaluate(() => window.__mipvog.field!.file!.transfer), "whole");
+  await page.close();
+});
+
+test("a host that allows nobody is told as such", async () => {
+  const { page } = await newPage(browser);
+  await page.goto(server.page("foreign.mipvog", bytes).replace("127.0.0.1", "localhost").replace("?file=", `?file=${server.origin}/`));
+  await page.waitForFunction(() => window.__mipvog?.error);
+  assert.match(await page.locator("#error").innerText(), /foreign\.mipvog cannot be reached\.\s+.*Access-Control-Allow-Origin/);
+  await page.close();
+});
+
 test("a broken file is told in words, and what came before stays", async () => {
   const { page, problems } = await newPage(browser);
   const damaged = (at: number) => {

@@ -404,6 +404,30 @@ test("what cannot draw a field is told once, and the rest of the scene is drawn"
   assert.deepEqual(wrong().filter((problem) => !problem.includes("several color attachments")), []);
 });
 
+test("the renderer for WebGPU draws the rest of the scene, and the field says why it is not in it", async () => {
+  const { errors, pixel } = await page.evaluate(async (address) => {
+    const { THREE, WebGPURenderer, SIZE, sceneOf, cameraAt } = window.lib;
+    const { scene, field } = sceneOf(address);
+    const errors: string[] = [];
+    field.addEventListener("failed", ({ error }) => errors.push(`${error.name}: ${error.message} ${error.remedy}`));
+    await field.finished;
+    scene.add(new THREE.Mesh(new THREE.SphereGeometry(0.5), new THREE.MeshBasicMaterial({ color: 0xff0000 })));
+    const renderer = new WebGPURenderer({ forceWebGL: true });
+    renderer.setSize(SIZE, SIZE);
+    await renderer.init();
+    for (let frame = 0; frame < 3; frame++) renderer.render(scene, cameraAt([3.6, 1, 0]));
+    const picture = await createImageBitmap(renderer.domElement);
+    const context = new OffscreenCanvas(SIZE, SIZE).getContext("2d")!;
+    context.drawImage(picture, 0, 0);
+    field.dispose();
+    return { errors, pixel: Array.from(context.getImageData(SIZE / 2, SIZE / 2, 1, 1).data) };
+  }, lego);
+  assert.deepEqual(errors, ["FieldError: Fields are drawn by three.js's WebGLRenderer, and by no other. Make a WebGLRenderer."]);
+  assert.deepEqual(pixel.slice(0, 2), [255, 0]);
+  const own = "error: Fields are drawn by three.js's WebGLRenderer, and by no other. Make a WebGLRenderer.";
+  assert.deepEqual(wrong().filter((problem) => !/Material "RawShaderMaterial" is not compatible/.test(problem)), [own]);
+});
+
 test("two renderers show one field, and levels come once for each", async () => {
   const { pictures, sent } = await page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, fieldsIn } = window.lib;

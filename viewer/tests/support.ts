@@ -6,6 +6,7 @@ import { createServer, type IncomingMessage, type ServerResponse } from "node:ht
 import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { gzipSync } from "node:zlib";
 import { type Browser, chromium, type Page } from "playwright-core";
 import type {} from "../page/viewer.js";
 
@@ -38,6 +39,14 @@ export class CountingServer {
   sent = 0;
   /** Whether ranges are answered; else the whole file is. */
   ranges = true;
+  /** Bytes that an answer to a range has at most. */
+  most = Infinity;
+  /** Whether files lie on the server compressed, so that it can only send what is compressed. */
+  compressed = false;
+  /** What a request for a file has to have as `Authorization`; null for nothing. */
+  login: string | null = null;
+  /** Requests for files: their paths, and whether each had a cookie. */
+  readonly asked: { path: string; cookie: boolean }[] = [];
   /** Headers of every answer. */
   headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
@@ -85,7 +94,7 @@ export class CountingServer {
 
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const path = new URL(request.url ?? "/", this.origin).pathname;
-    const bytes = this.files.get(path);
+    let bytes = this.files.get(path);
     for (const [name, value] of Object.entries(this.headers)) response.setHeader(name, value);
     if (!bytes) {
       const name = path === "/" ? "index.html" : path.slice(1);
@@ -97,17 +106,24 @@ export class CountingServer {
       response.writeHead(200, { "Content-Type": TYPES[name.split(".")[1]] }).end(readFileSync(file));
       return;
     }
+    if (request.method === "OPTIONS") return void response.writeHead(204).end();
+    this.asked.push({ path, cookie: request.headers.cookie !== undefined });
+    if (this.login !== null && request.headers.authorization !== this.login && !path.endsWith(".html")) return void response.writeHead(401).end();
+    if (this.compressed && !path.endsWith(".html")) {
+      bytes = gzipSync(bytes);
+      response.setHeader("Content-Encoding", "gzip");
+    }
     const range = this.ranges ? /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "") : null;
     if (!range) {
       this.sent += bytes.length;
       response.writeHead(200, { "Content-Length": bytes.length }).end(bytes);
       return;
     }
-    const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, bytes.length)];
+    const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, Number(range[1]) + this.most, bytes.length)];
     this.before(to, () => {
       this.sent += to - from;
       response.writeHead(206, { "Content-Range": `bytes ${from}-${to - 1}/${bytes.length}`, "Content-Length": to - from });
-      response.end(bytes.subarray(from, to));
+      response.end(bytes!.subarray(from, to));
     });
   }
 }

@@ -1,6 +1,7 @@
 /** A page of somebody who has fields in scenes of three.js of many kinds: what they are made of, for the tests to put together. */
 
 import * as THREE from "three";
+import { WebGPURenderer } from "three/webgpu";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import * as SkeletonUtils from "three/addons/utils/SkeletonUtils.js";
 import { RadianceField, RadianceFieldExtension } from "../../src/index.js";
@@ -60,7 +61,7 @@ function sceneOf(address: string): { scene: THREE.Scene; field: RadianceField } 
   return { scene: new THREE.Scene().add(field) as THREE.Scene, field };
 }
 
-const lib = { THREE, GLTFLoader, SkeletonUtils, RadianceField, RadianceFieldExtension, SIZE, rendererOf, cameraAt, fieldsIn, picture, pixelsOf, sceneOf };
+const lib = { THREE, WebGPURenderer, GLTFLoader, SkeletonUtils, RadianceField, RadianceFieldExtension, SIZE, rendererOf, cameraAt, fieldsIn, picture, pixelsOf, sceneOf };
 declare global {
   interface Window {
     lib: typeof lib;
