@@ -8,7 +8,19 @@ import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { build } from "esbuild";
 
-const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text", ".txt": "text", ".wasm": "binary" } };
+/** Google's decoder of Draco comes with three.js, as a script that is no module. It is bundled, whatever is not. */
+const draco = {
+  name: "draco",
+  setup(build) {
+    const folder = `${process.cwd()}/node_modules/three/examples/jsm/libs/draco/gltf`;
+    build.onResolve({ filter: /^draco$/ }, () => ({ path: `${folder}/draco_wasm_wrapper.js`, namespace: "draco" }));
+    build.onResolve({ filter: /^draco\.wasm$/ }, () => ({ path: `${folder}/draco_decoder.wasm` }));
+    build.onLoad({ filter: /.*/, namespace: "draco" }, ({ path }) => ({ contents: `${readFileSync(path, "utf8")}\nexport default DracoDecoderModule;` }));
+    // For other places than browsers, where it would look for its files.
+    build.onResolve({ filter: /^(fs|path)$/, namespace: "draco" }, ({ path }) => ({ path, external: true }));
+  },
+};
+const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text", ".txt": "text", ".wasm": "binary" }, plugins: [draco] };
 
 // Into the bundles by its bytes: no request for it can fail.
 mkdirSync("build", { recursive: true });
@@ -19,14 +31,23 @@ for (const name of ["restore", "bricks", "skip"]) {
 
 /** The licences of what a product contains, which they ask to be kept with it. */
 function notices(...packages) {
-  const texts = packages.map((name) => `${name}:\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}`);
+  const texts = packages.map((name) => `${name}:\n\n${(LICENSES[name] ?? licence(name)).trim()}`);
   return { banner: { js: `/*!\nContains these packages.\n\n${texts.join("\n\n")}\n*/` } };
 }
+const licence = (name, file = "LICENSE") => readFileSync(`node_modules/${name}/${file}`, "utf8");
+/** Those of what comes within other packages. */
+const LICENSES = {
+  meshoptimizer: licence("three").replace(/^Copyright.*$/m, "Copyright (c) 2016-2026 Arseny Kapoulkine"),
+  "Draco, of Google": licence("@babylonjs/core", "license.md"),
+};
 
 // The worker's address is relative to its script in every product. The package has its text as well, in a script that only
 // those load who cannot have the worker.
 const worker = (outfile) =>
   build({ ...common, ...notices("fzstd", "zstddec"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+/** Beside the scripts that ask for it, like the worker; `external` is what it does not contain. */
+const decoders = (outfile, external = []) =>
+  build({ ...common, ...notices("meshoptimizer", "Draco, of Google"), entryPoints: ["src/stage/decoders.ts"], outfile, external, minify: true });
 const [withText, withoutText] = [true, false].map((has) => ({ define: { HAS_WORKER_TEXT: String(has) } }));
 
 if (process.argv.includes("--package")) {
@@ -36,7 +57,8 @@ if (process.argv.includes("--package")) {
   await worker("build/package/worker.js");
   copyFileSync("build/package/worker.js", "build/worker.txt");
   const external = ["three", "three/*", "@babylonjs/*"];
-  await build({ ...common, ...withText, entryPoints, outdir: "build/package", splitting: true, external });
+  await decoders("build/package/decoders.js", external);
+  await build({ ...common, ...withText, entryPoints, outdir: "build/package", splitting: true, external: [...external, "./decoders.js"] });
   execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
 } else if (process.argv.includes("--benches")) {
   const entryPoints = readdirSync("benches").filter((name) => name !== "floor.ts").map((name) => `benches/${name}`);
@@ -65,7 +87,8 @@ if (process.argv.includes("--package")) {
   await worker("build/tests/others/worker.js");
 } else {
   const out = process.argv.includes("--check") ? "build/page" : "dist";
-  await build({ ...common, ...withoutText, ...notices("three"), entryPoints: ["page/viewer.ts"], outfile: `${out}/viewer.js`, minify: true });
+  await build({ ...common, ...withoutText, ...notices("three"), entryPoints: ["page/viewer.ts"], outfile: `${out}/viewer.js`, minify: true, external: ["./decoders.js"] });
+  await decoders(`${out}/decoders.js`);
   await worker(`${out}/worker.js`);
   await build({ ...common, entryPoints: ["page/style.css"], outfile: `${out}/style.css`, minify: true });
   copyFileSync("page/index.html", `${out}/index.html`);

@@ -19,6 +19,7 @@ interface Policy {
   createScriptURL(address: string): string;
 }
 let policy: Policy | null = null;
+let isTyped = false;
 
 /** Starts decoders by `start` from now on: for pages that hold the text of `worker.js` themselves. */
 export function startDecodersBy(start: () => Worker): void {
@@ -78,11 +79,13 @@ export class Decoder {
 function beside(): Worker {
   try {
     // Bundlers look for exactly this.
-    return new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+    if (!isTyped) return new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
   } catch (error) {
-    if (!("trustedTypes" in globalThis)) throw error;
-    return new Worker(trusted(new URL("worker.js", new URL(".", import.meta.url)).href), { type: "module" });
+    // The page requires trusted types, which nothing else tells.
+    isTyped = "trustedTypes" in globalThis && error instanceof TypeError;
+    if (!isTyped) throw error;
   }
+  return new Worker(trusted(new URL("worker.js", new URL(".", import.meta.url)).href), { type: "module" });
 }
 
 /** From the text: a script of another host starts no worker, servers of development lose `worker.js`. */

@@ -129,7 +129,8 @@ export class Stage {
     return programs;
   }
 
-  setBackground(color: Color): void {
+  /** Null shows what lies under the canvas. */
+  setBackground(color: Color | null): void {
     this.scene.background = color;
     this.redraw();
   }

@@ -389,3 +389,11 @@ function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View 
     logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
   };
 }
+
+/** @ts-ignore where react-three-fiber is not installed, nothing is said of it. */
+declare module "@react-three/fiber" {
+  interface ThreeElements {
+    /** @ts-ignore as above; after `extend({ RadianceField })` */
+    radianceField: import("@react-three/fiber").ThreeElement<typeof RadianceField>;
+  }
+}
