@@ -2,7 +2,6 @@
 
 import { Color, Matrix4, SRGBColorSpace } from "three";
 import { deviceLimits } from "../src/device.js";
-import { REMEDY } from "../src/errors.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
 import { type Opened, openAddress, openFile, release, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
@@ -351,5 +350,5 @@ try {
   if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
   else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {
-  fail(cause instanceof FieldError ? cause : new FieldError(`This browser cannot draw with WebGL 2: ${cause instanceof Error ? cause.message : String(cause)}`, REMEDY.browser), "page");
+  fail(cause, "page");
 }

@@ -17,6 +17,8 @@ p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff;
 
 /** What an element is made of; servers, which draw pages and show nothing, have nothing of the kind. */
 const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
+/** What a picture shows of which nobody says it. */
+const UNNAMED = "A radiance field";
 const ATTRIBUTES = ["src", "background", "alt"] as const;
 
 /**
@@ -44,6 +46,7 @@ export class MipvogViewer extends Base {
     style.replaceSync(STYLE);
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
+    this.canvas.ariaLabel = UNNAMED;
     this.message.setAttribute("role", "alert");
     this.message.hidden = true;
     const root = this.attachShadow({ mode: "open" });
@@ -116,7 +119,7 @@ export class MipvogViewer extends Base {
   }
 
   attributeChangedCallback(name: string): void {
-    if (name === "alt") this.canvas.ariaLabel = this.getAttribute("alt");
+    if (name === "alt") this.canvas.ariaLabel = this.alt || UNNAMED;
     if (!this.stage) return;
     if (name === "background") this.paint();
     else if (name === "src") void this.load();

@@ -181,6 +181,25 @@ test("a broken file is told in words, and what came before stays", async () => {
   await page.close();
 });
 
+test("what fails after a picture is there is told beside it, and the picture is ready", async () => {
+  const { page } = await newPage(browser, { width: 800, height: 500 });
+  const damaged = Buffer.from(bytes);
+  damaged[bytes.length - 1000] ^= 1;
+  await page.goto(server.page("damaged.mipvog", damaged));
+  await page.waitForFunction(() => window.__mipvog?.error && window.__mipvog.ready);
+  const card = page.locator("#error");
+  assert.match(await card.innerText(), /^Not all of this file could be loaded/);
+  const middle = () => page.evaluate(() => document.elementFromPoint(innerWidth / 2, innerHeight / 2)!.id);
+  assert.equal(await middle(), "picture");
+  // A camera file that is not there is no fault of the file that is shown.
+  await page.goto(`${server.page("sound.mipvog", bytes)}&cameras=missing.json`);
+  await page.waitForFunction(() => window.__mipvog?.error && window.__mipvog.ready);
+  assert.match(await card.innerText(), /^These views cannot be offered/);
+  assert.equal(await middle(), "picture");
+  assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
+  await page.close();
+});
+
 /** Waits until a level is shown beside an error. */
 async function remains(page: Page, level: number): Promise<void> {
   await page.waitForFunction((level) => window.__mipvog.field?.finest === level, level);

@@ -11,6 +11,8 @@ import * as esbuild from "esbuild";
 import * as vite from "vite";
 import * as viteMiddle from "vite-middle";
 import * as viteOldest from "vite-oldest";
+import type {} from "../src/element.js";
+import { withDraco, withKtx2, withMeshopt } from "./compressed.js";
 import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 
 /** Below `viewer/`, so that three.js and the frameworks are found there. */
@@ -189,6 +191,26 @@ test("the package's types are sound where there is neither React nor Babylon.js"
   remove();
   // Types of three.js have faults of their own.
   assert.deepEqual(found.split("\n").filter((line) => line.includes("error") && !line.includes("node_modules/@types/three")), []);
+});
+
+test("the element of the package shows compressed assets, and says what it leaves out", async () => {
+  const element = readFileSync(join(USER, "element.html"), "utf8");
+  const assets = { draco: await withDraco(), meshopt: await withMeshopt("EXT_meshopt_compression"), ktx2: withKtx2() };
+  for (const [name, bytes] of Object.entries(assets)) {
+    writeFileSync(join(USER, `${name}.glb`), bytes);
+    writeFileSync(join(USER, `${name}.html`), element.replace("scene.mipvog", `${name}.glb`));
+    const { page } = await newPage(browser, { width: 300, height: 200 });
+    await page.goto(`${await serve(page, USER)}/${name}.html`);
+    await page.waitForFunction(() => document.querySelector("mipvog-viewer")?.stage?.scene.getObjectByName("floor"));
+    const message = await page.evaluate(async () => {
+      const element = document.querySelector("mipvog-viewer")!;
+      await Promise.all(element.fields.map((field) => field.finished));
+      return element.shadowRoot!.querySelector("p")!.textContent;
+    });
+    if (name === "ktx2") assert.match(message!, /Basis Universal/);
+    else assert.equal(message, "");
+    await page.close();
+  }
 });
 
 test("no example is longer than 20 lines", () => {
