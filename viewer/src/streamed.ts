@@ -128,6 +128,7 @@ export class StreamedField {
       this.arrived = reply.arrived;
       this.tell("progress", { arrived: reply.arrived });
     } else if (reply.kind === "done") {
+      this.endHelpers();
       this.keep.finished();
       this.tell("done", {});
     } else if (reply.kind === "entry") {
@@ -239,6 +240,14 @@ export class StreamedField {
       return port1;
     });
     this.worker.post({ kind: "crew", ports }, ports);
+  }
+
+  /** After all levels have come once, the first decoder does what may have to be done again: a lost device is rare. */
+  private endHelpers(): void {
+    this.helpers.splice(0).forEach((helper, number) => {
+      helper.terminate();
+      this.worker.post({ kind: "left", helper: number });
+    });
   }
 
   private terminate(): void {

@@ -258,10 +258,17 @@ async function withWorkers(cores: number, missing: number[] = []): Promise<{ pag
   const made = await newPage(browser);
   await made.page.addInitScript(([cores, missing]) => {
     const Own = Worker;
+    const working = ((window as unknown as { working: Set<Worker> }).working = new Set());
     let count = 0;
     window.Worker = class extends Own {
       constructor(address: string | URL, options?: WorkerOptions) {
         super(missing.includes(++count) ? "missing.js" : address, options);
+        working.add(this);
+      }
+
+      override terminate(): void {
+        super.terminate();
+        working.delete(this);
       }
     };
     // As many helpers as this on every machine.
@@ -313,6 +320,8 @@ test("pictures of every level are the program's, however many workers help", asy
     const { page, problems } = await withWorkers(cores);
     await page.goto(server.page("small_blocks.mipvog", content));
     await ready(page);
+    // The one that reads may have to decode again; the others have ended.
+    await page.waitForFunction(() => (window as unknown as { working: Set<Worker> }).working.size === 1);
     for (const level of finest) {
       await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = level), level);
       const picture = await capture(page, view);
@@ -320,7 +329,14 @@ test("pictures of every level are the program's, however many workers help", asy
       assert.ok(found >= 50, `level ${level}, ${cores} cores: ${found} dB`);
       assert.deepEqual(picture, (alone[level] ??= picture), `level ${level}, ${cores} cores`);
     }
-    assert.deepEqual(problems, []);
+    if (cores === 4) {
+      // Without helpers, too, all comes again.
+      await loseAndRegain(page);
+      await ready(page);
+      await page.evaluate(() => (window.__mipvog.field!.fixedLevel = 1));
+      assert.deepEqual(await capture(page, view), alone[1]);
+    }
+    assert.deepEqual(problems.filter((problem) => !/context lost/i.test(problem)), []);
     await page.close();
   }
 });
