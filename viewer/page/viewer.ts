@@ -117,7 +117,7 @@ async function finish(made: Opened): Promise<void> {
     page.progress.hidden = true;
     stage.redraw();
   } catch (cause) {
-    if (own === number) fail(cause, "rest");
+    if (own === number) fail(cause, made.fields.every(({ file }) => file) ? "rest" : "file");
   }
 }
 
@@ -201,7 +201,7 @@ function follow(shown: RadianceField, made: Opened): void {
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
   });
-  shown.addEventListener("failed", ({ error }) => fail(error, "rest"));
+  shown.addEventListener("failed", ({ error }) => fail(error, shown.file ? "rest" : "file"));
 }
 
 /** After each picture. */

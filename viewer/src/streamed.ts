@@ -111,6 +111,7 @@ export class StreamedField {
     if (!this.owners.delete(owner) || this.owners.size > 0) return;
     this.terminate();
     this.keep.reject(new FieldError("The field was given up before all of it was there.", REMEDY.again));
+    this.failure = new FieldError("The field was given up.", REMEDY.again);
     this.free();
   }
 

@@ -1,52 +1,17 @@
-/** Fields in scenes of three.js: copies, scales, mirrors, cameras, depths, targets and rays. */
+/** Fields in scenes of three.js: scales, mirrors, cameras, depths, targets and rays. */
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
-import type { Browser, Page } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
-import type {} from "./others/scenes.js";
+import { drawn, openStudio, type Studio } from "./studio.js";
+import { psnr } from "./support.js";
 
-const folder = temporaryFolder();
-const server = new CountingServer();
-let browser: Browser;
-let page: Page;
-let problems: string[];
-/** A field with a network, trained from 2 to 6 units away; one with harmonics; an asset of the first. */
-let lego: string;
-let harmonics: string;
-let asset: string;
+let studio: Studio;
 
 before(async () => {
-  const container = join(folder.path, "lego.mipvog");
-  program("bake", join(ROOT, "fixtures", "trained", "lego64", "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container, "--gltf", join(folder.path, "lego.glb"));
-  await server.start();
-  lego = server.offer("lego.mipvog", readFileSync(container));
-  asset = server.offer("lego.glb", readFileSync(join(folder.path, "lego.glb")));
-  harmonics = server.offer("harmonics.mipvog", readFileSync(join(ROOT, "fixtures", "baked", "harmonics.mipvog")));
-  browser = await launch();
-  ({ page, problems } = await newPage(browser));
-  await openOther(page, server, "scenes");
+  studio = await openStudio();
 });
 
-after(async () => {
-  await browser.close();
-  server.stop();
-  folder.remove();
-});
-
-/** What went wrong since this was last asked; browsers warn of slowness where pixels are read. */
-function wrong(): string[] {
-  return problems.splice(0).filter((problem) => !problem.includes("GPU stall due to ReadPixels"));
-}
-
-/** How many pixels are not the ground's. */
-function drawn(pixels: number[]): number {
-  let count = 0;
-  for (let at = 0; at < pixels.length; at += 4) count += Number(pixels.slice(at, at + 3).some((value) => value < 250));
-  return count;
-}
+after(() => studio.close());
 
 /** A picture whose left is right. */
 function flipped(pixels: number[], size = 64): number[] {
@@ -57,7 +22,7 @@ function flipped(pixels: number[], size = 64): number[] {
 }
 
 test("a field is drawn from any distance and at any scale", async () => {
-  const pictures = await page.evaluate(async (address) => {
+  const pictures = await studio.page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const { scene, field } = sceneOf(address);
     const renderer = rendererOf();
@@ -70,113 +35,17 @@ test("a field is drawn from any distance and at any scale", async () => {
     const scaled = [await look(2.5, 1), await look(2.5, 0.1), await look(2.5, 10)];
     field.dispose();
     return { far, scaled };
-  }, lego);
+  }, studio.lego);
   const counts = pictures.far.map(drawn);
   assert.ok(counts.at(-1)! > 15, `${counts} pixels`);
   counts.slice(1).forEach((count, i) => assert.ok(count < counts[i] || counts[i] === 64 * 64, `${counts} pixels`));
   for (const picture of pictures.scaled.slice(1)) assert.ok(psnr(picture, pictures.scaled[0]) > 50, `${psnr(picture, pictures.scaled[0])} dB`);
-  assert.deepEqual(wrong(), []);
-});
-
-test("copies of an asset, of a scene and of a field draw the field at their own place, and it is loaded once", async () => {
-  const { wanted, found, asked, workers } = await page.evaluate(async (address) => {
-    const { THREE, GLTFLoader, SkeletonUtils, RadianceFieldExtension, rendererOf, cameraAt, picture, fieldsIn } = window.lib;
-    const loader = new GLTFLoader().register((parser) => new RadianceFieldExtension(parser));
-    const { scene: asset } = await loader.loadAsync(address);
-    const renderer = rendererOf();
-    const camera = cameraAt([4, 2, 1]);
-    const Own = Worker;
-    let workers = 0;
-    window.Worker = class extends Own {
-      constructor(address: string | URL, options?: WorkerOptions) {
-        super(address, options);
-        workers++;
-      }
-    };
-    const asked = performance.getEntriesByType("resource").length;
-    const moved = async (object: import("three").Object3D) => {
-      object.position.z = 0.7;
-      return picture(renderer, new THREE.Scene().add(object), camera);
-    };
-    const wanted = await moved(asset);
-    const [field] = fieldsIn(asset);
-    // What drei's Clone makes of a mesh.
-    const plain = new THREE.Mesh(field.geometry, field.material);
-    plain.quaternion.copy(field.quaternion);
-    const bare = field.clone();
-    const fromField = new window.lib.RadianceField(field).copy(field);
-    const early = asset.clone();
-    const copies = [early, SkeletonUtils.clone(asset), new THREE.Group().add(bare), new THREE.Group().add(fromField), early.clone(), new THREE.Group().add(plain), new THREE.Group().add(new THREE.Mesh(field.geometry, field.material.clone()))];
-    copies.at(-1)!.children[0].quaternion.copy(field.quaternion);
-    const found = [];
-    for (const copy of copies) found.push(await moved(copy));
-    // One after the other is given up; the last still draws.
-    asset.position.z = early.position.z = 0;
-    for (const copy of [asset, ...copies.slice(1)]) fieldsIn(copy).forEach((field) => field.dispose());
-    found.push(await moved(early));
-    fieldsIn(early).forEach((field) => field.dispose());
-    window.Worker = Own;
-    return { wanted, found, asked: performance.getEntriesByType("resource").length - asked, workers };
-  }, asset);
-  assert.ok(drawn(wanted) > 500);
-  found.forEach((picture, number) => assert.deepEqual(picture, wanted, `copy ${number}`));
-  assert.deepEqual([asked, workers], [0, 0]);
-  assert.deepEqual(wrong(), []);
-});
-
-test("the device holds one set of textures for all objects of a field, until the last is given up", async () => {
-  const held = await page.evaluate(async (address) => {
-    const { prototype } = WebGL2RenderingContext;
-    const { texStorage3D, deleteTexture, createTexture } = prototype;
-    const made = new Set<WebGLTexture>();
-    let volumes = 0;
-    prototype.createTexture = function () {
-      const texture = createTexture.call(this);
-      made.add(texture);
-      return texture;
-    };
-    prototype.deleteTexture = function (texture) {
-      made.delete(texture!);
-      deleteTexture.call(this, texture);
-    };
-    prototype.texStorage3D = function (...sizes) {
-      volumes++;
-      texStorage3D.apply(this, sizes);
-    };
-    const { sceneOf, rendererOf, cameraAt, picture } = window.lib;
-    const renderer = rendererOf();
-    const before = made.size;
-    const { scene, field } = sceneOf(address);
-    const other = field.clone();
-    scene.add(other);
-    await picture(renderer, scene, cameraAt([4, 2, 0]));
-    const held = [volumes];
-    field.dispose();
-    held.push(made.size - before);
-    other.dispose();
-    held.push(made.size - before);
-    Object.assign(prototype, { texStorage3D, deleteTexture, createTexture });
-    return held;
-  }, harmonics);
-  assert.ok(held[0] >= 4 && held[0] <= 6, `${held}`);
-  assert.equal(held[1], held[0]);
-  assert.equal(held[2], 0);
-});
-
-test("a field is made of a source", async () => {
-  const message = await page.evaluate(() => {
-    try {
-      return new window.lib.RadianceField(undefined as unknown as string).name;
-    } catch (error) {
-      return String(error);
-    }
-  });
-  assert.match(message, /^FieldError: A field is made of a container's address/);
+  assert.deepEqual(studio.wrong(), []);
 });
 
 for (const name of ["lego", "harmonics"]) {
   test(`a mirrored node of ${name} shows the mirror image, highlights included`, async () => {
-    const pictures = await page.evaluate(async (address) => {
+    const pictures = await studio.page.evaluate(async (address) => {
       const { THREE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
       const { scene, field } = sceneOf(address);
       const outer = new THREE.Group().add(field);
@@ -194,18 +63,18 @@ for (const name of ["lego", "harmonics"]) {
       }
       field.dispose();
       return { plain, mirrored };
-    }, name === "lego" ? lego : harmonics);
+    }, name === "lego" ? studio.lego : studio.harmonics);
     assert.ok(drawn(pictures.plain) > 300);
     for (const picture of pictures.mirrored) {
       const found = psnr(flipped(picture), pictures.plain);
       assert.ok(found > 45, `${found} dB`);
     }
-    assert.deepEqual(wrong(), []);
+    assert.deepEqual(studio.wrong(), []);
   });
 }
 
 test("targets of headsets get the canvas's values, others linear ones", async () => {
-  const pictures = await page.evaluate(async (address) => {
+  const pictures = await studio.page.evaluate(async (address) => {
     const { THREE, SIZE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const { scene, field } = sceneOf(address);
     const renderer = rendererOf();
@@ -226,13 +95,13 @@ test("targets of headsets get the canvas's values, others linear ones", async ()
     const plain = into({}, false);
     field.dispose();
     return { canvas, headset, plain };
-  }, lego);
+  }, studio.lego);
   assert.ok(psnr(pictures.headset, pictures.canvas) > 60, `${psnr(pictures.headset, pictures.canvas)} dB`);
   assert.ok(psnr(pictures.plain, pictures.canvas) < 25);
 });
 
 test("meshes hide a field and are hidden by it with every kind of depth", async () => {
-  const pictures = await page.evaluate(async (address) => {
+  const pictures = await studio.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const all: number[][] = [];
     for (const parameters of [{}, { logarithmicDepthBuffer: true }, { reversedDepthBuffer: true }]) {
@@ -249,7 +118,7 @@ test("meshes hide a field and are hidden by it with every kind of depth", async 
       renderer.dispose();
     }
     return all;
-  }, harmonics);
+  }, studio.harmonics);
   const green = pictures.map((picture) => picture.filter((value, at) => at % 4 === 1 && value === 255 && picture[at - 1] === 0).length);
   // The wall behind, through the middle, and before the field.
   assert.ok(green[0] < green[1] && green[1] < green[2], `${green}`);
@@ -259,11 +128,11 @@ test("meshes hide a field and are hidden by it with every kind of depth", async 
       assert.ok(found > 45, `kind ${kind}, wall ${place}: ${found} dB`);
     }
   }
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(studio.wrong(), []);
 });
 
 test("a far plane within the box cuts nothing off", async () => {
-  const [whole, ...cut] = await page.evaluate(async (address) => {
+  const [whole, ...cut] = await studio.page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const pictures = [];
     for (const parameters of [{}, { reversedDepthBuffer: true }]) {
@@ -279,13 +148,13 @@ test("a far plane within the box cuts nothing off", async () => {
       renderer.dispose();
     }
     return pictures;
-  }, lego);
+  }, studio.lego);
   assert.ok(drawn(whole) > 500);
   cut.forEach((picture) => assert.ok(psnr(picture, whole) > 60, `${psnr(picture, whole)} dB`));
 });
 
 test("orthographic cameras see what perspective ones see from very far away, meshes hide and are hidden, and points are picked", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await studio.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const all = [];
     for (const parameters of [{}, { logarithmicDepthBuffer: true }, { reversedDepthBuffer: true }]) {
@@ -317,17 +186,17 @@ test("orthographic cameras see what perspective ones see from very far away, mes
       renderer.dispose();
     }
     return all;
-  }, lego);
+  }, studio.lego);
   for (const [far, parallel] of told) {
     assert.ok(drawn(parallel) > 500);
     assert.ok(psnr(far, parallel) > 33, `${psnr(far, parallel)} dB`);
   }
   for (const [, parallel] of told.slice(2)) assert.ok(Math.max(psnr(parallel, told[0][1]), psnr(parallel, told[1][1])) > 45);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(studio.wrong(), []);
 });
 
 test("rays hit what is seen, and no other pass draws the box", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await studio.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, picture, pixelsOf } = window.lib;
     const { scene, field } = sceneOf(address);
     const renderer = rendererOf();
@@ -367,7 +236,7 @@ test("rays hit what is seen, and no other pass draws the box", async () => {
     const unshadowed = pixelsOf(renderer);
     field.dispose();
     return { before, shown, casts, nearOnly, normals, lit, again, unshadowed };
-  }, lego);
+  }, studio.lego);
   assert.equal(told.before, undefined);
   assert.equal(told.nearOnly, undefined);
   for (const { hit, picked } of told.casts) {
@@ -378,11 +247,11 @@ test("rays hit what is seen, and no other pass draws the box", async () => {
   assert.equal(drawn(told.normals), 0);
   assert.deepEqual(told.lit, told.unshadowed);
   assert.deepEqual(told.again, told.unshadowed);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(studio.wrong(), []);
 });
 
 test("what cannot draw a field is told once, and the rest of the scene is drawn", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await studio.page.evaluate(async (address) => {
     const { THREE, SIZE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const { scene, field } = sceneOf(address);
     const errors: string[] = [];
@@ -397,15 +266,15 @@ test("what cannot draw a field is told once, and the rest of the scene is drawn"
     const again = await picture(renderer, scene, cameraAt([3.6, 1, 0]));
     field.dispose();
     return { whole, glError, again, errors };
-  }, lego);
+  }, studio.lego);
   assert.deepEqual(told.errors, ["FieldError: A field is not drawn into a target of several color attachments. Draw it in a pass of its own, with one color attachment."]);
   assert.equal(told.glError, 0);
   assert.deepEqual(told.again, told.whole);
-  assert.deepEqual(wrong().filter((problem) => !problem.includes("several color attachments")), []);
+  assert.deepEqual(studio.wrong().filter((problem) => !problem.includes("several color attachments")), []);
 });
 
 test("the renderer for WebGPU draws the rest of the scene, and the field says why it is not in it", async () => {
-  const { errors, pixel } = await page.evaluate(async (address) => {
+  const { errors, pixel } = await studio.page.evaluate(async (address) => {
     const { THREE, WebGPURenderer, SIZE, sceneOf, cameraAt } = window.lib;
     const { scene, field } = sceneOf(address);
     const errors: string[] = [];
@@ -421,41 +290,9 @@ test("the renderer for WebGPU draws the rest of the scene, and the field says wh
     context.drawImage(picture, 0, 0);
     field.dispose();
     return { errors, pixel: Array.from(context.getImageData(SIZE / 2, SIZE / 2, 1, 1).data) };
-  }, lego);
+  }, studio.lego);
   assert.deepEqual(errors, ["FieldError: Fields are drawn by three.js's WebGLRenderer, and by no other. Make a WebGLRenderer."]);
   assert.deepEqual(pixel.slice(0, 2), [255, 0]);
   const own = "error: Fields are drawn by three.js's WebGLRenderer, and by no other. Make a WebGLRenderer.";
-  assert.deepEqual(wrong().filter((problem) => !/Material "RawShaderMaterial" is not compatible/.test(problem)), [own]);
-});
-
-test("two renderers show one field, and levels come once for each", async () => {
-  const { pictures, sent } = await page.evaluate(async (address) => {
-    const { sceneOf, rendererOf, cameraAt, fieldsIn } = window.lib;
-    const { scene } = sceneOf(address);
-    const [field] = fieldsIn(scene);
-    let again = 0;
-    const { postMessage } = Worker.prototype;
-    Worker.prototype.postMessage = function (this: Worker, ...parameters: unknown[]) {
-      if ((parameters[0] as { kind: string }).kind === "again") again++;
-      postMessage.apply(this, parameters as [unknown]);
-    };
-    const renderers = [rendererOf(), rendererOf()];
-    const camera = cameraAt([3.6, 1, 0.5]);
-    await field.opened;
-    let frames = 0;
-    do {
-      for (const renderer of renderers) renderer.render(scene, camera);
-      await new Promise((done) => setTimeout(done, 20));
-      frames++;
-    } while ((field.waiting || field.decoding || field.finest !== 0 || frames < 20) && frames < 500);
-    for (const renderer of renderers) renderer.render(scene, camera);
-    const pictures = renderers.map(window.lib.pixelsOf);
-    field.dispose();
-    Worker.prototype.postMessage = postMessage;
-    return { pictures, sent: again };
-  }, lego);
-  assert.equal(sent, 1);
-  assert.ok(drawn(pictures[0]) > 500);
-  assert.deepEqual(pictures[0], pictures[1]);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(studio.wrong().filter((problem) => !/Material "RawShaderMaterial" is not compatible/.test(problem)), [own]);
 });
