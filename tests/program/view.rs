@@ -133,7 +133,7 @@ fn the_viewer_and_the_file_are_served_in_whole_and_in_parts() {
         assert!(answer.body.starts_with(start.as_bytes()));
         assert!(answer.field("Content-Security-Policy").starts_with("default-src 'none'"));
     }
-    for name in ["viewer.js", "worker.js", "style.css"] {
+    for name in ["viewer.js", "worker.js", "decoders.js", "style.css"] {
         let answer = served.ask(&format!("GET /{name} HTTP/1.1"), "");
         let path = fixture("../viewer/dist").join(name);
         assert!(answer.body == std::fs::read(path).expect("a committed build"), "{name}");

@@ -70,7 +70,7 @@ export function readable(bytes: number): string {
 }
 
 /** Shows an error in plain words, or takes it away. */
-export function showError(error: { message: string; remedy?: string } | null, heading = "This file cannot be shown."): void {
+export function showError(error: { message: string; remedy?: string } | null, heading = ""): void {
   page.error.hidden = !error;
   page.error.replaceChildren();
   if (!error) return;

@@ -3,18 +3,17 @@
 import { Color, Matrix4, SRGBColorSpace } from "three";
 import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, release, visibleBox } from "../src/stage/opened.js";
+import { type Opened, openAddress, openFile, release, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
-import { openFile } from "./open.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
 import { bindTools, showView } from "./tools.js";
 import { addressedView, fetchCameras, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
-  /** Whether everything is loaded and drawn. */
+  /** Whether everything that will come is loaded and drawn. */
   readonly ready: boolean;
   readonly error: string | null;
   /** Bytes that had arrived when the first picture was drawn. */
@@ -45,6 +44,7 @@ let opened: Opened | null = null;
 /** The second file of a comparison. */
 let other: Opened | null = null;
 let error: FieldError | null = null;
+let heading = "";
 let loading = false;
 let firstPicture: number | null = null;
 let statistics: Statistics | null = null;
@@ -58,13 +58,29 @@ let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file)
 const field = () => opened?.fields[0] ?? null;
 const fields = () => [...(opened?.fields ?? []), ...(other?.fields ?? [])];
 
-function fail(cause: unknown): void {
+/** What an error is about. */
+const HEADINGS = {
+  file: "This file cannot be shown.",
+  rest: "Not all of this file could be loaded. What came is shown.",
+  without: "This file is shown without some of its parts.",
+  views: "These views cannot be offered.",
+  page: "Nothing can be drawn here.",
+  device: "The graphics device was taken away.",
+} as const;
+
+function fail(cause: unknown, about: keyof typeof HEADINGS = "file"): void {
   error = cause instanceof FieldError ? cause : new FieldError(cause instanceof Error ? cause.message : String(cause));
-  loading = false;
-  page.progress.hidden = true;
+  // What is on its way goes on coming.
+  if (about !== "views" && about !== "without") {
+    loading = false;
+    page.progress.hidden = true;
+  }
   page.hint.hidden = true;
-  showError(error);
+  heading = HEADINGS[about];
+  showError(error, heading);
 }
+
+const failViews = (cause: unknown) => fail(cause, "views");
 
 /** Opens a file as far as it can be drawn; null where another one was asked for meanwhile. */
 async function begin(open: () => Opened | Promise<Opened>): Promise<Opened | null> {
@@ -101,7 +117,7 @@ async function finish(made: Opened): Promise<void> {
     page.progress.hidden = true;
     stage.redraw();
   } catch (cause) {
-    if (own === number) fail(cause);
+    if (own === number) fail(cause, made.fields.every(({ file }) => file) ? "rest" : "file");
   }
 }
 
@@ -118,6 +134,7 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
   offerLevels(field());
   paint(null);
   frame();
+  if (made.lacks) fail(made.lacks, "without");
   await finish(made);
 }
 
@@ -133,6 +150,7 @@ async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
   page.split.hidden = page.line.hidden = false;
   showChoices();
   divide();
+  if (made.lacks) fail(made.lacks, "without");
   await finish(made);
 }
 
@@ -183,7 +201,7 @@ function follow(shown: RadianceField, made: Opened): void {
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
   });
-  shown.addEventListener("failed", ({ error }) => fail(error));
+  shown.addEventListener("failed", ({ error }) => fail(error, shown.file ? "rest" : "file"));
 }
 
 /** After each picture. */
@@ -226,14 +244,14 @@ function ask(accept: string, then: (file: File) => Promise<void>): void {
 /** A file that was dropped: a camera file, or something to show. */
 async function take(file: File): Promise<void> {
   if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file));
-  await openCameras(file).catch(fail);
+  await openCameras(file).catch(failViews);
 }
 
 /** Takes files from the first moment on: a browser leaves the page for one that nobody takes. */
 function listenForFiles(): void {
   page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file)))));
   page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file))));
-  page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(fail)));
+  page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(failViews)));
   page.chooser.addEventListener("change", () => {
     const file = page.chooser.files?.[0];
     if (file) void purpose(file);
@@ -274,8 +292,8 @@ function listen(): void {
     const shown = field();
     if (shown) stage.focus(shown, offsetX, offsetY);
   });
-  page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, "The graphics device was taken away."));
-  page.canvas.addEventListener("webglcontextrestored", () => showError(error));
+  page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, HEADINGS.device));
+  page.canvas.addEventListener("webglcontextrestored", () => showError(error, heading));
 }
 
 async function start(): Promise<void> {
@@ -291,7 +309,7 @@ async function start(): Promise<void> {
 
 window.__mipvog = {
   get ready() {
-    return !loading && opened !== null && error === null && stage.settled && fields().every((field) => field.finest !== null && !field.waiting);
+    return !loading && opened !== null && stage.settled && fields().every((field) => field.finest !== null && !field.waiting);
   },
   get error() {
     return error && `${error.message} ${error.remedy}`;
@@ -328,9 +346,9 @@ try {
   await (started = start());
   const asked = new URLSearchParams(location.search);
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
-  if (cameras) void fetchCameras(cameras).catch(fail);
+  if (cameras) void fetchCameras(cameras).catch(failViews);
   if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
   else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {
-  fail(new FieldError(`This browser cannot draw with WebGL 2: ${cause instanceof Error ? cause.message : String(cause)}.`, "Use a current browser, or switch hardware acceleration on."));
+  fail(cause, "page");
 }

@@ -1,27 +1,107 @@
 /** Starts workers that decode containers. */
 
-let startOwn: (() => Worker) | null = null;
-/** The address of a script that imports `worker.js`; made once, because nobody can tell when the last worker has read it. */
-let importer: string | null = null;
+import { FieldError, REMEDY } from "./errors.js";
+import type { Reply, Request } from "./load/messages.js";
+
+/** Whether the worker's text is in the build as well: in the package, whose users may serve it in ways that lose `worker.js`. */
+declare const HAS_WORKER_TEXT: boolean;
+
+/** What makes a worker; where it throws, or the worker's script does not come, the next way is tried. */
+type Way = () => Worker | Promise<Worker>;
+
+const readText = HAS_WORKER_TEXT ? () => import("./load/text.js") : null;
+
+let ways: Way[] = readText ? [beside, () => fromText(readText)] : [beside];
+/** The address of the worker's text; made once, because nobody can tell when the last worker has read it. */
+let textAddress: Promise<string> | null = null;
+/** What TypeScript does not know of trusted types; an address of theirs is taken where a text is. */
+interface Policy {
+  createScriptURL(address: string): string;
+}
+let policy: Policy | null = null;
+let isTyped = false;
 
 /** Starts decoders by `start` from now on: for pages that hold the text of `worker.js` themselves. */
 export function startDecodersBy(start: () => Worker): void {
-  startOwn = start;
+  ways = [start];
 }
 
-/** A worker of `worker.js`, which lies beside the script. */
-export function startDecoder(): Worker {
-  if (startOwn) return startOwn();
-  try {
-    // Bundlers look for exactly this.
-    return new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
-  } catch {
-    // A script of another host starts no worker, but a worker may import it.
-    importer ??= importerOf(new URL("worker.js", new URL(".", import.meta.url)).href);
-    return new Worker(importer, { type: "module" });
+/** A worker of `worker.js`. What it is told waits until its script runs. */
+export class Decoder {
+  onmessage: (reply: Reply) => void = () => {};
+  /** Called where no way starts it, or when it has broken down. */
+  onerror: (error: FieldError) => void = () => {};
+  private worker: Worker | null = null;
+  /** What it is told before it runs; null from then on. */
+  private waiting: [Request, Transferable[]][] | null = [];
+  private isOver = false;
+
+  constructor() {
+    void this.start([...ways]);
+  }
+
+  post(request: Request, transfer: Transferable[] = []): void {
+    if (this.waiting) this.waiting.push([request, transfer]);
+    else this.worker!.postMessage(request, transfer);
+  }
+
+  terminate(): void {
+    this.isOver = true;
+    this.worker?.terminate();
+  }
+
+  private async start([way, ...others]: Way[]): Promise<void> {
+    let failure: unknown = null;
+    try {
+      this.worker = await way();
+    } catch (error) {
+      failure = error;
+    }
+    if (this.isOver) return this.worker?.terminate();
+    const next = (failure: unknown) => {
+      if (this.isOver) return;
+      if (this.waiting && others.length > 0) return void this.start(others);
+      this.onerror(failure instanceof FieldError ? failure : new FieldError("The decoder could not be started.", REMEDY.decoder));
+    };
+    if (!this.worker || failure) return next(failure);
+    this.worker.onerror = () => next(null);
+    this.worker.onmessage = ({ data }: MessageEvent<Reply>) => {
+      if (data.kind !== "running") return this.onmessage(data);
+      // Those that are started later need not try what did not work.
+      if (ways.includes(way)) ways = [way, ...ways.filter((other) => other !== way)];
+      for (const [request, transfer] of this.waiting ?? []) this.worker!.postMessage(request, transfer);
+      this.waiting = null;
+    };
   }
 }
 
-function importerOf(address: string): string {
-  return URL.createObjectURL(new Blob([`import ${JSON.stringify(address)};`], { type: "text/javascript" }));
+/** From the script that lies beside this one. */
+function beside(): Worker {
+  try {
+    // Bundlers look for exactly this.
+    if (!isTyped) return new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+  } catch (error) {
+    // The page requires trusted types, which nothing else tells.
+    isTyped = "trustedTypes" in globalThis && error instanceof TypeError;
+    if (!isTyped) throw error;
+  }
+  return new Worker(trusted(new URL("worker.js", new URL(".", import.meta.url)).href), { type: "module" });
+}
+
+/** From the text: a script of another host starts no worker, servers of development lose `worker.js`. */
+async function fromText(read: NonNullable<typeof readText>): Promise<Worker> {
+  textAddress ??= read().then(({ default: text }) => URL.createObjectURL(new Blob([text], { type: "text/javascript" })));
+  return new Worker(trusted(await textAddress), { type: "module" });
+}
+
+/** An address as pages with trusted types want it. */
+function trusted(address: string): string {
+  const { trustedTypes } = globalThis as { trustedTypes?: { createPolicy(name: string, rules: Policy): Policy } };
+  if (!trustedTypes) return address;
+  try {
+    policy ??= trustedTypes.createPolicy("mipvog-viewer", { createScriptURL: (address) => address });
+  } catch {
+    throw new FieldError("The page's content security policy knows no trusted types of mipvog-viewer, which the decoder's address has.", REMEDY.policy);
+  }
+  return policy.createScriptURL(address);
 }

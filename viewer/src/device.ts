@@ -1,8 +1,7 @@
 /** Starts the device, and tells what it can hold. */
 
-import { startDecoder } from "./decoder.js";
+import { Decoder } from "./decoder.js";
 import { limitsOf } from "./load/limits.js";
-import type { Reply, Request } from "./load/messages.js";
 import type { DeviceLimits } from "./load/plan.js";
 
 let known: Promise<DeviceLimits> | null = null;
@@ -18,14 +17,14 @@ export function deviceLimits(): Promise<DeviceLimits> {
 /** What a worker answers; null where workers have no WebGL. */
 function askWorker(): Promise<DeviceLimits | null> {
   return new Promise((resolve) => {
-    const worker = startDecoder();
+    const worker = new Decoder();
     const end = (limits: DeviceLimits | null) => {
       worker.terminate();
       resolve(limits);
     };
     // A decoder that does not start is told of by who needs it to decode.
     worker.onerror = () => end(null);
-    worker.onmessage = ({ data }: MessageEvent<Reply>) => end(data.kind === "device" ? data.limits : null);
-    worker.postMessage({ kind: "device" } satisfies Request);
+    worker.onmessage = (reply) => end(reply.kind === "device" ? reply.limits : null);
+    worker.post({ kind: "device" });
   });
 }

@@ -15,19 +15,27 @@ canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: 
 p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff; background: #000c; }
 `;
 
+/** What an element is made of; servers, which draw pages and show nothing, have nothing of the kind. */
+const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
+/** What a picture shows of which nobody says it. */
+const UNNAMED = "A radiance field";
+const ATTRIBUTES = ["src", "background", "alt"] as const;
+
 /**
- * Attributes: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color in place of the one it was
- * trained on; `alt`, what the picture shows. Events: `load` when the first level can be drawn, `error`, whose `detail` is a
+ * Attributes, and properties of the same names: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color
+ * in place of the one it was trained on; `alt`, what the picture shows. Events: `load` when the first level can be drawn, `error`, whose `detail` is a
  * `FieldError`. An error is shown in the element, too.
  */
-export class MipvogViewer extends HTMLElement {
-  static readonly observedAttributes = ["src", "background", "alt"];
+export class MipvogViewer extends Base {
+  static readonly observedAttributes: readonly string[] = ATTRIBUTES;
   /** Camera, renderer and scene; null until the device is started, and while the element is in no page. */
   stage: Stage | null = null;
   private opened: Opened | null = null;
   private readonly canvas = document.createElement("canvas");
   private readonly message = document.createElement("p");
   private number = 0;
+  /** What was told last: one failure can come in several ways. */
+  private failure: unknown = null;
   /** The view that the element chose. */
   private framed = "";
 
@@ -38,6 +46,7 @@ export class MipvogViewer extends HTMLElement {
     style.replaceSync(STYLE);
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
+    this.canvas.ariaLabel = UNNAMED;
     this.message.setAttribute("role", "alert");
     this.message.hidden = true;
     const root = this.attachShadow({ mode: "open" });
@@ -50,7 +59,43 @@ export class MipvogViewer extends HTMLElement {
     return this.opened?.fields ?? [];
   }
 
+  get src(): string {
+    return this.getAttribute("src") ?? "";
+  }
+
+  set src(address: string | null) {
+    this.reflect("src", address);
+  }
+
+  get background(): string {
+    return this.getAttribute("background") ?? "";
+  }
+
+  set background(color: string | null) {
+    this.reflect("background", color);
+  }
+
+  get alt(): string {
+    return this.getAttribute("alt") ?? "";
+  }
+
+  set alt(words: string | null) {
+    this.reflect("alt", words);
+  }
+
+  private reflect(name: (typeof ATTRIBUTES)[number], value: string | null | undefined): void {
+    if (value === null || value === undefined) this.removeAttribute(name);
+    else this.setAttribute(name, value);
+  }
+
   connectedCallback(): void {
+    for (const name of ATTRIBUTES) {
+      // What was set before the element was known hides the property.
+      if (!Object.hasOwn(this, name)) continue;
+      const value = this[name];
+      delete (this as Partial<Record<typeof name, string>>)[name];
+      this[name] = value;
+    }
     void this.start();
   }
 
@@ -74,7 +119,7 @@ export class MipvogViewer extends HTMLElement {
   }
 
   attributeChangedCallback(name: string): void {
-    if (name === "alt") this.canvas.ariaLabel = this.getAttribute("alt");
+    if (name === "alt") this.canvas.ariaLabel = this.alt || UNNAMED;
     if (!this.stage) return;
     if (name === "background") this.paint();
     else if (name === "src") void this.load();
@@ -85,15 +130,17 @@ export class MipvogViewer extends HTMLElement {
     const own = this.number;
     const address = this.getAttribute("src");
     if (!address) return;
+    let made: Opened | null = null;
     try {
-      const made = await openAddress(new URL(address, document.baseURI).href);
+      made = await openAddress(new URL(address, document.baseURI).href);
       if (own !== this.number || !this.stage) return release(made);
-      this.opened = made;
-      for (const field of made.fields) {
+      const shown = made;
+      this.opened = shown;
+      for (const field of shown.fields) {
         let isFramed = false;
         field.addEventListener("change", () => {
           // Where something is to be seen is known from a field's first level on.
-          if (!isFramed && this.stage && viewpointText(this.stage.viewpoint) === this.framed) this.frame(this.stage, made);
+          if (!isFramed && this.stage && viewpointText(this.stage.viewpoint) === this.framed) this.frame(this.stage, shown);
           isFramed ||= field.finest !== null;
         });
         field.addEventListener("failed", ({ error }) => own === this.number && this.fail(error));
@@ -106,8 +153,12 @@ export class MipvogViewer extends HTMLElement {
       this.paint();
       this.frame(this.stage, made);
       this.dispatchEvent(new Event("load"));
+      if (made.lacks) this.fail(made.lacks);
     } catch (error) {
-      if (own === this.number) this.fail(error);
+      if (own !== this.number) return;
+      this.opened = null;
+      if (made) release(made);
+      this.fail(error);
     }
   }
 
@@ -119,6 +170,7 @@ export class MipvogViewer extends HTMLElement {
 
   private close(): void {
     this.number++;
+    this.failure = null;
     this.message.hidden = true;
     if (!this.opened) return;
     this.stage?.scene.remove(this.opened.object);
@@ -127,13 +179,17 @@ export class MipvogViewer extends HTMLElement {
   }
 
   private paint(): void {
-    const own = this.getAttribute("background");
     const trained = this.fields[0]?.metadata?.background ?? [1, 1, 1];
-    const color = own ? new Color(own) : new Color().setRGB(...trained, SRGBColorSpace);
-    this.stage?.setBackground(color);
+    // Any color that the browser knows, also one that is seen through or that a variable holds.
+    const { style } = this.canvas;
+    style.backgroundColor = "";
+    style.backgroundColor = this.background;
+    this.stage?.setBackground(style.backgroundColor ? null : new Color().setRGB(...trained, SRGBColorSpace));
   }
 
   private fail(cause: unknown): void {
+    if (cause === this.failure) return;
+    this.failure = cause;
     const error = cause instanceof FieldError ? cause : new FieldError(cause instanceof Error ? cause.message : String(cause));
     this.message.textContent = `${error.message} ${error.remedy}`;
     this.message.hidden = false;
@@ -141,4 +197,20 @@ export class MipvogViewer extends HTMLElement {
   }
 }
 
-if (!customElements.get("mipvog-viewer")) customElements.define("mipvog-viewer", MipvogViewer);
+if (globalThis.customElements && !customElements.get("mipvog-viewer")) customElements.define("mipvog-viewer", MipvogViewer);
+
+declare global {
+  interface HTMLElementTagNameMap {
+    "mipvog-viewer": MipvogViewer;
+  }
+}
+
+/** @ts-ignore where React's types are not installed, nothing is said of them. */
+declare module "react" {
+  namespace JSX {
+    interface IntrinsicElements {
+      /** @ts-ignore as above */
+      "mipvog-viewer": import("react").DetailedHTMLProps<import("react").HTMLAttributes<MipvogViewer>, MipvogViewer> & Partial<Pick<MipvogViewer, "src" | "background" | "alt">>;
+    }
+  }
+}

@@ -103,6 +103,50 @@ test("a server without ranges is asked once, and the panel says so", async () =>
   await page.close();
 });
 
+test("a server that answers with less than was asked for is asked for the rest, whether it shows where parts end or not", async () => {
+  const { page, problems } = await newPage(browser);
+  const [view] = views(CAMERAS, 50);
+  await page.goto(server.page("usual.mipvog", bytes));
+  await ready(page);
+  const whole = await capture(page, view);
+  // A little more than the header, and less than the first request.
+  for (const most of [200_000, 3000]) {
+    server.most = most;
+    server.sent = 0;
+    await page.goto(server.page("short.mipvog", bytes));
+    await ready(page);
+    assert.equal(server.sent, bytes.length);
+    assert.equal(await page.evaluate(() => window.__mipvog.field!.file!.transfer), "ranges");
+    assert.equal(psnr(await capture(page, view), whole), Infinity);
+  }
+  // Of another host, which shows no Content-Range.
+  server.headers = { "Access-Control-Allow-Origin": "*" };
+  await page.goto(server.page("short.mipvog", bytes).replace("127.0.0.1", "localhost").replace("?file=", `?file=${server.origin}/`));
+  await ready(page);
+  [server.headers, server.most] = [{}, Infinity];
+  assert.equal(psnr(await capture(page, view), whole), Infinity);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a file that lies compressed on its server is read whole", async () => {
+  const { page } = await newPage(browser);
+  server.compressed = true;
+  await page.goto(server.page("compressed.mipvog", bytes));
+  await ready(page);
+  server.compressed = false;
+  assert.equal(await page.evaluate(() => window.__mipvog.field!.file!.transfer), "whole");
+  await page.close();
+});
+
+test("a host that allows nobody is told as such", async () => {
+  const { page } = await newPage(browser);
+  await page.goto(server.page("foreign.mipvog", bytes).replace("127.0.0.1", "localhost").replace("?file=", `?file=${server.origin}/`));
+  await page.waitForFunction(() => window.__mipvog?.error);
+  assert.match(await page.locator("#error").innerText(), /foreign\.mipvog cannot be reached\.\s+.*Access-Control-Allow-Origin/);
+  await page.close();
+});
+
 test("a broken file is told in words, and what came before stays", async () => {
   const { page, problems } = await newPage(browser);
   const damaged = (at: number) => {
@@ -134,6 +178,25 @@ test("a broken file is told in words, and what came before stays", async () => {
   assert.match(await page.locator("#error").innerText(), /answers 404/);
   // The browser itself complains about the 404, nothing else does.
   assert.deepEqual(problems.filter((problem) => !problem.includes("404") && !problem.includes("416")), []);
+  await page.close();
+});
+
+test("what fails after a picture is there is told beside it, and the picture is ready", async () => {
+  const { page } = await newPage(browser, { width: 800, height: 500 });
+  const damaged = Buffer.from(bytes);
+  damaged[bytes.length - 1000] ^= 1;
+  await page.goto(server.page("damaged.mipvog", damaged));
+  await page.waitForFunction(() => window.__mipvog?.error && window.__mipvog.ready);
+  const card = page.locator("#error");
+  assert.match(await card.innerText(), /^Not all of this file could be loaded/);
+  const middle = () => page.evaluate(() => document.elementFromPoint(innerWidth / 2, innerHeight / 2)!.id);
+  assert.equal(await middle(), "picture");
+  // A camera file that is not there is no fault of the file that is shown.
+  await page.goto(`${server.page("sound.mipvog", bytes)}&cameras=missing.json`);
+  await page.waitForFunction(() => window.__mipvog?.error && window.__mipvog.ready);
+  assert.match(await card.innerText(), /^These views cannot be offered/);
+  assert.equal(await middle(), "picture");
+  assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
   await page.close();
 });
 
@@ -190,20 +253,27 @@ test("a device that is lost on the way gets back what had come, and the rest as 
   await page.close();
 });
 
-/** A page whose workers of these numbers, in the order in which they are started, are not to be had. */
-async function withoutWorkers(...numbers: number[]): Promise<{ page: Page; problems: string[] }> {
+/** A page on so many cores, whose workers of these numbers, in the order in which they are started, are not to be had. */
+async function withWorkers(cores: number, missing: number[] = []): Promise<{ page: Page; problems: string[] }> {
   const made = await newPage(browser);
-  await made.page.addInitScript((numbers) => {
+  await made.page.addInitScript(([cores, missing]) => {
     const Own = Worker;
+    const working = ((window as unknown as { working: Set<Worker> }).working = new Set());
     let count = 0;
     window.Worker = class extends Own {
       constructor(address: string | URL, options?: WorkerOptions) {
-        super(numbers.includes(++count) ? "missing.js" : address, options);
+        super(missing.includes(++count) ? "missing.js" : address, options);
+        working.add(this);
+      }
+
+      override terminate(): void {
+        super.terminate();
+        working.delete(this);
       }
     };
     // As many helpers as this on every machine.
-    Object.defineProperty(navigator, "hardwareConcurrency", { value: 2 });
-  }, numbers);
+    Object.defineProperty(navigator, "hardwareConcurrency", { value: cores });
+  }, [cores, missing] as const);
   return made;
 }
 
@@ -216,7 +286,7 @@ test("workers that help are missed by nobody, and without the one that reads not
   const pictures = [];
   // The first worker asks the device, the second one reads.
   for (const missing of [[], [3], [3, 4]]) {
-    const { page, problems } = await withoutWorkers(...missing);
+    const { page, problems } = await withWorkers(2, missing);
     await page.goto(server.page("large.mipvog", content));
     await ready(page);
     assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
@@ -226,9 +296,47 @@ test("workers that help are missed by nobody, and without the one that reads not
   }
   assert.ok(new Set(pictures[0]).size > 50, "something is to be seen");
   for (const picture of pictures) assert.equal(psnr(picture, pictures[0]), Infinity);
-  const { page } = await withoutWorkers(2);
+  const { page } = await withWorkers(2, [2]);
   await page.goto(server.page("large.mipvog", content));
   await page.waitForFunction(() => window.__mipvog?.error);
   assert.match(await page.locator("#error").innerText(), /decoder could not be started/);
   await page.close();
+});
+
+test("pictures of every level are the program's, however many workers help", async () => {
+  const large = join(folder.path, "small_blocks.mipvog");
+  // With 4 and with 16 helpers, shares of level 1 end at faces of the grid.
+  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "--bits", "12", "--block-size", "2", "-o", large);
+  const content = readFileSync(large);
+  const [view] = views(CAMERAS, 50);
+  const finest = [0, 1, 2];
+  const reference = finest.map((level) => {
+    const out = join(folder.path, `small_blocks.${level}`);
+    program("render", large, "--cameras", CAMERAS, "--frames", "0", "--size", "50x50", "--level-of-detail", String(level), "-o", out);
+    return join(out, "r_0.s1.png");
+  });
+  const alone: number[][] = [];
+  for (const cores of [1, 3, 4, 8, 16]) {
+    const { page, problems } = await withWorkers(cores);
+    await page.goto(server.page("small_blocks.mipvog", content));
+    await ready(page);
+    // The one that reads may have to decode again; the others have ended.
+    await page.waitForFunction(() => (window as unknown as { working: Set<Worker> }).working.size === 1);
+    for (const level of finest) {
+      await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = level), level);
+      const picture = await capture(page, view);
+      const found = psnr(picture, await pixels(page, reference[level]));
+      assert.ok(found >= 50, `level ${level}, ${cores} cores: ${found} dB`);
+      assert.deepEqual(picture, (alone[level] ??= picture), `level ${level}, ${cores} cores`);
+    }
+    if (cores === 4) {
+      // Without helpers, too, all comes again.
+      await loseAndRegain(page);
+      await ready(page);
+      await page.evaluate(() => (window.__mipvog.field!.fixedLevel = 1));
+      assert.deepEqual(await capture(page, view), alone[1]);
+    }
+    assert.deepEqual(problems.filter((problem) => !/context lost/i.test(problem)), []);
+    await page.close();
+  }
 });

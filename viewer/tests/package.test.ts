@@ -1,13 +1,19 @@
 /** The package as users get it: packed, installed from disk, and in the pages of `examples/`; three.js old and new. */
 
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
+import { execFileSync, spawnSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import type { AddressInfo } from "node:net";
 import { extname, join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { build } from "vite";
-import { CountingServer, launch, newPage, openOther, program, psnr, ROOT } from "./support.js";
+import * as esbuild from "esbuild";
+import * as vite from "vite";
+import * as viteMiddle from "vite-middle";
+import * as viteOldest from "vite-oldest";
+import type {} from "../src/element.js";
+import { withDraco, withKtx2, withMeshopt } from "./compressed.js";
+import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 
 /** Below `viewer/`, so that three.js and the frameworks are found there. */
 const USER = join(process.cwd(), "build", "user");
@@ -36,7 +42,7 @@ after(async () => {
 });
 
 /** Answers what the browser asks for from a folder, and packages from where they are installed. */
-async function serve(page: Page, folder: string): Promise<string> {
+async function serve(page: Page, folder: string, headers: Record<string, string> = {}): Promise<string> {
   const types: Record<string, string> = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css" };
   await page.route(/^http:\/\/user\.test\//, async (route) => {
     const path = new URL(route.request().url()).pathname;
@@ -44,7 +50,7 @@ async function serve(page: Page, folder: string): Promise<string> {
     const file = places.find((place) => extname(place) !== "" && existsSync(place));
     if (!file) return route.fulfill({ status: path === "/favicon.ico" ? 204 : 404 });
     const contentType = types[extname(file)] ?? "application/octet-stream";
-    await route.fulfill({ status: 200, contentType, body: readFileSync(file) });
+    await route.fulfill({ status: 200, headers, contentType, body: readFileSync(file) });
   });
   return "http://user.test";
 }
@@ -61,13 +67,18 @@ async function colors(page: Page): Promise<number> {
   }, data);
 }
 
-async function shows(folder: string, name: string): Promise<void> {
+async function shows(folder: string, name: string, headers?: Record<string, string>): Promise<void> {
   const { page, problems } = await newPage(browser, { width: 300, height: 200 });
-  await page.goto(`${await serve(page, folder)}/${name}`);
+  await showsAt(page, problems, `${await serve(page, folder, headers)}/${name}`, "error");
+}
+
+/** Waits for a picture; nothing that has gone wrong speaks of `trouble`. */
+async function showsAt(page: Page, problems: string[], name: string, trouble: string): Promise<void> {
+  await page.goto(name);
   const end = Date.now() + 60_000;
   while ((await colors(page)) < 100) assert.ok(Date.now() < end, `${name} shows nothing: ${problems}`);
   // Warnings are the frameworks' own, of their habits and of slow machines.
-  assert.deepEqual(problems.filter((problem) => problem.includes("error")), [], name);
+  assert.deepEqual(problems.filter((problem) => problem.includes(trouble)), [], name);
   await page.close();
 }
 
@@ -87,10 +98,120 @@ for (const name of ["import-map.html", "element.html", "model-viewer.html"]) {
 for (const name of ["vite", "react", "babylon"]) {
   test(`the example ${name}/ is built and shows the scene`, async () => {
     const root = join(USER, name);
-    await build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });
+    await vite.build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });
     await shows(join(root, "dist"), "index.html");
   });
 }
+
+for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: viteMiddle, 8: vite })) {
+  for (const name of ["vite", "react", "babylon"]) {
+    test(`the example ${name}/ shows the scene while it is developed with Vite ${release}`, async () => {
+      const root = join(USER, name);
+      cpSync(join(USER, "scene.mipvog"), join(root, "scene.mipvog"));
+      const options = { root, cacheDir: join(USER, "cache", `${name}.${release}`), configFile: false, logLevel: "error", server: { host: "127.0.0.1", port: 0 } } as const;
+      const server = await createServer(options);
+      try {
+        await server.listen();
+        const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+        const { port } = server.httpServer!.address() as AddressInfo;
+        // The browser tells of a worker that is not there before the text of it is taken.
+        await showsAt(page, problems, `http://127.0.0.1:${port}/`, "page error");
+      } finally {
+        await server.close();
+      }
+    });
+  }
+}
+
+test("a bundle of one script, without the worker beside it, shows the scene", async () => {
+  const root = join(USER, "one");
+  mkdirSync(root, { recursive: true });
+  await esbuild.build({ entryPoints: [join(USER, "vite", "main.js")], bundle: true, format: "esm", outfile: join(root, "main.js"), logLevel: "error" });
+  cpSync(join(USER, "vite", "index.html"), join(root, "index.html"));
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+  await showsAt(page, problems, `${await serve(page, root)}/index.html`, "page error");
+});
+
+test("a page that requires trusted types names the package's, and one that does not is told to", async () => {
+  const policy = (types: string) => ({ "Content-Security-Policy": `worker-src 'self'; require-trusted-types-for 'script'; trusted-types ${types}` });
+  const { page: named, problems } = await newPage(browser, { width: 300, height: 200 });
+  await showsAt(named, problems, `${await serve(named, USER, policy("mipvog-viewer"))}/element.html`, "page error");
+  // By the first try, which tells that the page requires them.
+  assert.equal(problems.filter((problem) => problem.includes("TrustedScriptURL")).length, 1);
+  const { page } = await newPage(browser, { width: 300, height: 200 });
+  await page.goto(`${await serve(page, USER, policy("other"))}/element.html`);
+  const message = page.locator("mipvog-viewer p");
+  await message.waitFor();
+  assert.match(await message.innerText(), /knows no trusted types of mipvog-viewer.*Add mipvog-viewer to trusted-types/);
+  await page.close();
+});
+
+test("servers that draw pages import all of it", () => {
+  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon"]';
+  const script = `import manifest from "mipvog-viewer/package.json" with { type: "json" }; const all = await Promise.all(${all}.map((name) => import(name))); console.log(manifest.name, all.map((one) => Object.keys(one).length > 0).join());`;
+  const told = execFileSync("node", ["--input-type=module", "--no-warnings", "--eval", script], { cwd: USER, encoding: "utf8" });
+  assert.equal(told.trim(), "mipvog-viewer true,true,true");
+});
+
+/** What TypeScript says of a script in a folder. */
+function typed(folder: string, name: string, script: string, options: object): string {
+  writeFileSync(join(folder, name), script);
+  const compilerOptions = { target: "es2022", module: "esnext", moduleResolution: "bundler", strict: true, noEmit: true, types: [], ...options };
+  writeFileSync(join(folder, "tsconfig.json"), JSON.stringify({ compilerOptions, files: [name] }));
+  const { stdout } = spawnSync("node", [join(process.cwd(), "node_modules", "typescript", "bin", "tsc"), "-p", folder], { encoding: "utf8" });
+  return stdout;
+}
+
+test("TypeScript knows the element in pages and in JSX, and the field in react-three-fiber", () => {
+  const script = `
+    import "mipvog-viewer/element";
+    import type { RadianceField } from "mipvog-viewer";
+    import { useRef } from "react";
+    import { Canvas } from "@react-three/fiber";
+    const element = document.querySelector("mipvog-viewer");
+    if (element) [element.src, element.background, element.alt] = ["scene.mipvog", "transparent", element.fields[0]?.name ?? ""];
+    export const Page = () => {
+      const field = useRef<RadianceField>(null);
+      return <><mipvog-viewer src="scene.mipvog" alt="A digger" className="wide" />
+        <Canvas><radianceField ref={field} args={["scene.mipvog"]} rotation-x={1} showLevels /></Canvas></>;
+    };`;
+  const options = { jsx: "react-jsx", skipLibCheck: true };
+  assert.equal(typed(USER, "page.tsx", script, options), "");
+  assert.match(typed(USER, "page.tsx", script.replace("showLevels", "shownLevels"), options), /shownLevels/);
+});
+
+test("the package's types are sound where there is neither React nor Babylon.js", () => {
+  const { path, remove } = temporaryFolder();
+  for (const name of ["three", "@types/three", "@types/stats.js", "@types/webxr", "@tweenjs/tween.js", "@dimforge/rapier3d-compat", "@webgpu/types", "fflate", "meshoptimizer"]) {
+    const from = join(process.cwd(), "node_modules", name);
+    if (existsSync(from)) cpSync(from, join(path, "node_modules", name), { recursive: true });
+  }
+  cpSync(join(USER, "node_modules", "mipvog-viewer"), join(path, "node_modules", "mipvog-viewer"), { recursive: true });
+  const found = typed(path, "page.ts", 'import { MipvogViewer } from "mipvog-viewer/element"; export const element: MipvogViewer = document.createElement("mipvog-viewer");', {});
+  remove();
+  // Types of three.js have faults of their own.
+  assert.deepEqual(found.split("\n").filter((line) => line.includes("error") && !line.includes("node_modules/@types/three")), []);
+});
+
+test("the element of the package shows compressed assets, and says what it leaves out", async () => {
+  const element = readFileSync(join(USER, "element.html"), "utf8");
+  const assets = { draco: await withDraco(), meshopt: await withMeshopt("EXT_meshopt_compression"), ktx2: withKtx2() };
+  for (const [name, bytes] of Object.entries(assets)) {
+    writeFileSync(join(USER, `${name}.glb`), bytes);
+    writeFileSync(join(USER, `${name}.html`), element.replace("scene.mipvog", `${name}.glb`));
+    const { page } = await newPage(browser, { width: 300, height: 200 });
+    await page.goto(`${await serve(page, USER)}/${name}.html`);
+    await page.waitForFunction(() => document.querySelector("mipvog-viewer")?.stage?.scene.getObjectByName("floor"));
+    const message = await page.evaluate(async () => {
+      const element = document.querySelector("mipvog-viewer")!;
+      await Promise.all(element.fields.map((field) => field.finished));
+      return element.shadowRoot!.querySelector("p")!.textContent;
+    });
+    if (name === "ktx2") assert.match(message!, /Basis Universal/);
+    else assert.equal(message, "");
+    await page.close();
+  }
+});
 
 test("no example is longer than 20 lines", () => {
   for (const name of readdirSync("examples", { recursive: true, encoding: "utf8" })) {

@@ -44,7 +44,7 @@ async function load(bytes: Uint8Array<ArrayBuffer>): Promise<number[]> {
   const levels: number[] = [];
   const nothing = () => {};
   const listener = { opened: nothing, progress: nothing, begun: nothing, part: nothing, entry: ({ level }: { level: number }) => levels.push(level) };
-  await new Loader(new Blob([bytes]), listener).load(DEVICE);
+  await new Loader(new Blob([bytes]), {}, listener).load(DEVICE);
   return levels;
 }
 

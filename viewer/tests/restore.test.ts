@@ -11,16 +11,7 @@ import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { readMetadata } from "../src/format/metadata.js";
 import { levelChunks, type LevelColors, LevelDecoder } from "../src/load/level.js";
 import { DIRECTIONAL_QUADS, plan } from "../src/load/plan.js";
-import { ROOT } from "./support.js";
-
-/** Numbers from 0 to below `end`, by a congruential generator. */
-function numbers(seed: number): (end: number) => number {
-  let state = seed;
-  return (end) => {
-    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
-    return Math.floor((state / 2 ** 32) * end);
-  };
-}
+import { numbers, ROOT } from "./support.js";
 
 for (const [bytes, origin] of [[1, 0], [2, 0], [2, 0x8000]] as const) {
   test(`codes of ${bytes} bytes around ${origin} do not depend on the form of the rule`, () => {

@@ -6,6 +6,7 @@ import { createServer, type IncomingMessage, type ServerResponse } from "node:ht
 import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { gzipSync } from "node:zlib";
 import { type Browser, chromium, type Page } from "playwright-core";
 import type {} from "../page/viewer.js";
 
@@ -38,6 +39,14 @@ export class CountingServer {
   sent = 0;
   /** Whether ranges are answered; else the whole file is. */
   ranges = true;
+  /** Bytes that an answer to a range has at most. */
+  most = Infinity;
+  /** Whether files lie on the server compressed, so that it can only send what is compressed. */
+  compressed = false;
+  /** What a request for a file has to have as `Authorization`; null for nothing. */
+  login: string | null = null;
+  /** Requests for files: their paths, and whether each had a cookie. */
+  readonly asked: { path: string; cookie: boolean }[] = [];
   /** Headers of every answer. */
   headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
@@ -85,7 +94,7 @@ export class CountingServer {
 
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const path = new URL(request.url ?? "/", this.origin).pathname;
-    const bytes = this.files.get(path);
+    let bytes = this.files.get(path);
     for (const [name, value] of Object.entries(this.headers)) response.setHeader(name, value);
     if (!bytes) {
       const name = path === "/" ? "index.html" : path.slice(1);
@@ -97,17 +106,24 @@ export class CountingServer {
       response.writeHead(200, { "Content-Type": TYPES[name.split(".")[1]] }).end(readFileSync(file));
       return;
     }
+    if (request.method === "OPTIONS") return void response.writeHead(204).end();
+    this.asked.push({ path, cookie: request.headers.cookie !== undefined });
+    if (this.login !== null && request.headers.authorization !== this.login && !path.endsWith(".html")) return void response.writeHead(401).end();
+    if (this.compressed && !path.endsWith(".html")) {
+      bytes = gzipSync(bytes);
+      response.setHeader("Content-Encoding", "gzip");
+    }
     const range = this.ranges ? /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "") : null;
     if (!range) {
       this.sent += bytes.length;
       response.writeHead(200, { "Content-Length": bytes.length }).end(bytes);
       return;
     }
-    const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, bytes.length)];
+    const [from, to] = [Number(range[1]), Math.min(Number(range[2]) + 1, Number(range[1]) + this.most, bytes.length)];
     this.before(to, () => {
       this.sent += to - from;
       response.writeHead(206, { "Content-Range": `bytes ${from}-${to - 1}/${bytes.length}`, "Content-Length": to - from });
-      response.end(bytes.subarray(from, to));
+      response.end(bytes!.subarray(from, to));
     });
   }
 }
@@ -140,7 +156,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => ["draw", "list", "drawBabylon"].some((name) => name in window));
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */
@@ -195,6 +211,28 @@ export function turntable(bounds: { min: number[]; max: number[] }, count: numbe
     const row = (axis: number) => [right[axis], above[axis], back[axis], middle[axis] + (radius / Math.sin(half)) * back[axis]];
     return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half) };
   });
+}
+
+/** Numbers from 0 to below `end`, by a congruential generator. */
+export function numbers(seed: number): (end: number) => number {
+  let state = seed;
+  return (end) => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return Math.floor((state / 2 ** 32) * end);
+  };
+}
+
+/** A zstd frame of one block, of at most 128 kB of stored bytes. */
+export function storedFrame(bytes: Uint8Array): Uint8Array {
+  const head = new DataView(new ArrayBuffer(12));
+  head.setUint32(0, 0xfd2fb528, true);
+  // One segment; its size in 4 bytes, of which the block's head repeats three.
+  head.setUint8(4, 0xa0);
+  head.setUint32(5, bytes.length, true);
+  const block = (bytes.length << 3) | 1;
+  head.setUint16(9, block & 0xffff, true);
+  head.setUint8(11, block >> 16);
+  return Uint8Array.from([...new Uint8Array(head.buffer), ...bytes]);
 }
 
 /** The page's picture of a view, four bytes a pixel. */

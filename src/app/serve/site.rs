@@ -6,13 +6,14 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::codec::container::is_container;
 use crate::input::tensor::describe;
-use crate::output::html::site::{PAGE, SCRIPT, STYLE, WORKER};
+use crate::output::html::site::{DECODERS, PAGE, SCRIPT, STYLE, WORKER};
 
 /// The viewer's own files.
-const VIEWER: [(&str, &str, &str); 4] = [
+const VIEWER: [(&str, &str, &str); 5] = [
     ("/", "text/html; charset=utf-8", PAGE),
     ("/viewer.js", "text/javascript; charset=utf-8", SCRIPT),
     ("/worker.js", "text/javascript; charset=utf-8", WORKER),
+    ("/decoders.js", "text/javascript; charset=utf-8", DECODERS),
     ("/style.css", "text/css; charset=utf-8", STYLE),
 ];
 

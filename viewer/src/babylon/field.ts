@@ -10,23 +10,28 @@ import { BaseTexture } from "@babylonjs/core/Materials/Textures/baseTexture.js";
 import { InternalTexture, InternalTextureSource } from "@babylonjs/core/Materials/Textures/internalTexture.js";
 import { Color4 } from "@babylonjs/core/Maths/math.color.js";
 import { Matrix, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { PickingInfo } from "@babylonjs/core/Collisions/pickingInfo.js";
+import type { Ray, TrianglePickingPredicate } from "@babylonjs/core/Culling/ray.js";
 import type { AbstractMesh } from "@babylonjs/core/Meshes/abstractMesh.js";
-import { Mesh } from "@babylonjs/core/Meshes/mesh.js";
+import type { InstancedMesh } from "@babylonjs/core/Meshes/instancedMesh.js";
+import { Mesh, type MeshCloneOptions } from "@babylonjs/core/Meshes/mesh.js";
 import { VertexData } from "@babylonjs/core/Meshes/mesh.vertexData.js";
 import type { SubMesh } from "@babylonjs/core/Meshes/subMesh.js";
 import { Observable } from "@babylonjs/core/Misc/observable.js";
+import { Node } from "@babylonjs/core/node.js";
+import type { Nullable } from "@babylonjs/core/types.js";
 import type { Scene } from "@babylonjs/core/scene.js";
 import { EXTENSION } from "../asset.js";
 import { FieldError, REMEDY } from "../errors.js";
 import type { Metadata } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
-import { inverse, product } from "../render/matrices.js";
-import { pickedPoint, pickedProjection, type Statistics, statisticsOf } from "../render/measures.js";
+import { inverse, lookingAlong, product } from "../render/matrices.js";
+import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS, type Textures } from "../render/textures.js";
 import { fieldUniforms, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
-import { type FieldEvents, StreamedField } from "../streamed.js";
+import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { setUniforms } from "./uniforms.js";
 
 /** Raw, so that Babylon.js adds and changes nothing. */
@@ -41,7 +46,7 @@ const MIRROR_Z = SAME.map((value, at) => (at === 10 ? -1 : value));
 /**
  * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up. A
  * left-handed scene shows it mirrored along x before its own transform, as Babylon.js shows glTF assets, so that it looks
- * as it should. Drawn with perspective cameras.
+ * as it should.
  */
 export class RadianceField extends Mesh {
   /** Resolves once the metadata is there; rejects where it cannot be. */
@@ -52,8 +57,8 @@ export class RadianceField extends Mesh {
   showLevels = false;
   /** The level to show, 0 being the finest; null follows the field's rule. */
   fixedLevel: number | null = null;
-  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does. */
-  keepsRange = true;
+  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does: to measure pictures. */
+  keepsRange = false;
   readonly onOpenedObservable = new Observable<FieldEvents["opened"]>();
   readonly onProgressObservable = new Observable<FieldEvents["progress"]>();
   /** After it, draw again. */
@@ -62,14 +67,20 @@ export class RadianceField extends Mesh {
   readonly onFailedObservable = new Observable<FieldEvents["failed"]>();
   private readonly context: WebGL2RenderingContext;
   private readonly streamed: StreamedField;
+  private readonly owner: Owner;
   private uniforms: Uniforms = {};
+  /** The only material that draws the field, whatever a copier of materials puts in its place. */
+  private own: ShaderMaterial | null = null;
   /** What is drawn in place of what the scene's camera sees; null for pictures. */
   private sampled: { view: View; shown: Partial<Shown> } | null = null;
   /** What the material draws from, and the handles that it was made for. */
   private wrapped: { textures: BaseTexture[]; handles: Textures } | null = null;
 
-  /** Loads `source`, the address of a container or its bytes. Draws as soon as the coarsest levels are there. */
-  constructor(source: Source, scene: Scene) {
+  /**
+   * Loads `source`, the address of a container or its bytes; another field shares what it has loaded, and what the device
+   * holds. Draws as soon as the coarsest levels are there.
+   */
+  constructor(source: Source | RadianceField, scene: Scene, options?: FieldOptions) {
     const context = contextOf(scene);
     super(EXTENSION, scene);
     this.context = context;
@@ -81,11 +92,36 @@ export class RadianceField extends Mesh {
       done: this.onDoneObservable,
       failed: this.onFailedObservable,
     };
-    this.streamed = new StreamedField(source, {
+    this.owner = {
       begin: (opened) => this.begin(opened, scene),
       tell: (kind, event) => observables[kind].notifyObservers(event),
-    });
+    };
+    this.streamed = source instanceof RadianceField ? source.streamed : new StreamedField(source, options);
     ({ opened: this.opened, finished: this.finished } = this.streamed);
+    this.streamed.join(this.owner);
+  }
+
+  /** Another mesh of the same field, which is loaded and held once. */
+  override clone(name = `Clone of ${this.name}`, parent: Nullable<Node> | MeshCloneOptions = null, doNotCloneChildren?: boolean): RadianceField {
+    const options = parent instanceof Node || !parent ? { parent, doNotCloneChildren } : parent;
+    const copy = new RadianceField(this, this.getScene());
+    [copy.name, copy.id, copy.metadata] = [name, name, this.metadata];
+    copy.parent = options.parent ?? this.parent;
+    copy.setPreTransformMatrix(this.getPivotMatrix().clone());
+    copy.position.copyFrom(this.position);
+    copy.rotation.copyFrom(this.rotation);
+    copy.rotationQuaternion = this.rotationQuaternion?.clone() ?? null;
+    copy.scaling.copyFrom(this.scaling);
+    copy.setEnabled(this.isEnabled(false));
+    [copy.isVisible, copy.isPickable, copy.layerMask, copy.renderingGroupId] = [this.isVisible, this.isPickable, this.layerMask, this.renderingGroupId];
+    [copy.showLevels, copy.fixedLevel, copy.keepsRange] = [this.showLevels, this.fixedLevel, this.keepsRange];
+    if (!options.doNotCloneChildren) for (const child of this.getChildTransformNodes(true)) child.clone(`${name}.${child.name}`, copy);
+    return copy;
+  }
+
+  /** As `clone`: the device draws one box a field, so that there is nothing to be saved. */
+  override createInstance(name: string): InstancedMesh {
+    return this.clone(name, null, true) as unknown as InstancedMesh;
   }
 
   /** Bytes that have arrived. */
@@ -100,7 +136,7 @@ export class RadianceField extends Mesh {
 
   /** The finest level that is shown; null before the first picture. */
   get finest(): number | null {
-    return this.streamed.finest;
+    return this.streamed.on(this.context)?.finest ?? null;
   }
 
   /** The box in local axes. */
@@ -126,8 +162,25 @@ export class RadianceField extends Mesh {
 
   override render(subMesh: SubMesh, enableAlphaMode: boolean, effectiveMeshReplacement?: AbstractMesh): this {
     this.upload();
-    const isPerspective = this.getScene().getProjectionMatrix().m[15] === 0;
-    return this.finest === null || !this.wrapped || !isPerspective ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
+    if (this.own && this.material !== this.own) this.material = this.own;
+    return this.finest === null || !this.wrapped ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
+  }
+
+  /** Hits what pictures show, as `pick` does; nothing before the first picture. */
+  override intersects(ray: Ray, fastCheck?: boolean, predicate?: TrianglePickingPredicate, onlyBoundingInfo = false, world = this.getWorldMatrix()): PickingInfo {
+    const box = super.intersects(ray, fastCheck, predicate, onlyBoundingInfo, world);
+    if (!box.hit || onlyBoundingInfo) return box;
+    const scene = this.getScene();
+    const right = scene.useRightHandedSystem ? 1 : -1;
+    const turned = ({ x, y, z }: Vector3) => [right * x, y, z];
+    const origin = Vector3.TransformCoordinates(ray.origin, world);
+    const camera = lookingAlong(turned(origin), turned(Vector3.TransformNormal(ray.direction, world).normalize()));
+    const place = product(right === 1 ? SAME : MIRROR_X, world.m);
+    const found = new PickingInfo();
+    const point = this.finest === null ? null : this.pointOf({ world: place, camera, projection: RAY_PROJECTION, viewport: [], isLinear: false, depth: [0.5, 0.5], logarithm: 0 });
+    if (!point) return found;
+    [found.hit, found.pickedMesh, found.pickedPoint, found.distance] = [true, this, point, Vector3.Distance(origin, point)];
+    return found;
   }
 
   /**
@@ -144,18 +197,22 @@ export class RadianceField extends Mesh {
    */
   pick(x: number, y: number): Vector3 | null {
     const view = this.view();
-    const projection = pickedProjection(view.projection, x, y);
-    const point = pickedPoint(this.sample(1, 1, { ...view, projection }, { output: OUTPUT.distance }), view.camera, projection);
+    return this.pointOf({ ...view, projection: pickedProjection(view.projection, x, y) });
+  }
+
+  /** The world's point that a view's one pixel shows. */
+  private pointOf(view: View): Vector3 | null {
+    const point = pickedPoint(this.sample(1, 1, view, { output: OUTPUT.distance }), view.camera, view.projection);
     if (!point) return null;
     if (!this.getScene().useRightHandedSystem) point[0] *= -1;
     return Vector3.FromArray(point);
   }
 
-  /** Ends loading and frees the device's memory. */
+  /** The field is not drawn any more. With the last mesh that shares it, loading ends and the device's memory is free. */
   override dispose(doNotRecurse?: boolean): void {
-    this.streamed.dispose();
-    this.wrap();
-    this.material?.dispose();
+    this.streamed.leave(this.owner);
+    this.wrap(null);
+    this.own?.dispose();
     super.dispose(doNotRecurse);
   }
 
@@ -175,14 +232,14 @@ export class RadianceField extends Mesh {
     material.cullBackFaces = false;
     material.sideOrientation = scene.useRightHandedSystem ? Material.CounterClockWiseSideOrientation : Material.ClockWiseSideOrientation;
     material.onBindObservable.add(() => this.bind(scene, opened.metadata));
-    this.material = material;
+    this.own = this.material = material;
   }
 
   /** Before every draw: uniforms follow the camera. */
   private bind(scene: Scene, metadata: Metadata): void {
     const { finest, fixedLevel, keepsRange } = this;
     const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
-    const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m);
+    const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m, this.own!.useLogarithmicDepth);
     const shown = { finest: finest!, fixedLevel, keepsRange, output, ...this.sampled?.shown };
     setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, view, shown) });
   }
@@ -191,7 +248,7 @@ export class RadianceField extends Mesh {
   private view(): View {
     const scene = this.getScene();
     scene.updateTransformMatrix(true);
-    return viewOf(scene, this.computeWorldMatrix(true).m);
+    return viewOf(scene, this.computeWorldMatrix(true).m, false);
   }
 
   /** Four numbers a pixel of one kind of output, all 0 where nothing is drawn. */
@@ -219,8 +276,7 @@ export class RadianceField extends Mesh {
   }
 
   /** Lets Babylon.js draw from textures that it did not make, and from no others. */
-  private wrap(): void {
-    const { textures: handles } = this.streamed;
+  private wrap(handles = this.streamed.on(this.context)?.textures ?? null): void {
     if (handles === (this.wrapped?.handles ?? null)) return;
     for (const texture of this.wrapped?.textures ?? []) {
       // Handles are freed by who made them, and may be those of a lost device.
@@ -239,7 +295,7 @@ export class RadianceField extends Mesh {
     const texture = new BaseTexture(engine, internal);
     texture.wrapU = texture.wrapV = texture.wrapR = Constants.TEXTURE_CLAMP_ADDRESSMODE;
     texture.anisotropicFilteringLevel = 1;
-    (this.material as ShaderMaterial).setTexture(name, texture);
+    this.own!.setTexture(name, texture);
     return texture;
   }
 }
@@ -252,7 +308,7 @@ function contextOf(scene: Scene): WebGL2RenderingContext {
 }
 
 /** Where a scene takes its picture. */
-function viewOf(scene: Scene, world: ArrayLike<number>): View {
+function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean): View {
   const engine = scene.getEngine();
   const [width, height] = [engine.getRenderWidth(), engine.getRenderHeight()];
   const { x, y, width: wide, height: high } = engine.currentViewport ?? { x: 0, y: 0, width: 1, height: 1 };
@@ -265,5 +321,6 @@ function viewOf(scene: Scene, world: ArrayLike<number>): View {
     // Then a pass of its own makes the picture's values display-referred.
     isLinear: scene.imageProcessingConfiguration.applyByPostProcess,
     depth: [0.5, 0.5],
+    logarithm: isLogarithmic ? 1 / Math.log2(scene.activeCamera!.maxZ + 1) : 0,
   };
 }

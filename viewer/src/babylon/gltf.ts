@@ -2,6 +2,7 @@
 
 import type { TransformNode } from "@babylonjs/core/Meshes/transformNode.js";
 import { Matrix } from "@babylonjs/core/Maths/math.vector.js";
+import { WebRequest } from "@babylonjs/core/Misc/webRequest.js";
 import type { GLTFLoader } from "@babylonjs/loaders/glTF/2.0/glTFLoader.js";
 import type { IGLTFLoaderExtension } from "@babylonjs/loaders/glTF/2.0/glTFLoaderExtension.js";
 import type { INode } from "@babylonjs/loaders/glTF/2.0/glTFLoaderInterfaces.js";
@@ -56,7 +57,7 @@ export class RadianceFieldExtension implements IGLTFLoaderExtension {
     // What a container of assets holds is in no scene before it is asked for.
     scene._blockEntityCollection = container !== null;
     try {
-      const field = new RadianceField(source, scene);
+      const field = new RadianceField(source, scene, { headers: WebRequest.CustomRequestHeaders });
       field._parentContainer = container;
       // The asset's root mirrors where the scene is left-handed.
       field.setPreTransformMatrix(Matrix.Identity());
@@ -70,7 +71,11 @@ export class RadianceFieldExtension implements IGLTFLoaderExtension {
   private async source(reference: FieldReference): Promise<string | Blob> {
     const { gltf, rootUrl } = this.loader;
     const place = placeOf(gltf as object, reference);
-    if ("uri" in place) return new URL(place.uri, new URL(rootUrl ?? "", document.baseURI)).href;
+    if ("uri" in place) {
+      // What is inside of the asset, or elsewhere, is not below its folder.
+      const address = /^[a-z][a-z0-9+.-]*:/i.test(place.uri) ? place.uri : `${rootUrl ?? ""}${place.uri}`;
+      return new URL(await this.loader.parent.preprocessUrlAsync(address, rootUrl ?? undefined), document.baseURI).href;
+    }
     const view = gltf.bufferViews![place.bufferView];
     const bytes = await this.loader.loadBufferViewAsync(`/bufferViews/${place.bufferView}`, view);
     return new Blob([bytes as ArrayBufferView<ArrayBuffer>]);

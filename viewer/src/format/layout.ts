@@ -1,6 +1,7 @@
 /** Header and directory: sections 2 and 3 of `formats/mipvog.md`. */
 
 import { FieldError, REMEDY } from "../errors.js";
+import { foreign } from "./kinds.js";
 import { crc32 } from "./crc32.js";
 
 export const HEADER_BYTES = 64;
@@ -70,7 +71,7 @@ function length(data: DataView, at: number): number {
 
 /** Reads the first 64 bytes. */
 export function readHeader(bytes: Uint8Array): Header {
-  if (!isContainer(bytes)) throw new FieldError("This is no .mipvog container: it does not start with the signature.", REMEDY.foreign);
+  if (!isContainer(bytes)) throw foreign(bytes);
   if (bytes.length < HEADER_BYTES) throw new FieldError(`The file ends after ${bytes.length} bytes, within its header.`);
   const data = view(bytes);
   const major = data.getUint16(8, true);

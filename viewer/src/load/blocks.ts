@@ -45,7 +45,9 @@ export class Blocks {
     if (end === 0) return 0;
     const [nx, ny, nz] = this.counts;
     const [x, y, z] = this.places[end - 1];
-    const block = (Math.min(x + 1, nx - 1) * ny + Math.min(y + 1, ny - 1)) * nz + Math.min(z + 1, nz - 1);
+    // Of the last block, the furthest neighbour is furthest of all; where it has none along x or y, blocks before it have
+    // neighbours anywhere in the last plane that it reaches.
+    const block = x + 1 < nx && y + 1 < ny ? ((x + 1) * ny + y + 1) * nz + Math.min(z + 1, nz - 1) : Math.min(x + 2, nx) * ny * nz - 1;
     let low = end;
     for (let high = this.places.length; low < high; ) {
       const middle = (low + high) >> 1;

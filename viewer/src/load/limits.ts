@@ -9,7 +9,7 @@ const MOST_BYTES = 1.5 * 2 ** 30;
 /** Asks the context of a canvas that is for nothing else: it is given back. */
 export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLimits {
   const gl = canvas.getContext("webgl2") as WebGL2RenderingContext | null;
-  if (!gl) throw new FieldError("This browser has no WebGL 2.", REMEDY.device);
+  if (!gl) throw new FieldError("This browser has no WebGL 2.", REMEDY.browser);
   // More is not needed, and places of slots have 10 bits an axis.
   const side = Math.min(2048, gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number);
   const floatLinear = gl.getExtension("OES_texture_float_linear") !== null;

@@ -12,7 +12,7 @@ import { type Layer, readNetwork } from "../format/network.js";
 import { Crew, decodeShares } from "./crew.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, levelEntries, type LevelEntry } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
-import { type ByteSource, openSource, type OwnSource, type Transfer } from "./source.js";
+import { type ByteSource, openSource, type OwnSource, type RequestOptions, type Transfer } from "./source.js";
 
 /** The first request: header and directory of every container with a usual number of levels. */
 const FIRST_BYTES = 4096;
@@ -71,9 +71,10 @@ export class Loader {
 
   constructor(
     source: OwnSource,
+    request: RequestOptions,
     private readonly listener: Listener,
   ) {
-    this.source = openSource(source);
+    this.source = openSource(source, request);
   }
 
   /** Loads every level that fits the device. */

@@ -3,7 +3,7 @@
 import type { DecodedPart, LevelEntry } from "./level.js";
 import type { Opened } from "./loader.js";
 import type { DeviceLimits } from "./plan.js";
-import type { OwnSource } from "./source.js";
+import type { OwnSource, RequestOptions } from "./source.js";
 
 /**
  * Ask the device for its limits; load a container; decode again what was loaded; let the helpers at `ports` decode, too; go on
@@ -11,14 +11,15 @@ import type { OwnSource } from "./source.js";
  */
 export type Request =
   | { kind: "device" }
-  | { kind: "load"; source: OwnSource; device: DeviceLimits }
+  | { kind: "load"; source: OwnSource; request: RequestOptions; device: DeviceLimits }
   | { kind: "again" }
   | { kind: "crew"; ports: MessagePort[] }
   | { kind: "left"; helper: number }
   | { kind: "help"; port: MessagePort };
 
-/** `limits` are null where workers have no WebGL. `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
+/** The first reply says that the script runs. `limits` are null where workers have no WebGL. `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
 export type Reply =
+  | { kind: "running" }
   | { kind: "device"; limits: DeviceLimits | null }
   | { kind: "opened"; opened: Opened }
   | { kind: "progress"; arrived: number }

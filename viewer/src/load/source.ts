@@ -8,6 +8,12 @@ export type Source = string | Blob | ArrayBuffer;
 /** The same on its way to the worker. */
 export type OwnSource = string | Blob;
 
+/** How the host of an address is asked, beside by the range: with these headers, and with what credentials. */
+export interface RequestOptions {
+  headers?: Record<string, string>;
+  credentials?: RequestCredentials;
+}
+
 /** How bytes arrive. */
 export type Transfer = "ranges" | "whole" | "memory";
 
@@ -26,8 +32,8 @@ export interface ByteSource {
   cancel(): void;
 }
 
-export function openSource(source: OwnSource): ByteSource {
-  return typeof source === "string" ? new HttpSource(source) : new MemorySource(source);
+export function openSource(source: OwnSource, request: RequestOptions): ByteSource {
+  return typeof source === "string" ? new HttpSource(source, request) : new MemorySource(source);
 }
 
 class MemorySource implements ByteSource {
@@ -54,47 +60,89 @@ class HttpSource implements ByteSource {
   private readonly abort = new AbortController();
   private stream: Stream | null = null;
 
-  constructor(private readonly url: string) {}
+  constructor(
+    private readonly url: string,
+    private readonly request: RequestOptions,
+  ) {}
 
   async read(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer>> {
-    if (this.stream) return this.stream.read(to - from, progress);
-    const last = this.length === null ? to : Math.min(to, this.length);
-    if (from >= last) return new Uint8Array(0);
-    const response = await this.fetch(from, { Range: `bytes=${from}-${last - 1}` });
-    if (response.status === 206) {
+    const pieces: Uint8Array[] = [];
+    let at = from;
+    // A server may answer with less than was asked for.
+    while (!this.stream && at < this.end(to)) {
+      const piece = await this.readPart(at, this.end(to), progress);
+      if (!piece || piece.length === 0) break;
+      pieces.push(piece);
+      at += piece.length;
+    }
+    if (this.stream && at < to) pieces.push(await this.stream.read(to - at, progress));
+    return joined(pieces);
+  }
+
+  /** Where a piece that should end at `to` ends. */
+  private end(to: number): number {
+    return this.length === null ? to : Math.min(to, this.length);
+  }
+
+  /** Bytes from `from` on, at most to `to`; null where there are none, or where all come as one stream from now on. */
+  private async readPart(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer> | null> {
+    try {
+      const response = await this.fetch(from, to);
+      if (!response) return null;
+      if (response.status !== 206) return this.begin(response, from);
       const range = /^bytes (\d+)-(\d+)\/(\d+|\*)$/.exec(response.headers.get("Content-Range") ?? "");
       // Across origins the header is hidden unless the server shows it; checksums then tell.
       if (range && Number(range[1]) !== from) throw new FieldError(`The server sent bytes from ${range[1]} instead of ${from}.`, REMEDY.network);
       if (range && range[3] !== "*") this.length = Number(range[3]);
-      return new Stream(response, from).read(last - from, progress);
+      const count = range ? Number(range[2]) + 1 - from : to - from;
+      return await new Stream(response, from).read(Math.min(count, to - from), progress);
+    } catch (error) {
+      // What is stored compressed can be read whole, but no part of it.
+      if (!(error instanceof Unreachable) || from > 0 || this.abort.signal.aborted) throw error;
+      const response = await this.fetch(0, null).catch(() => null);
+      if (!response) throw error;
+      return this.begin(response, 0);
     }
+  }
+
+  /** Reads all as one stream from now on. */
+  private begin(response: Response, from: number): null {
     if (from > 0) throw new FieldError("The server stopped offering parts of the file.", REMEDY.network);
     this.transfer = "whole";
     const length = Number(response.headers.get("Content-Length") ?? NaN);
     // A compressed transfer states another length than the file's.
     this.length = Number.isFinite(length) && !response.headers.get("Content-Encoding") ? length : null;
     this.stream = new Stream(response, 0);
-    return this.stream.read(to, progress);
+    return null;
   }
 
   cancel(): void {
     this.abort.abort();
   }
 
-  private async fetch(from: number, headers: Record<string, string>): Promise<Response> {
+  /** Asks for the bytes `[from, to)`, or for all where `to` is null; null where the file ends before them. */
+  private async fetch(from: number, to: number | null): Promise<Response | null> {
+    const { headers, ...request } = this.request;
+    const range = to === null ? {} : { Range: `bytes=${from}-${to - 1}` };
     let response: Response;
     try {
-      response = await fetch(this.url, { headers, signal: this.abort.signal });
+      response = await fetch(this.url, { ...request, headers: { ...headers, ...range }, signal: this.abort.signal });
     } catch {
-      throw new FieldError(`${this.url} cannot be reached.`, REMEDY.network);
+      const isForeign = new URL(this.url).origin !== self.origin && /^https?:/.test(this.url);
+      throw new Unreachable(`${this.url} cannot be reached.`, isForeign ? REMEDY.foreignHost : REMEDY.network);
     }
     // A file shorter than the first piece is an unsatisfiable range only if it is empty.
     if (response.status === 416 && from === 0) throw new FieldError("The file is empty.", REMEDY.foreign);
+    // A server that hides where parts end can only be asked for more.
+    if (response.status === 416 && this.length === null) return null;
     if (response.status === 416) throw new FieldError(`The file ends before byte ${from}: it has changed since it was opened.`, REMEDY.network);
     if (!response.ok) throw new FieldError(`${this.url} answers ${response.status} ${response.statusText}.`, REMEDY.network);
     return response;
   }
 }
+
+/** No answer, or an end before all of it was there. */
+class Unreachable extends FieldError {}
 
 /** A response's body, in pieces of a wanted size. */
 class Stream {
@@ -126,20 +174,24 @@ class Stream {
       pieces.push(piece);
       progress(this.arrived);
     }
-    const out = new Uint8Array(count - left);
-    let at = 0;
-    for (const piece of pieces) {
-      out.set(piece, at);
-      at += piece.length;
-    }
-    return out;
+    return joined(pieces);
   }
 
   private async next(): Promise<Uint8Array | undefined> {
     try {
       return (await this.reader?.read())?.value;
     } catch {
-      throw new FieldError("The connection broke while the file was on its way.", REMEDY.network);
+      throw new Unreachable("The connection broke while the file was on its way.", REMEDY.network);
     }
   }
+}
+
+function joined(pieces: Uint8Array[]): Uint8Array<ArrayBuffer> {
+  const out = new Uint8Array(pieces.reduce((sum, { length }) => sum + length, 0));
+  let at = 0;
+  for (const piece of pieces) {
+    out.set(piece, at);
+    at += piece.length;
+  }
+  return out;
 }

@@ -29,7 +29,7 @@ port.onmessage = async ({ data }) => {
   try {
     await prepared;
     if (data.kind === "load") {
-      loader = new Loader(data.source, listener);
+      loader = new Loader(data.source, data.request, listener);
       await loader.load(data.device);
       port.postMessage({ kind: "done" });
     } else if (data.kind === "crew") {
@@ -46,6 +46,8 @@ port.onmessage = async ({ data }) => {
     port.postMessage({ kind: "failed", message, remedy });
   }
 };
+
+port.postMessage({ kind: "running" });
 
 /** Null where workers have no WebGL. */
 function deviceLimits(): DeviceLimits | null {

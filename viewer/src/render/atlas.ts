@@ -20,24 +20,27 @@ const UPLOAD_CELLS = 1 << 15;
 /** What is on its way to the device: blocks, and after all of a level's the level itself. `done` blocks or planes are there. */
 type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: number };
 
+/** What one device has of a field. */
 export class Atlas {
   /** Levels whose blocks are all there. */
   readonly live = new Set<number>();
-  /** Two corners, as shares of the box, of what the first level to come shows; null before. */
-  occupied: [number[], number[]] | null = null;
+  /** The device's context; null before the first upload. */
+  gl: WebGL2RenderingContext | null = null;
   private readonly skipDistances: Uint8Array;
   private readonly macro: Triple;
   private uploads: Upload[] = [];
   /** Levels whose parts are on their way from the decoders. */
   private readonly expected = new Set<number>();
   private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
-  /** Whether there was a device before. */
-  private hadDevice = false;
 
-  /** `refused` is called where the device turns out to have no room for the field. */
+  /**
+   * `refused` is called where the device turns out to have no room for the field. `isFed` tells whether levels come from the
+   * first one on; else they have to come again when the device is known.
+   */
   constructor(
     private readonly opened: Opened,
     private readonly refused: (error: FieldError) => void,
+    private isFed: boolean,
   ) {
     this.macro = macroCounts(opened.metadata);
     const [x, y, z] = this.macro;
@@ -51,7 +54,7 @@ export class Atlas {
 
   /** A level is being decoded. */
   expect(level: number): void {
-    this.expected.add(level);
+    if (this.isFed) this.expected.add(level);
   }
 
   /** What is being decoded will not come. */
@@ -59,16 +62,21 @@ export class Atlas {
     this.expected.clear();
   }
 
-  /** Takes blocks of a level. */
+  /** Whether all levels that were to come are there. */
+  get isWhole(): boolean {
+    const { metadata, plan } = this.opened;
+    return this.live.size === metadata.levels.length - plan.finest;
+  }
+
+  /** Takes blocks of a level. What a lost device would get comes again after it is back. */
   add(part: DecodedPart): void {
-    this.uploads.push({ part, done: 0 });
+    if (this.isFed) this.uploads.push({ part, done: 0 });
   }
 
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
-    this.uploads.push({ entry, done: 0 });
+    if (this.isFed) this.uploads.push({ entry, done: 0 });
     this.expected.delete(entry.level);
-    this.occupied ??= entry.occupied;
   }
 
   /** Whether something waits for `upload`. */
@@ -96,14 +104,11 @@ export class Atlas {
    */
   upload(gl: WebGL2RenderingContext): boolean {
     if (gl.isContextLost()) return true;
-    if (this.device?.gl !== gl) {
-      const isFirst = !this.hadDevice;
+    if (!this.device) {
       this.begin(gl);
-      if (!isFirst) {
-        this.uploads = [];
-        this.expectNothing();
-        return false;
-      }
+      const wasFed = this.isFed;
+      this.isFed = true;
+      if (!wasFed) return false;
     }
     const { textures } = this.device!;
     if (this.waiting) keeping(gl, () => this.bringSome(gl, textures));
@@ -116,9 +121,8 @@ export class Atlas {
   }
 
   private begin(gl: WebGL2RenderingContext): void {
-    this.dispose();
+    this.gl = gl;
     this.live.clear();
-    this.hadDevice = true;
     gl.canvas.addEventListener("webglcontextlost", this.forget);
     this.device = { gl, textures: allocate(gl, this.opened) };
     this.askForRoom(this.device);
@@ -136,10 +140,12 @@ export class Atlas {
     });
   }
 
-  /** What a lost device had is gone. */
+  /** What a lost device had is gone, and so is what was on its way. */
   private readonly forget = (): void => {
     this.device?.gl.canvas.removeEventListener("webglcontextlost", this.forget);
-    this.device = null;
+    [this.device, this.uploads, this.isFed] = [null, [], false];
+    this.live.clear();
+    this.expectNothing();
   };
 
   private bringSome(gl: WebGL2RenderingContext, textures: Textures): void {

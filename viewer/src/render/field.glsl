@@ -39,13 +39,18 @@ uniform bool u_skips;
 uniform float u_halfPixel;
 
 uniform vec4 u_viewport;
-// What ndc is divided by, and then the shift, to be a direction of the camera.
+// What ndc is divided by, and then the shift, to be a direction of the camera; or a start where rays are parallel.
 uniform vec4 u_lens;
+uniform bool u_isParallel;
 uniform vec3 u_origin;
 uniform mat3 u_toBox;
 uniform mat3 u_toLocal;
 uniform mat3 u_toView;
+// A shift, and what the inverse of t is multiplied by, or t itself where rays are parallel; and the depth of what is furthest.
 uniform vec2 u_depthOfT;
+uniform float u_farDepth;
+// What log2(1 + t) is multiplied by where depth is logarithmic; else 0.
+uniform float u_logarithm;
 // Whether the target takes linear values: all but the canvas do.
 uniform bool u_linear;
 

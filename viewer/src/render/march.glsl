@@ -4,14 +4,24 @@
 // Functions are made a part of each place that calls them, and drivers take longer to compile the more there is. So what is
 // done for two levels, or for two ends of a ray, is a loop, which has one place.
 
-vec3 cameraDirection(vec2 pixel) {
+// Where a pixel's ray crosses the plane at distance 1, or that through the camera where rays are parallel.
+vec2 onPlane(vec2 pixel) {
   vec2 ndc = (pixel - u_viewport.xy) / u_viewport.zw * 2.0 - 1.0;
-  return vec3(ndc * u_lens.xy + u_lens.zw, -1.0);
+  return ndc * u_lens.xy + u_lens.zw;
 }
 
-float entry(vec3 direction) {
+// Of a pixel's ray, in the camera's axes, the start and the direction.
+vec3 cameraStart(vec2 pixel) {
+  return vec3(u_isParallel ? onPlane(pixel) : vec2(0.0), 0.0);
+}
+
+vec3 cameraDirection(vec2 pixel) {
+  return vec3(u_isParallel ? vec2(0.0) : onPlane(pixel), -1.0);
+}
+
+float entry(vec3 origin, vec3 direction) {
   vec3 inverse = 1.0 / mix(direction, vec3(1e-30), equal(direction, vec3(0.0)));
-  vec3 near = min((u_lowest - u_origin) * inverse, (u_highest - u_origin) * inverse);
+  vec3 near = min((u_lowest - origin) * inverse, (u_highest - origin) * inverse);
   // A ray along a face is between the faces from the start, or never.
   near = mix(near, vec3(-LARGEST), equal(direction, vec3(0.0)));
   return min(max(max(near.x, max(near.y, near.z)), u_range.x), u_range.y);
@@ -50,15 +60,16 @@ float stepOf(vec3 direction) {
   return u_step / length(direction * u_perVoxel);
 }
 
-Line aside(vec2 pixel, float t, float tStep, vec3 direction) {
+Line aside(vec2 pixel, float t, float tStep, vec3 origin, vec3 direction) {
   vec3 local = cameraDirection(pixel);
   vec3 other = u_toBox * local;
+  vec3 beside = u_toBox * (cameraStart(pixel) - cameraStart(gl_FragCoord.xy));
   vec3 voxels = 2.0 * vec3(u_nodes[0].xyz);
 #ifdef ASIDE_SAME_INDEX
   float otherStep = stepOf(u_toLocal * local);
-  return Line((other * entry(other) - direction * t) * voxels, (other * otherStep - direction * tStep) * voxels);
+  return Line((beside + other * entry(origin + beside, other) - direction * t) * voxels, (other * otherStep - direction * tStep) * voxels);
 #else
-  return Line((other - direction) * t * voxels, (other - direction) * tStep * voxels);
+  return Line((beside + (other - direction) * t) * voxels, (other - direction) * tStep * voxels);
 #endif
 }
 
@@ -154,15 +165,16 @@ vec3 levelTint(float level) {
 void main() {
   vec3 camera = cameraDirection(gl_FragCoord.xy);
   vec3 direction = u_toBox * camera;
-  float t0 = entry(direction);
+  vec3 origin = u_origin + u_toBox * cameraStart(gl_FragCoord.xy);
+  float t0 = entry(origin, direction);
   vec3 local = u_toLocal * camera;
   float tStep = stepOf(local);
   float intervalsOfStep = tStep * length(local) / u_interval;
-  vec3 start = u_origin + direction * t0;
+  vec3 start = origin + direction * t0;
   vec3 perStep = direction * tStep;
   for (int i = 0; i < 2; i++) {
     vec2 shift = i == 0 ? vec2(u_halfPixel, 0.0) : vec2(0.0, -u_halfPixel);
-    Line line = aside(gl_FragCoord.xy + shift, t0, tStep, direction);
+    Line line = aside(gl_FragCoord.xy + shift, t0, tStep, origin, direction);
     if (i == 0) right = line;
     else below = line;
   }
@@ -337,7 +349,9 @@ void main() {
   float left = exp(-depth);
   float t = weights > 0.0 ? reached / weights : 0.0;
   // Where there is nothing, as far as depths go.
-  gl_FragDepth = clamp(u_depthOfT.x + (weights > 1e-3 ? u_depthOfT.y / t : 0.0), 0.0, 1.0);
+  float written = u_depthOfT.x + u_depthOfT.y * (u_isParallel ? t : 1.0 / t);
+  if (u_logarithm > 0.0 && !u_isParallel) written = u_logarithm * log2(1.0 + t);
+  gl_FragDepth = weights > 1e-3 ? clamp(written, 0.0, 1.0) : u_farDepth;
   if (u_output == STATISTICS) {
     fragment = vec4(float(samples), float(fetches), max(0.0, floor(last) - first + 1.0), 1.0);
     return;

@@ -22,14 +22,31 @@ export function inverse(m: Matrix): number[] {
   return [a, b, c, 0, d, e, f, 0, g, h, i, 0, ...moved, 1];
 }
 
-/** What undoes the rotation of a place, without its scale. A place that mirrors does so along its x. */
+/** What undoes the rotation of a place, and its mirroring, without its scale. */
 export function unturned(m: Matrix): number[] {
-  const columns = [0, 4, 8].map((at) => [m[at], m[at + 1], m[at + 2]].map((value) => value / Math.hypot(m[at], m[at + 1], m[at + 2])));
-  const [x, y, z] = columns;
-  const side = x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
-  if (side < 0) columns[0] = x.map((value) => -value);
-  const [a, b, c] = columns;
+  const [a, b, c] = [0, 4, 8].map((at) => [m[at], m[at + 1], m[at + 2]].map((value) => value / Math.hypot(m[at], m[at + 1], m[at + 2])));
   return [a[0], b[0], c[0], 0, a[1], b[1], c[1], 0, a[2], b[2], c[2], 0, 0, 0, 0, 1];
+}
+
+/** Whether a projection's rays are parallel. */
+export function isParallel(projection: Matrix): boolean {
+  return projection[15] === 1;
+}
+
+/** A factor and a shift along x and y: from a place in the picture, -1 to 1, to one at distance 1, or at any of parallel rays. */
+export function lensOf(projection: Matrix): [number, number, number, number] {
+  const [x, y] = isParallel(projection) ? [-projection[12], -projection[13]] : [projection[8], projection[9]];
+  return [1 / projection[0], 1 / projection[5], x / projection[0], y / projection[5]];
+}
+
+/** The place of a camera that looks along a direction of length 1. */
+export function lookingAlong(origin: readonly number[], direction: readonly number[]): number[] {
+  const cross = (a: readonly number[], b: readonly number[]) => [0, 1, 2].map((axis) => a[(axis + 1) % 3] * b[(axis + 2) % 3] - a[(axis + 2) % 3] * b[(axis + 1) % 3]);
+  const back = direction.map((value) => -value);
+  const right = cross(Math.abs(back[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0], back);
+  const length = Math.hypot(...right);
+  const unit = right.map((value) => value / length);
+  return [...unit, 0, ...cross(back, unit), 0, ...back, 0, ...origin, 1];
 }
 
 /** Columns of the part without a shift. */

@@ -1,6 +1,6 @@
 /** What a picture takes, and what it shows at a point: from values that the shader writes in place of colours. */
 
-import type { Matrix } from "./matrices.js";
+import { isParallel, lensOf, type Matrix } from "./matrices.js";
 
 /** What a picture took, as means over the rays that meet the box. */
 export interface Statistics {
@@ -30,13 +30,18 @@ export function pickedProjection(projection: Matrix, x: number, y: number): numb
   return Array.from(projection, (value, at) => (at % 4 < 2 ? PICKED * (value - middle[at % 4] * projection[at - (at % 4) + 3]) : value));
 }
 
+/** A projection of the pixel that a ray is the middle of, to whose distance near and far do not matter. */
+export const RAY_PROJECTION: readonly number[] = pickedProjection([100, 0, 0, 0, 0, 100, 0, 0, 0, 0, -1, -1, 0, 0, -1e-4, 0], 0.5, 0.5);
+
 /**
  * The world's point in the middle of a picture from `camera`, of one pixel of `OUTPUT.distance`; null where the field is next
  * to invisible.
  */
 export function pickedPoint([distance, opacity]: Float32Array, camera: Matrix, projection: Matrix): [number, number, number] | null {
   if (!(opacity > LEAST_PICKED)) return null;
-  const [x, y, z] = [projection[8] / projection[0], projection[9] / projection[5], -1].map((value) => value * distance);
+  const [, , right, up] = lensOf(projection);
+  const reach = isParallel(projection) ? 1 : distance;
+  const [x, y, z] = [right * reach, up * reach, -distance];
   const along = (axis: number) => camera[axis] * x + camera[axis + 4] * y + camera[axis + 8] * z + camera[axis + 12];
   return [along(0), along(1), along(2)];
 }

@@ -11,10 +11,13 @@ import { networkSource } from "./network.js";
 export const VERTEX = /* glsl */ `
 precision highp float;
 uniform mat4 u_toClip;
+uniform vec2 u_farEnd;
 in vec3 position;
 
 void main() {
   gl_Position = u_toClip * vec4(position, 1.0);
+  // What lies before the camera's far plane is seen, though the box's far sides are behind it.
+  gl_Position.z = u_farEnd.y * min(u_farEnd.y * gl_Position.z, u_farEnd.y * u_farEnd.x * gl_Position.w);
 }
 `;
 

@@ -4,7 +4,7 @@ import type { Encoding, Metadata } from "../format/metadata.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
 import { macroCounts, macroEdge } from "../load/skip.js";
-import { inverse, linearPart, type Matrix, product, unturned } from "./matrices.js";
+import { inverse, isParallel, lensOf, linearPart, type Matrix, product, unturned } from "./matrices.js";
 import { packWeights, weighsByUniforms } from "./network.js";
 import { decodeNumber, OUTPUT } from "./shader.js";
 import { tableStarts } from "./textures.js";
@@ -24,6 +24,8 @@ export interface View {
   isLinear: boolean;
   /** Depth of the target by that of clip space: a factor and a shift. */
   depth: [number, number];
+  /** Where depth is logarithmic, what the logarithm of a distance and 1 is multiplied by; else 0. */
+  logarithm: number;
 }
 
 /** What of a field is shown. */
@@ -90,13 +92,21 @@ export function fieldUniforms(opened: Opened): Uniforms {
   return values;
 }
 
+/** Of depth in clip space, the far end, and the sign towards it. */
+function farEnd({ projection, depth }: View): { at: number; sign: 1 | -1 } {
+  const grows = isParallel(projection) ? projection[10] < 0 : projection[14] < 0;
+  return grows ? { at: 1, sign: 1 } : { at: depth[1] === 0 ? 0 : -1, sign: -1 };
+}
+
 /** Uniforms of one picture. */
 export function viewUniforms({ bounds, march, levels }: Metadata, view: View, shown: Shown): Uniforms {
   const { world, camera, projection, depth } = view;
   // Directions keep their length on the way from the camera, so that distances along them are the same.
   const toLocal = product(inverse(world), camera);
   const extent = bounds.max.map((max, axis) => max - bounds.min[axis]);
-  const { near, far } = march;
+  const far = farEnd(view);
+  // Before parallel rays start, there is something as well.
+  const first = isParallel(projection) ? (projection[14] + far.sign) / projection[10] : 0;
   return {
     u_toClip: product(projection, product(inverse(camera), world)),
     u_toLocal: linearPart(toLocal),
@@ -104,13 +114,17 @@ export function viewUniforms({ bounds, march, levels }: Metadata, view: View, sh
     u_origin: extent.map((extent, axis) => (toLocal[12 + axis] - bounds.min[axis]) / extent),
     // The network's direction is the world's through the inverse of the rotation alone.
     u_toView: linearPart(product(unturned(world), camera)),
-    u_lens: [1 / projection[0], 1 / projection[5], projection[8] / projection[0], projection[9] / projection[5]],
+    u_lens: lensOf(projection),
+    u_isParallel: isParallel(projection),
     u_viewport: view.viewport,
     u_linear: view.isLinear,
-    u_depthOfT: [depth[1] - depth[0] * projection[10], depth[0] * projection[14]],
+    u_depthOfT: [depth[1] + depth[0] * (isParallel(projection) ? projection[14] : -projection[10]), depth[0] * (isParallel(projection) ? -projection[10] : projection[14])],
+    u_logarithm: view.logarithm,
+    u_farEnd: [far.at, far.sign],
+    u_farDepth: depth[1] + depth[0] * far.at,
     u_finest: shown.finest,
     u_fixedLevel: shown.fixedLevel === null ? -1 : Math.min(Math.max(shown.finest, shown.fixedLevel), levels.length - 1),
-    u_range: [shown.keepsRange ? near : 0, (shown.keepsRange ? far : null) ?? BEYOND],
+    u_range: [shown.keepsRange ? march.near : first, (shown.keepsRange ? march.far : null) ?? BEYOND],
     u_output: shown.output ?? OUTPUT.color,
     u_skips: shown.skips ?? true,
     u_halfPixel: shown.halfPixel ?? 0.5,

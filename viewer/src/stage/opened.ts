@@ -3,21 +3,51 @@
 import { Box3, Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { FieldError, REMEDY } from "../errors.js";
+import { Compressed } from "./compressed.js";
+import { isAsset } from "../format/kinds.js";
 import { RadianceField } from "../three/field.js";
 import { RadianceFieldExtension } from "../three/gltf.js";
 import type { Source } from "../load/source.js";
+
+/** Bytes by which a file tells what it is. */
+const FIRST = 64;
 
 export interface Opened {
   object: Object3D;
   /** The fields in it. */
   fields: RadianceField[];
   name: string;
+  /** What of the file is not shown, and why; null where all is. */
+  lacks: FieldError | null;
 }
 
-/** Opens an address; told apart by its ending, so that a container can come in parts. */
+/** Opens an address; told apart by its ending where it has one of these, so that a container can come in parts, or else by its first bytes. */
 export async function openAddress(address: string): Promise<Opened> {
   const name = fileName(address);
-  return /\.(glb|gltf)$/i.test(name) ? openAsset(name, (loader) => loader.loadAsync(address)) : openField(address, name);
+  const ending = /\.(mipvog|glb|gltf)$/i.exec(name);
+  const isOne = ending ? !/mipvog/i.test(ending[1]) : isAsset(await firstBytes(address));
+  return isOne ? openAsset(name, (loader) => loader.loadAsync(address)) : openField(address, name);
+}
+
+/** Opens a file that was dropped or chosen; told apart by its first bytes. */
+export async function openFile(file: File): Promise<Opened> {
+  const head = new Uint8Array(await file.slice(0, FIRST).arrayBuffer());
+  if (isAsset(head)) return openAsset(file.name, (loader) => file.arrayBuffer().then((bytes) => loader.parseAsync(bytes, "")));
+  return openField(file, file.name);
+}
+
+/** Some bytes that a file begins with; none where it cannot be had, which whoever opens it then says. */
+async function firstBytes(address: string): Promise<Uint8Array> {
+  const ending = new AbortController();
+  try {
+    const response = await fetch(address, { headers: { Range: `bytes=0-${FIRST - 1}` }, signal: ending.signal });
+    const { value } = response.ok && response.body ? await response.body.getReader().read() : {};
+    return value ?? new Uint8Array(0);
+  } catch {
+    return new Uint8Array(0);
+  } finally {
+    ending.abort();
+  }
 }
 
 function fileName(address: string): string {
@@ -38,45 +68,75 @@ function fileName(address: string): string {
 /** A container on its own: training's z becomes the world's y. */
 export function openField(source: Source, name: string): Opened {
   const field = new RadianceField(source);
-  // A viewer's camera goes where no training camera was.
-  field.keepsRange = false;
   const object = new Group().add(field);
   object.rotation.x = -Math.PI / 2;
-  return { object, fields: [field], name };
+  return { object, fields: [field], name, lacks: null };
 }
 
 /** An asset; `load` runs the loader on it. */
-export async function openAsset(name: string, load: (loader: GLTFLoader) => Promise<{ scene: Group }>): Promise<Opened> {
+export async function openAsset(name: string, load: Load): Promise<Opened> {
+  const whole = await loadAsset(name, load, true);
+  if (!(whole instanceof Undecoded)) return lit(whole);
+  // Its fields can be shown, at least.
+  const alone = await loadAsset(name, load, false);
+  if (alone instanceof Undecoded) throw alone.error;
+  if (alone.fields.length === 0) throw whole.error;
+  return { ...alone, lacks: new FieldError(`${name} is shown without its meshes, which ${whole.decoders} could not decode: ${wordsOf(whole.error)}`, REMEDY.decompress) };
+}
+
+type Load = (loader: GLTFLoader) => Promise<{ scene: Group }>;
+
+/** An asset with something compressed that could not be had. */
+class Undecoded {
+  constructor(
+    readonly error: unknown,
+    readonly decoders: string,
+  ) {}
+}
+
+function wordsOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+async function loadAsset(name: string, load: Load, withMeshes: boolean): Promise<Opened | Undecoded> {
   const extensions: RadianceFieldExtension[] = [];
   const loader = new GLTFLoader().register((parser) => {
     const extension = new RadianceFieldExtension(parser);
     extensions.push(extension);
     return extension;
   });
+  const compressed = new Compressed(loader, withMeshes);
   let scene: Group;
   try {
     ({ scene } = await load(loader));
   } catch (error) {
     extensions.forEach((extension) => extension.dispose());
     if (error instanceof FieldError) throw error;
-    throw new FieldError(`${name} is no glTF asset that can be read: ${error instanceof Error ? error.message : String(error)}`, REMEDY.foreign);
+    const told = new FieldError(`${name} is no glTF asset that can be read: ${wordsOf(error)}`, REMEDY.foreign);
+    const decoders = compressed.decoders.join(" and ");
+    if (withMeshes && decoders) return new Undecoded(told, decoders);
+    throw told;
   }
-  const opened: Opened = { object: scene, fields: [], name };
+  const missing = [...compressed.missing].join(" and ");
+  const lacks = missing ? new FieldError(`${name} is shown without what ${missing} decodes: this viewer has no such decoder.`, REMEDY.decompress) : null;
+  const opened: Opened = { object: scene, fields: [], name, lacks };
   let failure: unknown = null;
-  let isLit = false;
   scene.traverse((object) => {
     failure ??= object.userData.radianceFieldError;
-    isLit ||= object instanceof Light;
-    if (!(object instanceof RadianceField)) return;
-    object.keepsRange = false;
-    opened.fields.push(object);
+    if (object instanceof RadianceField) opened.fields.push(object);
   });
   if (failure) {
     release(opened);
     throw failure;
   }
-  // Fields need no light, but meshes beside them may; viewers bring it where an asset does not.
-  if (!isLit) scene.add(new HemisphereLight(0xffffff, 0x777777, 3));
+  return opened;
+}
+
+/** Fields need no light, but meshes beside them may; viewers bring it where an asset does not. */
+function lit(opened: Opened): Opened {
+  let isLit = false;
+  opened.object.traverse((object) => (isLit ||= object instanceof Light));
+  if (!isLit) opened.object.add(new HemisphereLight(0xffffff, 0x777777, 3));
   return opened;
 }
 

@@ -43,7 +43,11 @@ export class Stage {
   private readonly ending = new AbortController();
 
   constructor(private readonly canvas: HTMLCanvasElement) {
-    this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
+    try {
+      this.renderer = new WebGLRenderer({ canvas, ...CONTEXT });
+    } catch {
+      throw new FieldError("This browser cannot draw with WebGL 2.", REMEDY.browser);
+    }
     // Several questions in the first draw, each of which waits for the device. `prepare` asks its own.
     this.renderer.debug.checkShaderErrors = false;
     const { signal } = this.ending;
@@ -129,7 +133,8 @@ export class Stage {
     return programs;
   }
 
-  setBackground(color: Color): void {
+  /** Null shows what lies under the canvas. */
+  setBackground(color: Color | null): void {
     this.scene.background = color;
     this.redraw();
   }

@@ -9,6 +9,8 @@ import {
   Data3DTexture,
   FloatType,
   GLSL3,
+  type Intersection,
+  LinearSRGBColorSpace,
   Matrix4,
   Mesh,
   NoBlending,
@@ -16,6 +18,7 @@ import {
   type Object3D,
   type Object3DEventMap,
   PerspectiveCamera,
+  type Raycaster,
   RawShaderMaterial,
   Scene,
   ShaderMaterial,
@@ -26,14 +29,16 @@ import {
   type WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
+import { FieldError, REMEDY } from "../errors.js";
 import type { Metadata } from "../format/metadata.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
-import { pickedPoint, pickedProjection, type Statistics, statisticsOf } from "../render/measures.js";
+import { lookingAlong } from "../render/matrices.js";
+import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS } from "../render/textures.js";
 import { fieldUniforms, type Shown, type View, viewUniforms } from "../render/uniforms.js";
-import { type FieldEvents, StreamedField } from "../streamed.js";
+import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */
 export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
@@ -43,7 +48,7 @@ const NOTHING = [0, -1] as const;
 
 /**
  * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up:
- * a node of a scene whose y is up turns it by a quarter about x. Drawn with perspective cameras.
+ * a node of a scene whose y is up turns it by a quarter about x.
  */
 export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, RadianceFieldEventMap> {
   readonly isRadianceField = true;
@@ -55,20 +60,46 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   showLevels = false;
   /** The level to show, 0 being the finest; null follows the field's rule. */
   fixedLevel: number | null = null;
-  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does. */
-  keepsRange = true;
+  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does: to measure pictures. */
+  keepsRange = false;
   private readonly streamed: StreamedField;
+  private readonly owner: Owner = {
+    begin: (opened) => this.begin(opened),
+    tell: (type, event) => this.dispatchEvent({ type, ...event } as never),
+  };
+  /** What drew the field last: rays are cast with it. */
+  private renderer: WebGLRenderer | null = null;
+  /** Why it was not drawn; each reason is told once. */
+  private readonly told = new Set<string>();
+  /** What is drawn in place of a picture; null for pictures. */
+  private sampled: Partial<Shown> | null = null;
 
-  /** Loads `source`, the address of a container or its bytes. Draws as soon as the coarsest levels are there. */
-  constructor(source: Source) {
+  /**
+   * Loads `source`, the address of a container or its bytes; another field shares what it has loaded, and what the device
+   * holds. Draws as soon as the coarsest levels are there.
+   */
+  constructor(source: Source | RadianceField, options?: FieldOptions) {
     super(new BoxGeometry(), new ShaderMaterial());
     this.geometry.setDrawRange(...NOTHING);
     this.name = "MIPVOG_radiance_field";
-    this.streamed = new StreamedField(source, {
-      begin: (opened) => this.begin(opened),
-      tell: (type, event) => this.dispatchEvent({ type, ...event } as never),
-    });
+    this.streamed = source instanceof RadianceField ? source.streamed : new StreamedField(source, options);
     ({ opened: this.opened, finished: this.finished } = this.streamed);
+    this.streamed.join(this.owner);
+  }
+
+  /** Another object of the same field, which is loaded and held once. */
+  override clone(recursive = true): this {
+    return new RadianceField(this).copy(this, recursive) as this;
+  }
+
+  /** Takes over everything but the field itself. */
+  override copy(source: this, recursive?: boolean): this {
+    const { geometry, material } = this;
+    super.copy(source, recursive);
+    // Uniforms are each object's own.
+    [this.geometry, this.material] = [geometry, material];
+    [this.showLevels, this.fixedLevel, this.keepsRange] = [source.showLevels, source.fixedLevel, source.keepsRange];
+    return this;
   }
 
   /** Bytes that have arrived. */
@@ -121,23 +152,41 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return new Box3(new Vector3(...min), new Vector3(...max));
   }
 
-  /** Ends loading and frees the device's memory; the field is not drawn any more. */
+  /**
+   * The field is not drawn any more. With the last object that shares it, loading ends and the device's memory is free.
+   */
   dispose(): void {
-    this.streamed.dispose();
+    this.streamed.leave(this.owner);
     this.visible = false;
     this.geometry.dispose();
     this.material.dispose();
   }
 
-  override onBeforeRender = (renderer: WebGLRenderer, _scene: Object3D, camera: Camera): void => {
-    this.prepare(renderer, camera, { output: this.showLevels ? OUTPUT.levels : OUTPUT.color });
+  override onBeforeRender = (renderer: WebGLRenderer): void => {
+    this.geometry.setDrawRange(...NOTHING);
+    if (!isWebGL(renderer)) this.refuse("Fields are drawn by three.js's WebGLRenderer, and by no other.", REMEDY.renderer);
   };
+
+  /** No other pass draws the box in the field's place: that of shadows, or one with a material of its own. */
+  override onAfterRender = (): void => {
+    this.geometry.setDrawRange(...NOTHING);
+  };
+
+  /** Hits what pictures show, as `pick` does; nothing before the first picture. */
+  override raycast({ ray, near, far }: Raycaster, intersects: Intersection[]): void {
+    const { renderer } = this;
+    const box = this.visibleBounds.applyMatrix4(this.matrixWorld);
+    if (!renderer || !this.visible || this.streamed.finest === null || !ray.intersectsBox(box)) return;
+    const point = this.pointOf(renderer, new Matrix4().fromArray(lookingAlong(ray.origin.toArray(), ray.direction.toArray())), RAY_PROJECTION);
+    const distance = point?.distanceTo(ray.origin) ?? Infinity;
+    if (point && distance >= near && distance <= far) intersects.push({ distance, point, object: this });
+  }
 
   /**
    * Counts what a picture of `rows` rows takes, from `width` by `height` rays of it. Without `skips` as a dense march
    * would: every sample between entry and exit, with its colours.
    */
-  statistics(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, rows: number, skips = true): Statistics {
+  statistics(renderer: WebGLRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Statistics {
     return statisticsOf(this.sample(renderer, camera, width, height, { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
@@ -145,14 +194,19 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * The world's point that a picture shows at `x`, `y`, shares of its width and height from the top left; null where the
    * field is next to invisible.
    */
-  pick(renderer: WebGLRenderer, camera: PerspectiveCamera, x: number, y: number): Vector3 | null {
+  pick(renderer: WebGLRenderer, camera: Camera, x: number, y: number): Vector3 | null {
+    return this.pointOf(renderer, camera.matrixWorld, pickedProjection(camera.projectionMatrix.elements, x, y));
+  }
+
+  /** The world's point that a camera at `place` sees in its one pixel. */
+  private pointOf(renderer: WebGLRenderer, place: Matrix4, projection: readonly number[]): Vector3 | null {
     const one = new PerspectiveCamera();
     one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
-    one.matrixWorld.copy(camera.matrixWorld);
-    one.matrixWorldInverse.copy(camera.matrixWorld).invert();
-    one.projectionMatrix.fromArray(pickedProjection(camera.projectionMatrix.elements, x, y));
+    one.matrixWorld.copy(place);
+    one.matrixWorldInverse.copy(place).invert();
+    one.projectionMatrix.fromArray(projection);
     const pixel = this.sample(renderer, one, 1, 1, { output: OUTPUT.distance });
-    const point = pickedPoint(pixel, one.matrixWorld.elements, one.projectionMatrix.elements);
+    const point = pickedPoint(pixel, place.elements, projection);
     return point && new Vector3(...point);
   }
 
@@ -174,7 +228,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /** Four numbers a pixel of one kind of output. */
-  private sample(renderer: WebGLRenderer, camera: PerspectiveCamera, width: number, height: number, shown: Partial<Shown>): Float32Array {
+  private sample(renderer: WebGLRenderer, camera: Camera, width: number, height: number, shown: Partial<Shown>): Float32Array {
     const target = new WebGLRenderTarget(width, height, { type: FloatType });
     const pixels = new Float32Array(4 * width * height);
     this.material.blending = NoBlending;
@@ -186,24 +240,27 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /** Draws the field alone into an empty target. */
-  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: PerspectiveCamera, shown: Partial<Shown>): void {
+  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: Camera, shown: Partial<Shown>): void {
     const proxy = new Mesh(this.geometry, this.material);
     proxy.matrixWorld.copy(this.matrixWorld);
     proxy.matrixWorldAutoUpdate = proxy.matrixAutoUpdate = false;
     proxy.frustumCulled = false;
-    proxy.onBeforeRender = (renderer, _scene, camera) => {
-      this.prepare(renderer, camera, shown);
-    };
     const scene = new Scene();
     scene.matrixWorldAutoUpdate = false;
     scene.add(proxy);
-    const [before, alpha] = [renderer.getRenderTarget(), renderer.getClearAlpha()];
+    const [before, alpha, xr] = [renderer.getRenderTarget(), renderer.getClearAlpha(), renderer.xr.enabled];
     renderer.setRenderTarget(target);
     renderer.setClearAlpha(0);
+    // A headset has cameras of its own.
+    renderer.xr.enabled = false;
+    this.sampled = shown;
     renderer.clear();
     renderer.render(scene, camera);
+    this.sampled = null;
+    renderer.xr.enabled = xr;
     renderer.setRenderTarget(before);
     renderer.setClearAlpha(alpha);
+    this.geometry.setDrawRange(...NOTHING);
   }
 
   /** Builds what does not depend on levels. */
@@ -215,14 +272,63 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry.setDrawRange(...NOTHING);
     this.material.dispose();
     // three.js asks once which uniforms there are.
-    const values = { ...fieldUniforms(opened), ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: true }) };
+    const values = { ...fieldUniforms(opened), ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: false }) };
     const samplers = SAMPLERS.map((name) => [name, { value: name === "u_weights" ? new Texture() : new Data3DTexture() }]);
+    const uniforms: RawShaderMaterial["uniforms"] = Object.fromEntries([...samplers, ...Object.entries(values).map(([name, value]) => [name, { value }])]);
+    this.material = new FieldMaterial(fragmentShader(opened), uniforms, (material, renderer, camera, object) => this.prepare(material, renderer, camera, object));
+  }
+
+  /**
+   * Before every draw: levels that wait go to the device, uniforms follow the camera. `object` is this one, or a plain mesh
+   * that somebody has given its material and geometry.
+   */
+  private prepare(material: FieldMaterial, renderer: WebGLRenderer, camera: Camera, object: Mesh): void {
+    const { geometry } = object;
+    geometry.setDrawRange(...NOTHING);
+    const target = renderer.getRenderTarget();
+    if (attachments(target) > 1) return this.refuse("A field is not drawn into a target of several color attachments.", REMEDY.attachments);
+    this.upload(renderer);
+    const { file } = this.streamed;
+    const device = this.streamed.on(renderer.getContext() as WebGL2RenderingContext);
+    const shown = this.sampled ?? { output: this.showLevels ? OUTPUT.levels : OUTPUT.color };
+    const finest = this.sampled?.finest ?? device?.finest ?? null;
+    if (!file || !device?.textures || finest === null) return;
+    for (const [name, handle] of Object.entries(device.textures)) {
+      // A renderer, or one whose device came back, has not seen what it did not make.
+      const known = renderer.properties.get(material.uniforms[name].value) as { __webglTexture?: WebGLTexture; __webglInit?: boolean };
+      [known.__webglTexture, known.__webglInit] = [handle, true];
+    }
+    geometry.setDrawRange(0, Infinity);
+    if (!this.sampled) this.renderer = renderer;
+    const { keepsRange, fixedLevel } = this;
+    const view = viewOf(camera, object.matrixWorld.elements, renderer);
+    const uniforms = viewUniforms(file.metadata, view, { finest, fixedLevel, keepsRange, ...shown });
+    for (const [name, value] of Object.entries(uniforms)) material.uniforms[name].value = value;
+    material.uniformsNeedUpdate = true;
+  }
+
+  /** Tells once why the field is not drawn: an error would end the whole scene's picture. */
+  private refuse(message: string, remedy: string): void {
+    if (this.told.has(message)) return;
+    this.told.add(message);
+    console.error(`${message} ${remedy}`);
+    this.dispatchEvent({ type: "failed", error: new FieldError(message, remedy) });
+  }
+}
+
+/** What a mesh is drawn with. Whoever gets the material and the geometry of a field draws that field. */
+class FieldMaterial extends RawShaderMaterial {
+  constructor(
+    fragment: string,
+    uniforms: RawShaderMaterial["uniforms"],
+    private readonly prepare: (material: FieldMaterial, renderer: WebGLRenderer, camera: Camera, object: Mesh) => void,
+  ) {
     // Raw, so that every target is drawn by the same program.
-    this.material = new RawShaderMaterial({
+    super({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
-      fragmentShader: fragmentShader(opened),
-      uniforms: Object.fromEntries([...samplers, ...Object.entries(values).map(([name, value]) => [name, { value }])]),
+      fragmentShader: fragment,
+      uniforms,
       // Rays are entered by the far sides of the box, so that a camera may stand in it.
       side: BackSide,
       transparent: true,
@@ -230,46 +336,64 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     });
   }
 
-  /** Before every draw: levels that wait go to the device, uniforms follow the camera. */
-  private prepare(renderer: WebGLRenderer, camera: Camera, shown: Partial<Shown>): void {
-    this.geometry.setDrawRange(...NOTHING);
-    if (!(camera as PerspectiveCamera).isPerspectiveCamera) return;
-    this.upload(renderer);
-    const { file, textures } = this.streamed;
-    const finest = shown.finest ?? this.streamed.finest;
-    if (!file || !textures || finest === null) return;
-    for (const [name, handle] of Object.entries(textures)) {
-      // A renderer, or one whose device came back, has not seen what it did not make.
-      const known = renderer.properties.get(this.material.uniforms[name].value) as { __webglTexture?: WebGLTexture; __webglInit?: boolean };
-      [known.__webglTexture, known.__webglInit] = [handle, true];
-    }
-    this.geometry.setDrawRange(0, Infinity);
-    const { keepsRange, fixedLevel, matrixWorld } = this;
-    const uniforms = viewUniforms(file.metadata, viewOf(camera as PerspectiveCamera, matrixWorld.elements, renderer), { finest, fixedLevel, keepsRange, ...shown });
-    for (const [name, value] of Object.entries(uniforms)) this.material.uniforms[name].value = value;
-    this.material.uniformsNeedUpdate = true;
+  override onBeforeRender(renderer: WebGLRenderer, _scene: Scene, camera: Camera, _geometry: BufferGeometry, object: Object3D): void {
+    this.prepare(this, renderer, camera, object as Mesh);
   }
+
+  override clone(): this {
+    const uniforms = Object.fromEntries(Object.entries(this.uniforms).map(([name, { value }]) => [name, { value }]));
+    return new FieldMaterial(this.fragmentShader, uniforms, this.prepare) as this;
+  }
+}
+
+function isWebGL(renderer: WebGLRenderer): boolean {
+  // Release 160 does not name its class.
+  return (renderer as { isWebGPURenderer?: boolean }).isWebGPURenderer !== true && "properties" in renderer;
+}
+
+/** How many colours of a pixel a target has. */
+function attachments(target: WebGLRenderTarget | null): number {
+  // Named otherwise before release 162.
+  const { textures, texture } = (target ?? {}) as { textures?: unknown[]; texture?: unknown };
+  return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
 }
 
 /** Before the first picture. */
 const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0] };
+const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: 0 };
+
+/** The values that what a renderer draws into takes. */
+function colorSpaceOf(renderer: WebGLRenderer): string {
+  const target = renderer.getRenderTarget() as (WebGLRenderTarget & { isXRRenderTarget?: boolean }) | null;
+  if (!target) return renderer.outputColorSpace;
+  // A headset shows its target as a canvas is shown.
+  return target.isXRRenderTarget ? target.texture.colorSpace : LinearSRGBColorSpace;
+}
 
 /** Where a renderer takes its picture. */
-function viewOf(camera: PerspectiveCamera, world: number[], renderer: WebGLRenderer): View {
+function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View {
   // An eye of a headset has a part of the picture.
-  const { viewport: own } = camera as PerspectiveCamera & { viewport?: Vector4 };
+  const { viewport: own, far } = camera as PerspectiveCamera & { viewport?: Vector4 };
   const viewport = own ?? renderer.getCurrentViewport(new Vector4());
   const { width, height } = renderer.domElement;
   // Named `reverseDepthBuffer` before release 182.
-  const { reversedDepthBuffer, reverseDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
+  const { reversedDepthBuffer, reverseDepthBuffer, logarithmicDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
   return {
     world,
     camera: camera.matrixWorld.elements,
     projection: camera.projectionMatrix.elements,
     // Unknown to renderers whose size was never set.
     viewport: viewport.z === 0 ? [0, 0, width, height] : viewport.toArray(),
-    isLinear: renderer.getRenderTarget() !== null || renderer.outputColorSpace !== SRGBColorSpace,
+    isLinear: colorSpaceOf(renderer) !== SRGBColorSpace,
     depth: (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5],
+    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
   };
+}
+
+/** @ts-ignore where react-three-fiber is not installed, nothing is said of it. */
+declare module "@react-three/fiber" {
+  interface ThreeElements {
+    /** @ts-ignore as above; after `extend({ RadianceField })` */
+    radianceField: import("@react-three/fiber").ThreeElement<typeof RadianceField>;
+  }
 }

@@ -1,9 +1,10 @@
 /** `MIPVOG_radiance_field` for three.js's GLTFLoader: nodes that show a field instead of their mesh. */
 
-import { LoaderUtils, type Mesh, Object3D } from "three";
+import { type FileLoader, LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
 import { EXTENSION, type FieldReference, placeOf } from "../asset.js";
 import { FieldError, REMEDY } from "../errors.js";
+import type { FieldOptions } from "../streamed.js";
 import { RadianceField } from "./field.js";
 
 /**
@@ -36,7 +37,7 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
     try {
       const source = await this.source(reference);
       if (this.isDisposed) throw new FieldError("The asset was given up before its field was opened.", REMEDY.again);
-      field = new RadianceField(source);
+      field = new RadianceField(source, this.request());
       this.fields.push(field);
       await field.opened;
       return field;
@@ -55,6 +56,13 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private async source(reference: FieldReference): Promise<string | ArrayBuffer> {
     const place = placeOf(this.parser.json, reference);
     if ("bufferView" in place) return this.parser.getDependency("bufferView", place.bufferView) as Promise<ArrayBuffer>;
-    return LoaderUtils.resolveURL(place.uri, this.parser.options.path);
+    const { manager, path } = this.parser.options;
+    return manager.resolveURL(LoaderUtils.resolveURL(place.uri, path));
+  }
+
+  /** Containers are asked for as the loader asks for buffers. */
+  private request(): FieldOptions {
+    const { requestHeader, withCredentials } = this.parser.fileLoader as FileLoader;
+    return { headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
   }
 }

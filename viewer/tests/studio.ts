@@ -1,0 +1,46 @@
+/** A page with what scenes of three.js are made of (`others/scenes.ts`), and fields to put into them. */
+
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import type { Page } from "playwright-core";
+import { CountingServer, launch, newPage, openOther, program, ROOT, temporaryFolder } from "./support.js";
+import type {} from "./others/scenes.js";
+
+export interface Studio {
+  page: Page;
+  /** A field with a network, trained from 2 to 6 units away; one with harmonics; an asset of the first. */
+  lego: string;
+  harmonics: string;
+  asset: string;
+  /** What went wrong since this was last asked; browsers warn of slowness where pixels are read. */
+  wrong(): string[];
+  close(): Promise<void>;
+}
+
+export async function openStudio(): Promise<Studio> {
+  const folder = temporaryFolder();
+  const server = new CountingServer();
+  const container = join(folder.path, "lego.mipvog");
+  program("bake", join(ROOT, "fixtures", "trained", "lego64", "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container, "--gltf", join(folder.path, "lego.glb"));
+  await server.start();
+  const lego = server.offer("lego.mipvog", readFileSync(container));
+  const asset = server.offer("lego.glb", readFileSync(join(folder.path, "lego.glb")));
+  const harmonics = server.offer("harmonics.mipvog", readFileSync(join(ROOT, "fixtures", "baked", "harmonics.mipvog")));
+  const browser = await launch();
+  const { page, problems } = await newPage(browser);
+  await openOther(page, server, "scenes");
+  const wrong = () => problems.splice(0).filter((problem) => !problem.includes("GPU stall due to ReadPixels"));
+  const close = async () => {
+    await browser.close();
+    server.stop();
+    folder.remove();
+  };
+  return { page, lego, harmonics, asset, wrong, close };
+}
+
+/** How many pixels are not white ground. */
+export function drawn(pixels: number[]): number {
+  let count = 0;
+  for (let at = 0; at < pixels.length; at += 4) count += Number(pixels.slice(at, at + 3).some((value) => value < 250));
+  return count;
+}
