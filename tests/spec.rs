@@ -8,7 +8,7 @@ use std::path::Path;
 use common::assert_golden;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::finding::{Code, Severity};
-use mipvog_bake::unstable::base::limits::Limits;
+use mipvog_bake::unstable::base::limits::{LimitName, Limits};
 use mipvog_bake::unstable::codec::container::layout::{
     ALIGNMENT, ATLASES, ENTRY_BYTES, HEADER_BYTES, MASK, META, PROVENANCE, SIGNATURE, TABLE,
     VERSION, VMLP,
@@ -54,7 +54,8 @@ fn the_page_of_limits_has_those_of_the_code() {
     let start = page.find(head).expect("the table") + head.len();
     let end = start + page[start..].find("\n\n").map_or(0, |end| end + 1);
     let mut limits = Limits::default();
-    let rows = limits.named().map(|(name, bounds, &mut most)| {
+    let rows = LimitName::ALL.map(|limit| {
+        let (name, bounds, most) = (limit.name(), limit.meaning(), *limits.get_mut(limit));
         let power = match most.is_power_of_two() && most > 1 << 12 {
             true => format!(" (2^{})", most.ilog2()),
             false => String::new(),

@@ -4,6 +4,7 @@
 //! from the start of their level. The caller that opens a file adds its name with
 //! [`Error::in_file`].
 
+use crate::base::limits::LimitName;
 use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -45,6 +46,8 @@ pub enum ErrorKind {
     },
     /// A number is larger than [`crate::base::limits::Limits`] allows.
     OverLimit {
+        /// The limit that users may raise; none where the bound is the format's or the reader's.
+        limit: Option<LimitName>,
         /// The thing that is counted.
         what: &'static str,
         /// Its count.
@@ -260,9 +263,10 @@ impl Error {
             ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
                 "the file is cut short or damaged: copy or make it again".into()
             }
-            ErrorKind::OverLimit { what, .. } => {
-                format!("raise the limit on {what} if this file is trusted").into()
+            ErrorKind::OverLimit { limit: Some(limit), .. } => {
+                format!("raise the limit {} if this file is trusted", limit.name()).into()
             }
+            ErrorKind::OverLimit { limit: None, .. } => "nothing allows more".into(),
             ErrorKind::TooLittleMemory { least, .. } => {
                 format!("allow {least} bytes or more, or fewer threads").into()
             }
@@ -339,7 +343,7 @@ impl fmt::Display for ErrorKind {
             Self::Truncated { wanted, left } => {
                 write!(f, "found {left} bytes, expected {wanted}")
             }
-            Self::OverLimit { what, asked, allowed } => {
+            Self::OverLimit { what, asked, allowed, .. } => {
                 write!(f, "found {asked} {what}, expected at most {allowed}")
             }
             Self::TooLittleMemory { least, allowed } => {

@@ -54,36 +54,119 @@ impl Limits {
         Self { memory: self.memory / things.max(1), ..self.clone() }
     }
 
-    /// Every limit under its name, with the thing that it bounds.
-    pub fn named(&mut self) -> [(&'static str, &'static str, &mut u64); 9] {
-        [
-            ("axis-nodes", "nodes along one axis of a grid", &mut self.axis_nodes),
-            ("nodes", "nodes of one grid", &mut self.nodes),
-            ("channels", "channels of the colour grid", &mut self.channels),
-            (
-                "header-bytes",
-                "bytes of one pickle, header, JSON document or metadata text",
-                &mut self.header_bytes,
-            ),
-            ("entries", "entries of an archive, tensors of a file", &mut self.entries),
-            ("chunks", "chunks of a container", &mut self.chunks),
-            ("blocks", "blocks of a level of a container", &mut self.blocks),
-            ("pickle-objects", "objects that a pickle makes", &mut self.pickle_objects),
-            (
-                "memory",
-                "bytes of tensors, chunks, tables and codes held at once because a file says so",
-                &mut self.memory,
-            ),
-        ]
+    /// The limit of a name.
+    pub fn get_mut(&mut self, name: LimitName) -> &mut u64 {
+        match name {
+            LimitName::AxisNodes => &mut self.axis_nodes,
+            LimitName::Nodes => &mut self.nodes,
+            LimitName::Channels => &mut self.channels,
+            LimitName::HeaderBytes => &mut self.header_bytes,
+            LimitName::Entries => &mut self.entries,
+            LimitName::Chunks => &mut self.chunks,
+            LimitName::Blocks => &mut self.blocks,
+            LimitName::PickleObjects => &mut self.pickle_objects,
+            LimitName::Memory => &mut self.memory,
+        }
     }
 }
 
-/// Refuses `asked` things of a kind where only `allowed` may be.
-pub fn check(what: &'static str, asked: u64, allowed: u64, place: &Place) -> Result<()> {
+/// A limit, by the name under which users set it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LimitName {
+    /// [`Limits::axis_nodes`]
+    AxisNodes,
+    /// [`Limits::nodes`]
+    Nodes,
+    /// [`Limits::channels`]
+    Channels,
+    /// [`Limits::header_bytes`]
+    HeaderBytes,
+    /// [`Limits::entries`]
+    Entries,
+    /// [`Limits::chunks`]
+    Chunks,
+    /// [`Limits::blocks`]
+    Blocks,
+    /// [`Limits::pickle_objects`]
+    PickleObjects,
+    /// [`Limits::memory`]
+    Memory,
+}
+
+impl LimitName {
+    /// Every limit.
+    pub const ALL: [Self; 9] = [
+        Self::AxisNodes,
+        Self::Nodes,
+        Self::Channels,
+        Self::HeaderBytes,
+        Self::Entries,
+        Self::Chunks,
+        Self::Blocks,
+        Self::PickleObjects,
+        Self::Memory,
+    ];
+
+    /// The name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::AxisNodes => "axis-nodes",
+            Self::Nodes => "nodes",
+            Self::Channels => "channels",
+            Self::HeaderBytes => "header-bytes",
+            Self::Entries => "entries",
+            Self::Chunks => "chunks",
+            Self::Blocks => "blocks",
+            Self::PickleObjects => "pickle-objects",
+            Self::Memory => "memory",
+        }
+    }
+
+    /// The thing that it bounds.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::AxisNodes => "nodes along one axis of a grid",
+            Self::Nodes => "nodes of one grid",
+            Self::Channels => "channels of the colour grid",
+            Self::HeaderBytes => "bytes of one pickle, header, JSON document or metadata text",
+            Self::Entries => "entries of an archive, tensors of a file",
+            Self::Chunks => "chunks of a container",
+            Self::Blocks => "blocks of a level of a container",
+            Self::PickleObjects => "objects that a pickle makes",
+            Self::Memory => {
+                "bytes of tensors, chunks, tables and codes held at once because a file says so"
+            }
+        }
+    }
+}
+
+/// Refuses `asked` things of a kind where a limit allows only so many.
+pub fn check(
+    limit: LimitName,
+    what: &'static str,
+    asked: u64,
+    allowed: u64,
+    place: &Place,
+) -> Result<()> {
+    over(Some(limit), what, asked, allowed, place)
+}
+
+/// Refuses `asked` things of a kind where the format, or this reader, allows only so many.
+pub fn check_fixed(what: &'static str, asked: u64, allowed: u64, place: &Place) -> Result<()> {
+    over(None, what, asked, allowed, place)
+}
+
+fn over(
+    limit: Option<LimitName>,
+    what: &'static str,
+    asked: u64,
+    allowed: u64,
+    place: &Place,
+) -> Result<()> {
     if asked <= allowed {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::OverLimit { what, asked, allowed }, place.clone()))
+    Err(Error::new(ErrorKind::OverLimit { limit, what, asked, allowed }, place.clone()))
 }
 
 /// The product of sizes that a file states, as a count that fits in memory.
@@ -110,7 +193,7 @@ impl Budget {
 
     /// Takes `bytes` from the budget.
     pub fn spend(&mut self, bytes: u64, what: &'static str, place: &Place) -> Result<()> {
-        check(what, bytes, self.left, place)?;
+        check(LimitName::Memory, what, bytes, self.left, place)?;
         self.left -= bytes;
         Ok(())
     }

@@ -12,7 +12,7 @@ use image::{
 };
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits;
+use crate::base::limits::{self, LimitName};
 
 /// Pixels along a side, at most.
 const MOST_PIXELS: u64 = 1 << 16;
@@ -101,7 +101,7 @@ pub fn read_exr(path: &Path, max_bytes: u64) -> Result<Channels> {
         pixels.saturating_mul(4).saturating_mul(header.channels.list.len() as u64)
     });
     let bytes = values.fold(0u64, u64::saturating_add);
-    limits::check("bytes of a picture", bytes, max_bytes, &Place::File)
+    limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
         .map_err(|error| error.in_file(path))?;
     let image = exr::prelude::read_all_flat_layers_from_file(path).map_err(unreadable)?;
     let layer = image.layer_data.into_iter().next();
@@ -214,8 +214,10 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
     let pixels = u64::from(width) * u64::from(height);
     // Once as stored, and once as RGBA.
     let bytes = decoder.total_bytes().saturating_add(pixels.saturating_mul(4));
-    limits::check("pixels along a side", longest, MOST_PIXELS, &Place::File)
-        .and_then(|()| limits::check("bytes of a picture", bytes, max_bytes, &Place::File))
+    limits::check_fixed("pixels along a side", longest, MOST_PIXELS, &Place::File)
+        .and_then(|()| {
+            limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
+        })
         .map_err(|error| error.in_file(path))?;
     // Memory is asked for by the header's word, so the data must be able to fill it.
     if decoder.total_bytes() / MOST_INFLATED > length {
@@ -245,7 +247,7 @@ fn not_a_picture(why: String, path: &Path) -> Error {
 
 /// Refuses a JPEG that is cut short: its decoder would make the rest grey.
 fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> Result<()> {
-    limits::check("bytes of a picture", length, max_bytes, &Place::File)?;
+    limits::check(LimitName::Memory, "bytes of a picture", length, max_bytes, &Place::File)?;
     let io = |error| Error::new(ErrorKind::Io(error), Place::File);
     from.rewind().map_err(io)?;
     let mut bytes = Vec::new();

@@ -2,7 +2,7 @@
 //! cubes of one size.
 
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::grid::{Bounds, Nodes};
 
 /// Points in rows along the axes of the world.
@@ -110,10 +110,16 @@ impl Lattice {
 fn check_counts(counts: [usize; 3], limits: &Limits) -> Result<()> {
     let place = Place::File;
     for count in counts {
-        limits::check("points along an axis", count as u64, limits.axis_nodes, &place)?;
+        limits::check(
+            LimitName::AxisNodes,
+            "points along an axis",
+            count as u64,
+            limits.axis_nodes,
+            &place,
+        )?;
     }
     let points = limits::product(&counts.map(|count| count as u64), "points", &place)?;
-    limits::check("points", points as u64, limits.nodes, &place)
+    limits::check(LimitName::Nodes, "points", points as u64, limits.nodes, &place)
 }
 
 #[cfg(test)]

@@ -61,7 +61,8 @@ fn bytes_that_are_no_file_bake_as_the_file_does() {
     let log = Arc::new(Log::default());
     let watcher = Some(SharedWatcher(Arc::clone(&log) as _));
     let arguments = words(&[&"bake", &"-", quiet[0], quiet[1], &held]);
-    let report = call(Call { arguments, input, watcher }).expect("a bake of the bytes");
+    let report =
+        call(Call { arguments, input, watcher, ..Call::default() }).expect("a bake of the bytes");
     assert_eq!(report["input"], "arrays");
     let [file, held] = [file, held].map(|path| std::fs::read(path).expect("baked"));
     assert!(file == held, "the same bytes");
@@ -78,7 +79,7 @@ fn a_watcher_ends_the_work_and_nothing_is_left() {
     let output = folder.path().join("a.mipvog");
     let arguments = words(&[&"bake", &trained, &"--quiet", &"-o", &output]);
     let watcher = Some(SharedWatcher(log as _));
-    let failure = call(Call { arguments, watcher, input: None }).expect_err("ended");
+    let failure = call(Call { arguments, watcher, ..Call::default() }).expect_err("ended");
     assert_eq!((failure.kind, failure.exit_code), ("cancelled", 130));
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
 }

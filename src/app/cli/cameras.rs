@@ -8,7 +8,7 @@ use clap::Args;
 use super::common::Common;
 use super::outcome::{assumed, warn};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::camera::{self, Camera, PickedCameras};
 use crate::model::grid::Bounds;
 
@@ -110,7 +110,13 @@ pub fn check_memory(cameras: &[Camera], supersample: u8, limits: &Limits) -> Res
         rays[0] * rays[1] * u64::from(supersample).pow(2)
     };
     let most = cameras.iter().map(pixels).max().unwrap_or(0);
-    limits::check("bytes of a picture", most * BYTES_A_PIXEL, limits.memory, &Place::File)
+    limits::check(
+        LimitName::Memory,
+        "bytes of a picture",
+        most * BYTES_A_PIXEL,
+        limits.memory,
+        &Place::File,
+    )
 }
 
 fn parse_size(text: &str) -> std::result::Result<Size, String> {

@@ -6,7 +6,7 @@ use super::values;
 use super::watcher::SharedWatcher;
 #[cfg(feature = "network")]
 use crate::base::bytes::NetworkPermit;
-use crate::base::limits::Limits;
+use crate::base::limits::{LimitName, Limits};
 
 /// Options that all verbs share.
 #[derive(Debug, Args)]
@@ -22,7 +22,7 @@ pub(super) struct Common {
     /// Raise or lower a limit on the sizes that files may ask for, such as memory=1000000000; can
     /// be given again. An unknown name lists all
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
-    pub(super) limits: Vec<(String, u64)>,
+    pub(super) limits: Vec<(LimitName, u64)>,
     /// Fetch inputs that are https:// addresses, by ranges; nothing is fetched otherwise
     #[cfg(feature = "network")]
     #[arg(long, global = true)]
@@ -61,10 +61,7 @@ impl Common {
     pub(super) fn limits(&self) -> Limits {
         let mut limits = Limits::default();
         for (name, count) in &self.limits {
-            let mut named = limits.named();
-            if let Some((_, _, limit)) = named.iter_mut().find(|(own, ..)| own == name) {
-                **limit = *count;
-            }
+            *limits.get_mut(*name) = *count;
         }
         limits
     }

@@ -20,7 +20,7 @@ use super::values::{parse_box, parse_bytes};
 use crate::bake::{BakeOptions, Baker};
 use crate::base::bytes::{SourceFile, hex, sha256};
 use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
+use crate::base::limits::{LimitName, Limits};
 use crate::base::progress::Step;
 use crate::input::{self, Family, tensor};
 use crate::model::grid::Bounds;
@@ -302,7 +302,12 @@ impl Arguments {
     fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
         if let Some(container) = self.which.container(&self.field, limits)? {
             let file = container.file();
-            return file.read_bounded(0, file.length(), "bytes of a container", limits.memory);
+            return file.read_bounded(
+                0,
+                file.length(),
+                (LimitName::Memory, "bytes of a container"),
+                limits.memory,
+            );
         }
         let scene = self.scene_of_source(limits)?;
         let options = scene.settings(&self.field, cameras, limits)?.options;

@@ -44,38 +44,16 @@ fn flag(option: &str) -> String {
     }
 }
 
-/// The name of the limit on things of a kind, where there is one.
-fn limit(what: &str) -> Option<&'static str> {
-    Some(match what {
-        "nodes along an axis" | "points along an axis" => "axis-nodes",
-        "nodes" | "points" => "nodes",
-        "channels" => "channels",
-        "chunks" => "chunks",
-        "blocks" | "cells" => "blocks",
-        "pickle objects" => "pickle-objects",
-        "bytes of pickle objects"
-        | "bytes of a header"
-        | "bytes of texts"
-        | "bytes of a text"
-        | "header bytes" => "header-bytes",
-        "tensors" | "zip entries" | "grids" | "values" | "values of metadata"
-        | "elements of a list" => "entries",
-        "bytes of a name" => return None,
-        _ if what.contains("bytes") || what == "cubes" => "memory",
-        _ => return None,
-    })
-}
-
 /// The remedy, by the names of options and verbs.
 pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
     if let Some(advice) = error.advice() {
         return named(advice).into();
     }
     match error.kind() {
-        ErrorKind::OverLimit { what, .. } => match limit(what) {
-            Some(name) => format!("raise --limit {name} if this input is trusted").into(),
-            None => "no option allows more".into(),
-        },
+        ErrorKind::OverLimit { limit: Some(limit), .. } => {
+            format!("raise --limit {} if this input is trusted", limit.name()).into()
+        }
+        ErrorKind::OverLimit { limit: None, .. } => "no option allows more".into(),
         ErrorKind::TooLittleMemory { least, .. } => {
             let shown = readable(*least);
             format!("pass --memory {least} ({shown}) or more, or fewer --threads").into()

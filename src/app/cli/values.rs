@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
 use crate::bake::{Filter, LevelRule, Preset};
-use crate::base::limits::Limits;
+use crate::base::limits::LimitName;
 use crate::codec::quantize::Bits;
 use crate::input::{MlpChoice, ViewChoice};
 use crate::model::grid::Bounds;
@@ -115,15 +115,13 @@ fn hexadecimal(digits: &str) -> std::result::Result<[f32; 3], String> {
 }
 
 /// The name of a limit and a count.
-pub fn parse_limit(text: &str) -> std::result::Result<(String, u64), String> {
+pub fn parse_limit(text: &str) -> std::result::Result<(LimitName, u64), String> {
     let (name, count) = text.split_once('=').ok_or("expected NAME=COUNT")?;
-    let mut limits = Limits::default();
-    let names = limits.named().map(|(name, ..)| name);
-    if !names.contains(&name) {
-        return Err(format!("expected one of {}", names.join(", ")));
-    }
+    let names = LimitName::ALL.map(LimitName::name);
+    let known = LimitName::ALL.into_iter().find(|limit| limit.name() == name);
+    let limit = known.ok_or_else(|| format!("expected one of {}", names.join(", ")))?;
     let count = count.parse().map_err(|_| "expected a whole number after =")?;
-    Ok((name.to_owned(), count))
+    Ok((limit, count))
 }
 
 /// A word or a file.

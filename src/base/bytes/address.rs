@@ -1,8 +1,11 @@
 //! Addresses in the place of names of files.
 
-use std::path::{Path, PathBuf};
+#[cfg(feature = "network")]
+use std::path::Path;
+use std::path::PathBuf;
 
 /// The address that a path is, if it is one.
+#[cfg(feature = "network")]
 pub fn address(path: &Path) -> Option<&str> {
     path.to_str().filter(|text| text.starts_with("https://") || text.starts_with("http://"))
 }
@@ -17,7 +20,7 @@ pub fn shown(address: &str) -> PathBuf {
     PathBuf::from(format!("{scheme}://{host}{path}"))
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "network"))]
 mod tests {
     use super::*;
 

@@ -12,7 +12,7 @@ use super::guard::Guard;
 #[cfg(feature = "network")]
 use super::remote::RemoteFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits;
+use crate::base::limits::{self, LimitName};
 use crate::base::lock::lock;
 
 /// A file open for positioned reads from any thread, or a part of one that is a file of its own
@@ -225,15 +225,15 @@ impl SourceFile {
 
     /// Reads `count` bytes of a header or table, which may be at most `allowed`.
     pub fn read(&self, offset: u64, count: u64, allowed: u64) -> Result<Vec<u8>> {
-        self.read_bounded(offset, count, "header bytes", allowed)
+        self.read_bounded(offset, count, (LimitName::HeaderBytes, "header bytes"), allowed)
     }
 
-    /// Reads `count` bytes of `what`, as an error names it, which may be at most `allowed`.
+    /// Reads `count` bytes of `what`, as an error names it, which may be at most `allowed` by a limit.
     pub fn read_bounded(
         &self,
         offset: u64,
         count: u64,
-        what: &'static str,
+        (limit, what): (LimitName, &'static str),
         allowed: u64,
     ) -> Result<Vec<u8>> {
         let place = Place::Offset(offset);
@@ -242,7 +242,7 @@ impl SourceFile {
             let left = self.length.saturating_sub(offset);
             return Err(in_file(Error::new(ErrorKind::Truncated { wanted: count, left }, place)));
         }
-        limits::check(what, count, allowed, &place).map_err(in_file)?;
+        limits::check(limit, what, count, allowed, &place).map_err(in_file)?;
         let count = limits::product(&[count], "length", &place).map_err(in_file)?;
         let mut out = vec![0; count];
         self.read_into(offset, &mut out)?;

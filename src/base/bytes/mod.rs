@@ -1,7 +1,7 @@
 //! Bytes in and out: slices with absolute offsets, positioned reads from files, outputs that
 //! appear whole or not at all.
 
-#[cfg(feature = "network")]
+#[cfg(any(feature = "network", feature = "cli"))]
 mod address;
 mod digest;
 #[cfg(feature = "network")]
@@ -21,7 +21,9 @@ mod storage;
 mod unfinished;
 
 #[cfg(feature = "network")]
-pub use address::{address, shown};
+pub use address::address;
+#[cfg(any(feature = "network", feature = "cli"))]
+pub use address::shown;
 pub use digest::{hex, sha256};
 pub use file::{HeldBytes, SourceFile};
 pub use guard::{Guard, is_guarded};

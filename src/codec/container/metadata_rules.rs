@@ -3,7 +3,7 @@
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked, strict};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::baked::{
     Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
     ViewMetadata,
@@ -26,7 +26,9 @@ pub fn metadata(
     scene(metadata, place, &mut rules)?;
     let features = metadata.features as u64;
     let max_features = limits.channels.saturating_sub(3);
-    rules.hold("features", |place| limits::check("features", features, max_features, place))?;
+    rules.hold("features", |place| {
+        limits::check(LimitName::Channels, "features", features, max_features, place)
+    })?;
     if let Some(ViewMetadata::Harmonics(harmonics)) = &metadata.view {
         rules.hold("view", |place| harmonics.rules.check(metadata.features, place))?;
     }

@@ -13,7 +13,7 @@ use super::{metadata_rules, rules};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::input::tensor::describe;
 use crate::model::baked::Metadata;
 
@@ -127,7 +127,12 @@ impl Container {
             report(Finding { code: Code::ChunkMissing, error })?;
             return Ok(None);
         };
-        let bytes = chunk_bytes(&file, meta, ("header bytes", limits.header_bytes), report)?;
+        let bytes = chunk_bytes(
+            &file,
+            meta,
+            (LimitName::HeaderBytes, "header bytes", limits.header_bytes),
+            report,
+        )?;
         let metadata = bytes.map(|bytes| from_canonical::<Metadata>(&bytes, &meta.place()));
         let Some(metadata) = metadata else { return Ok(None) };
         let Some(metadata) = checked(metadata, Code::Metadata, report)? else { return Ok(None) };
@@ -182,7 +187,12 @@ impl Container {
 
     /// A chunk's bytes, held against their checksum.
     pub(super) fn chunk(&self, entry: &Entry, report: &mut Report) -> Result<Option<Vec<u8>>> {
-        chunk_bytes(&self.file, entry, ("bytes of chunks", self.limits.memory), report)
+        chunk_bytes(
+            &self.file,
+            entry,
+            (LimitName::Memory, "bytes of chunks", self.limits.memory),
+            report,
+        )
     }
 
     /// Decodes a chunk's bytes, which the budget pays for as long as they are held.
@@ -217,7 +227,7 @@ impl Container {
 
 fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<Vec<Entry>> {
     let place = Place::Offset(HEADER_BYTES);
-    limits::check("chunks", header.entries.into(), limits.chunks, &place)?;
+    limits::check(LimitName::Chunks, "chunks", header.entries.into(), limits.chunks, &place)?;
     let length = HEADER_BYTES + ENTRY_BYTES * u64::from(header.entries);
     let bytes = file.read(0, length, length)?;
     read_directory(header, &bytes)
@@ -228,10 +238,10 @@ fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<V
 fn chunk_bytes(
     file: &SourceFile,
     entry: &Entry,
-    (what, allowed): (&'static str, u64),
+    (limit, what, allowed): (LimitName, &'static str, u64),
     report: &mut Report,
 ) -> Result<Option<Vec<u8>>> {
-    let bytes = file.read_bounded(entry.offset, entry.length, what, allowed);
+    let bytes = file.read_bounded(entry.offset, entry.length, (limit, what), allowed);
     let Some(bytes) = checked(bytes, Code::ChunkBounds, report)? else { return Ok(None) };
     let found = crc32fast::hash(&bytes);
     if found == entry.checksum {

@@ -8,7 +8,7 @@ use super::{mask, network, rules, runs};
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked, strict};
-use crate::base::limits::{self, Budget};
+use crate::base::limits::{self, Budget, LimitName};
 use crate::codec::quantize::{FrameShape, InheritedColors};
 use crate::model::baked::{
     BakedField, BakedLevel, Codes, GROUPS, Group, LevelMetadata, Occupancy, Table, ViewMetadata,
@@ -169,8 +169,9 @@ impl Container {
         let Some(entry) = self.entry(TABLE, Some(number)) else { return Ok(None) };
         let (asked, place) = (level.grid().total() as u64, entry.place());
         let table = self.with_chunk(entry, budget, report, |bytes, budget, report| {
-            let table = limits::check("blocks", asked, self.limits.blocks, &place)
-                .and_then(|()| read_table(level, bytes, &place, budget));
+            let table =
+                limits::check(LimitName::Blocks, "blocks", asked, self.limits.blocks, &place)
+                    .and_then(|()| read_table(level, bytes, &place, budget));
             checked(table, Code::Table, report)
         })?;
         let Some(table) = table else { return Ok(None) };

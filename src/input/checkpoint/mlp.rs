@@ -6,7 +6,7 @@
 
 use super::names::NamedValues;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::{self, Budget, Limits};
 use crate::input::source::{Assumption, Family};
 use crate::input::tensor::{Tensor, Value};
 use crate::model::view_mlp::{Layer, ViewInput, ViewMlp};
@@ -79,7 +79,7 @@ pub fn layer_tensors<'a>(names: &NamedValues<'a>) -> Result<Vec<[&'a Tensor; 2]>
     }
     indices.sort_unstable();
     let place = Place::Tensor("rgbnet".into());
-    crate::base::limits::check("layers", indices.len() as u64, LAYERS, &place)?;
+    limits::check_fixed("layers", indices.len() as u64, LAYERS, &place)?;
     let tensor = |index: &str, part: &str| {
         let name = format!("rgbnet.{index}.{part}");
         names.tensor(&name).ok_or_else(|| {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::parameters::{Names, Sparse};
 use super::texel::{Texel, pair};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::input::folder::{Folder, RGB, RGBA, whole};
 use crate::input::source::Companion;
 use crate::model::snerg::EMPTY;
@@ -55,7 +55,7 @@ impl Atlas {
         let (count, edge) = (sparse.blocks(), sparse.block + 1);
         let place = Place::Entry(names.indices().to_owned());
         let total = limits::product(&[count as u64; 3], "blocks", &place)?;
-        limits::check("blocks", total as u64, limits.blocks, &place)?;
+        limits::check(LimitName::Blocks, "blocks", total as u64, limits.blocks, &place)?;
         let picture = folder.read(names.indices(), [count, count * count], limits)?;
         let (mut numbers, mut places) = (Vec::with_capacity(total), BTreeMap::new());
         for &[i, j, k, _] in picture.bytes.as_chunks::<4>().0 {

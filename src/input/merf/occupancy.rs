@@ -2,7 +2,7 @@
 
 use super::parameters::{LOW, SPAN};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::input::folder::{Folder, RGB, RGBA, whole};
 use crate::input::source::Companion;
 
@@ -57,7 +57,7 @@ impl Occupancy {
             let count = resolution.div_ceil(cell);
             let place = Place::Entry(name(cell));
             let total = limits::product(&[count as u64; 3], "cells", &place)?;
-            limits::check("cells", total as u64, limits.blocks, &place)?;
+            limits::check(LimitName::Blocks, "cells", total as u64, limits.blocks, &place)?;
             let picture = folder.read(&name(cell), [count, count * count], limits)?;
             let mut bits = vec![0u64; total.div_ceil(64)];
             for (at, [code, ..]) in picture.bytes.as_chunks::<4>().0.iter().enumerate() {

@@ -69,7 +69,7 @@ impl Quantized {
             of_cells(tensor, kept, 3)?;
         }
         let place = colors.place();
-        limits::check("functions of a colour", books.saturating_add(kept), 25, &place)?;
+        limits::check_fixed("functions of a colour", books.saturating_add(kept), 25, &place)?;
         let count = |number: u64| limits::product(&[number], "code books", &place);
         let (books, entries, kept) = (count(books)?, count(entries)?, count(kept)?);
         let (sigma, colors, map) = (sigma.clone(), colors.clone(), map.clone());

@@ -47,7 +47,7 @@ impl Tree {
             let found = format!("{nodes} nodes of {}", tensor.element().name());
             return Err(Error::malformed(place, found, "int32, at least one node"));
         }
-        limits::check("nodes", nodes, u64::from(u32::MAX) / 8 - 1, &place)?;
+        limits::check_fixed("nodes", nodes, u64::from(u32::MAX) / 8 - 1, &place)?;
         let mut budget = Budget::new(limits);
         let storage = tensor.storage(&mut budget)?;
         let count = limits::product(&[nodes, 8], "cells", &place)?;

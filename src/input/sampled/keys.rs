@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::input::sparse::{Index, RowArray};
 use crate::input::tensor::{Tensor, TensorFile, Value};
 use crate::model::grid::{Bounds, Nodes};
@@ -141,7 +141,7 @@ fn places(tensor: &Tensor, limits: &Limits) -> Result<Vec<[i64; 3]>> {
         let found = format!("shape {:?}", tensor.shape());
         return Err(Error::malformed(tensor.place(), found, "[n, 3]"));
     };
-    limits::check("blocks", count, limits.blocks, &tensor.place())?;
+    limits::check(LimitName::Blocks, "blocks", count, limits.blocks, &tensor.place())?;
     let numbers = tensor.read_f64(&mut Budget::new(limits))?;
     if let Some(odd) = numbers.iter().find(|number| number.fract() != 0.0) {
         return Err(Error::malformed(tensor.place(), odd.to_string(), "whole numbers of blocks"));

@@ -4,7 +4,7 @@ use super::block::{Block, Texel};
 use super::files::Pictures;
 use super::parameters::Parameters;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::base::parallel;
 use crate::model::snerg::{APRON, EMPTY, INDICES, PLANES, feature_name, rgba_name};
 
@@ -28,7 +28,7 @@ impl Places {
         let [x, y, z] = counts;
         let place = Place::Entry(INDICES.to_owned());
         let total = limits::product(&counts.map(|count| count as u64), "blocks", &place)?;
-        limits::check("blocks", total as u64, limits.blocks, &place)?;
+        limits::check(LimitName::Blocks, "blocks", total as u64, limits.blocks, &place)?;
         let picture = pictures.folder.read(INDICES, [x, y * z], limits)?;
         let mut places = Vec::with_capacity(total);
         for &[i, j, k, _] in picture.bytes.as_chunks::<4>().0 {

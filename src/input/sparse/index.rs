@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::base::lock::lock;
 use crate::input::tensor::Tensor;
 use crate::model::grid::{Element, Nodes};
@@ -96,7 +96,7 @@ impl Index {
     ) -> Result<Self> {
         let counts = nodes.0.map(|size| size.div_ceil(edge));
         let total: u64 = counts.iter().map(|&count| count as u64).product();
-        crate::base::limits::check("blocks", total, limits.blocks, place)?;
+        limits::check(LimitName::Blocks, "blocks", total, limits.blocks, place)?;
         let wanted = (edge as u64).checked_pow(3).and_then(|n| n.checked_mul(places.len() as u64));
         if wanted != Some(rows) {
             let found = format!("{rows} rows for {} blocks of {edge} nodes a side", places.len());
@@ -132,7 +132,7 @@ impl Index {
     }
 
     fn new(nodes: Nodes, rows: u64, rule: Rule, place: &Place) -> Result<Self> {
-        crate::base::limits::check("rows", rows, u64::from(NO_ROW) - 1, place)?;
+        limits::check_fixed("rows", rows, u64::from(NO_ROW) - 1, place)?;
         Ok(Self { nodes, rows, rule })
     }
 

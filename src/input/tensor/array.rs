@@ -11,7 +11,7 @@ use super::unread::Unread;
 use super::zip::Data;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::model::field::Volume;
 use crate::model::grid::{Element, Nodes};
 
@@ -44,7 +44,7 @@ impl Tensor {
         data: Data,
     ) -> Result<Self> {
         let place = Place::Tensor(name.clone());
-        limits::check("axes", shape.len() as u64, AXES, &place)?;
+        limits::check_fixed("axes", shape.len() as u64, AXES, &place)?;
         if shape.len() != strides.len() {
             let found = format!("{} sizes and {} strides", shape.len(), strides.len());
             return Err(Error::malformed(place, found, "one stride for each size"));
@@ -231,7 +231,7 @@ impl Tensor {
         };
         let [channels, x, y, z] = sizes;
         let nodes = Nodes::checked([x, y, z], limits, &place)?;
-        limits::check("channels", channels, limits.channels, &place)?;
+        limits::check(LimitName::Channels, "channels", channels, limits.channels, &place)?;
         if channels == 0 {
             return Err(Error::malformed(place, "a grid of 0 channels", "at least one"));
         }

@@ -18,7 +18,7 @@ use super::value::{Value, joined_name};
 use super::zip::{Data, Positioned};
 use crate::base::bytes::{SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::model::grid::Element;
 
 /// Lists and maps inside of each other, at most.
@@ -165,7 +165,7 @@ impl Document<'_> {
 
     fn value(&mut self, key: String, depth: u32) -> Result<Value> {
         let start = self.at;
-        limits::check("values", 1, self.left, &Place::Offset(start))?;
+        limits::check(LimitName::PickleObjects, "values", 1, self.left, &Place::Offset(start))?;
         self.left -= 1;
         // Lists and maps take up to half as much again while they grow.
         let bytes = size_of::<(String, Value)>() as u64 * 3 / 2;
@@ -248,7 +248,7 @@ impl Document<'_> {
 
     fn text(&mut self, length: u64) -> Result<String> {
         let place = Place::Offset(self.at);
-        limits::check("bytes of texts", length, self.texts, &place)?;
+        limits::check(LimitName::HeaderBytes, "bytes of texts", length, self.texts, &place)?;
         let bytes = self.file.read(self.at, length, self.texts)?;
         self.texts -= length;
         self.at += length;

@@ -17,7 +17,7 @@ use super::zip::{Archive, Data, Entry};
 
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::grid::Element;
 
 /// Signature, version and the longest header length.
@@ -113,7 +113,13 @@ fn read_array(
             return Err(Error::unsupported(place, found, "1.0, 2.0 or 3.0"));
         }
     };
-    limits::check("bytes of a header", length, limits.header_bytes, &place)?;
+    limits::check(
+        LimitName::HeaderBytes,
+        "bytes of a header",
+        length,
+        limits.header_bytes,
+        &place,
+    )?;
     let skip = before + length;
     let header = archive.head(number, skip)?;
     let mut reader = ByteReader::new(&header, entry.offset);

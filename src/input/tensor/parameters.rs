@@ -11,7 +11,7 @@ use super::table::list;
 use super::value::{Value, joined_name};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::text::quoted_numbers;
 
 /// Longer texts describe no folder: pictures hold its values.
@@ -54,7 +54,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
 
 /// A value of the text. `left` counts the values that may still come.
 fn value(key: String, json: serde_json::Value, left: &mut u64) -> Result<Value> {
-    limits::check("values", 1, *left, &Place::File)?;
+    limits::check(LimitName::Entries, "values", 1, *left, &Place::File)?;
     *left -= 1;
     Ok(match json {
         serde_json::Value::Null => Value::None,

@@ -22,7 +22,7 @@ use super::value::Value;
 use super::zip::Data;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::grid::Element;
 
 /// Bytes before the header.
@@ -41,7 +41,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
         let found = format!("a header that is not a safetensors one ({error})");
         Error::malformed(place.clone(), found, "a JSON object of tensors")
     })?;
-    limits::check("tensors", header.0.len() as u64, limits.entries, &place)?;
+    limits::check(LimitName::Entries, "tensors", header.0.len() as u64, limits.entries, &place)?;
     let (mut root, mut tensors) = (Vec::with_capacity(header.0.len()), Vec::new());
     for (name, raw) in header.0 {
         let malformed = |error: serde_json::Error| {

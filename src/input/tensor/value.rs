@@ -17,7 +17,7 @@ const NAME_BYTES: u64 = 4096;
 
 /// Refuses a name of so many bytes that is too long.
 pub(in crate::input::tensor) fn check_name(bytes: usize, place: &Place) -> Result<()> {
-    limits::check("bytes of a name", bytes as u64, NAME_BYTES, place)
+    limits::check_fixed("bytes of a name", bytes as u64, NAME_BYTES, place)
 }
 
 /// The name of a value in the dictionary `outer`.

@@ -17,7 +17,7 @@ use super::file::{FileKind, TensorFile};
 use super::value::Value;
 use crate::base::bytes::{ByteReader, SourceFile};
 use crate::base::error::{Error, ErrorKind, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 
 /// The first bytes.
 const MAGIC: [u8; 8] = [0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0];
@@ -128,7 +128,7 @@ fn header(reader: &mut ByteReader, limits: &Limits) -> Result<(Texts, u32)> {
     reader.array::<36>()?;
     let metadata = read_metadata(reader, limits)?;
     let (place, count) = (reader.place(), reader.u32()?);
-    limits::check("grids", count.into(), limits.entries, &place)?;
+    limits::check(LimitName::Entries, "grids", count.into(), limits.entries, &place)?;
     let texts = metadata.into_iter().filter_map(|(name, value)| Some((name, value.text()?)));
     Ok((texts.collect(), count))
 }
@@ -180,7 +180,7 @@ impl VdbValue {
 /// `Truncated` and `Malformed`.
 pub fn read_metadata(reader: &mut ByteReader, limits: &Limits) -> Result<Vec<(String, VdbValue)>> {
     let (place, count) = (reader.place(), reader.u32()?);
-    limits::check("values of metadata", count.into(), limits.entries, &place)?;
+    limits::check(LimitName::Entries, "values of metadata", count.into(), limits.entries, &place)?;
     let mut values = Vec::new();
     for _ in 0..count {
         let (name, kind, length) = (read_text(reader)?, read_text(reader)?, reader.u32()?);

@@ -14,7 +14,7 @@ use ::zip::{CompressionMethod, ZipArchive};
 use super::unread::Unread;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 
 /// Bytes that are inflated at once.
 const INFLATED_PIECE: usize = 1 << 20;
@@ -106,7 +106,13 @@ impl Archive {
                 "a name for each entry",
             ));
         }
-        limits::check("zip entries", zip.len() as u64, limits.entries, &Place::File)?;
+        limits::check(
+            LimitName::Entries,
+            "zip entries",
+            zip.len() as u64,
+            limits.entries,
+            &Place::File,
+        )?;
         let mut entries = Vec::with_capacity(zip.len());
         let mut numbers = BTreeMap::new();
         for number in 0..zip.len() {
@@ -158,7 +164,7 @@ impl Archive {
     pub fn read(&self, number: usize, allowed: u64) -> Result<Vec<u8>> {
         let entry = self.entry(number)?;
         let place = Place::Entry(entry.name.clone());
-        limits::check("bytes of a header", entry.length, allowed, &place)?;
+        limits::check(LimitName::HeaderBytes, "bytes of a header", entry.length, allowed, &place)?;
         if entry.is_deflated {
             let limits = Limits { memory: allowed, ..Limits::default() };
             return self.inflate(number, &mut Budget::new(&limits));
@@ -319,7 +325,13 @@ fn check_entry_count(file: &SourceFile, limits: &Limits) -> Result<()> {
         }
         let mut record = ByteReader::new(&record, end64);
         record.take(32)?;
-        limits::check("zip entries", record.u64()?, limits.entries, &Place::Offset(end64))?;
+        limits::check(
+            LimitName::Entries,
+            "zip entries",
+            record.u64()?,
+            limits.entries,
+            &Place::Offset(end64),
+        )?;
     }
     Ok(())
 }

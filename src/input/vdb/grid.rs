@@ -5,7 +5,7 @@ use super::placed::{Placed, read_map};
 use super::tree::Tree;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::{Budget, LimitName, Limits};
 use crate::input::tensor::{GRIDS, TensorFile, Value, VdbValue, read_metadata, read_text};
 
 /// Types that are read, the numbers of a value, and true for half floats.
@@ -128,7 +128,7 @@ pub fn read_grid(
     let [start, blocks, end] = [number("start")?, number("blocks")?, number("end")?];
     let (length, what) = (end.saturating_sub(start), "bytes of a grid");
     budget.spend(length, what, &place())?;
-    let bytes = file.file.read_bounded(start, length, what, limits.memory)?;
+    let bytes = file.file.read_bounded(start, length, (LimitName::Memory, what), limits.memory)?;
     let mut reader = ByteReader::new(&bytes, start);
     let compression = reader.u32()?;
     let metadata = read_metadata(&mut reader, limits)?;

@@ -6,7 +6,7 @@ use super::grid::VdbGrid;
 use super::placed::Placed;
 use super::tree::{LEAF_VOXELS, is_on};
 use crate::base::error::{Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::base::progress::Progress;
 use crate::base::srgb::display;
 use crate::model::field::NodeValues;
@@ -100,7 +100,7 @@ impl GridValues {
         let leaves = |side: u32| u64::from(side / 8).pow(3);
         let tiles: u64 = grid.tree.tiles.iter().map(|tile| leaves(tile.side)).sum();
         let blocks = tiles.saturating_add(grid.tree.leaves.len() as u64);
-        limits::check("blocks of a grid", blocks, limits.blocks, &Place::File)?;
+        limits::check(LimitName::Blocks, "blocks of a grid", blocks, limits.blocks, &Place::File)?;
         budget.spend(blocks * 48, "bytes of a grid's table", &Place::File)?;
         for (number, tile) in grid.tree.tiles.iter().enumerate() {
             let count = i32::try_from(tile.side / 8).unwrap_or(0);

@@ -12,7 +12,7 @@
 use super::codec::Codec;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 
 /// Voxels of a leaf.
 pub const LEAF_VOXELS: usize = 512;
@@ -71,8 +71,14 @@ impl Tree {
         codec.background = codec.full_value(reader)?;
         let place = reader.place();
         let [tiles, children] = [reader.u32()?, reader.u32()?];
-        limits::check("tiles of a root", tiles.into(), limits.blocks, &place)?;
-        limits::check("children of a root", children.into(), limits.blocks, &place)?;
+        limits::check(LimitName::Blocks, "tiles of a root", tiles.into(), limits.blocks, &place)?;
+        limits::check(
+            LimitName::Blocks,
+            "children of a root",
+            children.into(),
+            limits.blocks,
+            &place,
+        )?;
         let mut tree = Self { leaves: Vec::new(), tiles: Vec::new() };
         for _ in 0..tiles {
             let (origin, value) = (origin(reader)?, codec.full_value(reader)?);

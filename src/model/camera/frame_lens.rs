@@ -262,6 +262,6 @@ fn side(pixels: f64, place: &Place) -> Result<usize> {
         let found = format!("a picture side of {pixels} pixels");
         return Err(Error::malformed(place.clone(), found, "a whole number from 1"));
     }
-    limits::check("pixels along a side", pixels as u64, super::LARGEST_SIDE as u64, place)?;
+    limits::check_fixed("pixels along a side", pixels as u64, super::LARGEST_SIDE as u64, place)?;
     Ok(pixels as usize)
 }

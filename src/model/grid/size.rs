@@ -1,7 +1,7 @@
 //! Sizes of node grids, and the cut of a grid into blocks.
 
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 
 /// Nodes along x, y and z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -19,10 +19,16 @@ impl Nodes {
             ));
         }
         for size in sizes {
-            limits::check("nodes along an axis", size, limits.axis_nodes, place)?;
+            limits::check(
+                LimitName::AxisNodes,
+                "nodes along an axis",
+                size,
+                limits.axis_nodes,
+                place,
+            )?;
         }
         let count = limits::product(&sizes, "node count", place)?;
-        limits::check("nodes", count as u64, limits.nodes, place)?;
+        limits::check(LimitName::Nodes, "nodes", count as u64, limits.nodes, place)?;
         // Each size divides a product that fits in memory.
         Ok(Self(sizes.map(|size| size as usize)))
     }
@@ -36,7 +42,7 @@ impl Nodes {
     pub fn check_planes(self, count: usize, limits: &Limits, place: &Place) -> Result<()> {
         let [_, ny, nz] = self.0;
         let bytes = (4 * ny * nz) as u64 * count as u64;
-        limits::check("bytes of planes of a grid", bytes, limits.memory, place)
+        limits::check(LimitName::Memory, "bytes of planes of a grid", bytes, limits.memory, place)
     }
 
     /// Nodes in all.

@@ -7,7 +7,7 @@ use serde_json::{Map, json};
 use super::description::{DescribedSource, Description, ORIGIN, SCHEMA};
 use super::read::read;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::picture::{self, Samples};
 use crate::base::progress::{Progress, Step};
 use crate::base::srgb::display;
@@ -62,7 +62,13 @@ impl ExportFormat for Flipbook {
         let values: Vec<u64> = lattice.counts().iter().map(|&count| count as u64).collect();
         let count = limits::product(&values, "points", &Place::File)?;
         let bytes = (count as u64).saturating_mul(16);
-        limits::check("bytes of a sheet", bytes, options.limits.memory, &Place::File)
+        limits::check(
+            LimitName::Memory,
+            "bytes of a sheet",
+            bytes,
+            options.limits.memory,
+            &Place::File,
+        )
     }
 
     fn write(

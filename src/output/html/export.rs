@@ -10,7 +10,7 @@ use super::page::{data_of, linking, whole};
 use super::site::{PAGE, SCRIPT, STYLE, WORKER};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::picture;
 use crate::base::progress::{Progress, Step};
 use crate::codec::container::Container;
@@ -68,7 +68,13 @@ impl ExportFormat for Html {
         // Bytes, their text, and the page around it.
         let page = (PAGE.len() + SCRIPT.len() + STYLE.len() + WORKER.len()) as u64;
         let needed = if is_file(output) { 4 * bytes + 2 * page } else { bytes };
-        limits::check("bytes of a page", needed, options.limits.memory, &Place::File)
+        limits::check(
+            LimitName::Memory,
+            "bytes of a page",
+            needed,
+            options.limits.memory,
+            &Place::File,
+        )
     }
 
     fn write(

@@ -11,7 +11,7 @@ use super::read_back::read_back;
 use super::slices::Slices;
 use super::texels::Texels;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::parallel;
 use crate::base::picture;
 use crate::base::progress::{Progress, Step};
@@ -70,7 +70,13 @@ impl ExportFormat for Snerg {
         // A layer of both kinds, with its coarser ones and the pictures made of it.
         let layer = width * height * layout.edge as u64 * 8;
         let bytes = 3 * layer + (x * y * z) as u64;
-        limits::check("bytes of a layer of the atlas", bytes, options.limits.memory, &Place::File)
+        limits::check(
+            LimitName::Memory,
+            "bytes of a layer of the atlas",
+            bytes,
+            options.limits.memory,
+            &Place::File,
+        )
     }
 
     fn write(

@@ -2,7 +2,7 @@
 
 use super::project::{COLOR, GaussianSplat, OPACITY, PARAMETERS, SIZE};
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::activate::lanes;
@@ -35,7 +35,13 @@ pub(super) fn splats(
     let [nx, ny, nz] = lattice.counts();
     let values =
         limits::product(&[nx as u64, ny as u64, nz as u64, 4], "bytes of densities", &Place::File)?;
-    limits::check("bytes of densities", values as u64, limits.memory, &Place::File)?;
+    limits::check(
+        LimitName::Memory,
+        "bytes of densities",
+        values as u64,
+        limits.memory,
+        &Place::File,
+    )?;
     let spacing = lattice.spacing.iter().product::<f64>();
     #[expect(clippy::cast_possible_truncation, reason = "splats are float32")]
     let edge = libm::cbrt(spacing) as f32;
@@ -89,7 +95,7 @@ pub(super) fn splats(
     }
     // Each with what an optimizer remembers of it.
     let bytes = 4 * (count * size_of::<GaussianSplat>()) as u64;
-    limits::check("bytes of splats", bytes, limits.memory, &Place::File)?;
+    limits::check(LimitName::Memory, "bytes of splats", bytes, limits.memory, &Place::File)?;
     Ok(found.concat())
 }
 

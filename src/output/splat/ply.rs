@@ -4,7 +4,7 @@
 use super::project::{COLOR, GaussianSplat, OPACITY, PARAMETERS, SIZE};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::model::harmonics::FUNCTIONS;
 
 /// Numbers of a row: centre, normal, harmonics, opacity, three sizes, a rotation.
@@ -59,7 +59,13 @@ fn place(function: usize, channel: usize) -> usize {
 /// # Errors
 /// `Malformed` for any other header, and for a length that is not that of the rows.
 pub(super) fn read(file: &SourceFile, limits: &Limits) -> Result<Vec<GaussianSplat>> {
-    limits::check("bytes of splats", file.length(), limits.memory, &Place::File)?;
+    limits::check(
+        LimitName::Memory,
+        "bytes of splats",
+        file.length(),
+        limits.memory,
+        &Place::File,
+    )?;
     let bytes = file.read(0, file.length(), file.length())?;
     let malformed = |found: &str, expected: &str| {
         Error::malformed(Place::Offset(0), found, expected).in_file(file.path())

@@ -7,7 +7,7 @@ use super::node::{Allowance, Arena, Array, Id, Node, node};
 use super::numpy;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::input::tensor::value::check_name;
 use crate::input::tensor::{Data, Tensor, Value};
 use crate::model::grid::Element;
@@ -139,7 +139,13 @@ impl Copier<'_, '_> {
 
     fn count_tensor(&mut self) -> Result<()> {
         self.tensors += 1;
-        limits::check("tensors", self.tensors, self.limits.entries, &self.place)?;
+        limits::check(
+            LimitName::Entries,
+            "tensors",
+            self.tensors,
+            self.limits.entries,
+            &self.place,
+        )?;
         self.allowance.bytes(size_of::<Tensor>() + self.path.len(), &self.place)
     }
 

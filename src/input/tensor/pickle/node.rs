@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::global::Global;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
@@ -153,7 +153,13 @@ impl Allowance {
     /// Counts an object of `bytes`.
     pub(super) fn object(&mut self, bytes: usize, place: &Place) -> Result<()> {
         self.objects += 1;
-        crate::base::limits::check("pickle objects", self.objects, self.allowed, place)?;
+        limits::check(
+            LimitName::PickleObjects,
+            "pickle objects",
+            self.objects,
+            self.allowed,
+            place,
+        )?;
         self.bytes(bytes, place)
     }
 

@@ -6,6 +6,7 @@ use super::global::Global;
 use super::machine::Machine;
 use super::node::{Array, Id, Node, made_by};
 use crate::base::error::{Error, Result};
+use crate::base::limits;
 use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
@@ -269,7 +270,7 @@ impl<'a> Machine<'a, '_> {
     /// Sizes or strides.
     pub(super) fn counts(&self, id: Id) -> Result<Vec<u64>> {
         let items = self.items(id)?;
-        crate::base::limits::check("axes", items.len() as u64, 64, &self.place)?;
+        limits::check_fixed("axes", items.len() as u64, 64, &self.place)?;
         items.iter().map(|&item| self.count(item)).collect()
     }
 

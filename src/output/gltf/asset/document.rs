@@ -7,7 +7,7 @@ use super::glb::{self, Chunks};
 use super::json::{Members, Node};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::text::without_mark;
 use crate::input::tensor::{describe, is_parameters};
 
@@ -143,7 +143,13 @@ impl Asset {
         let Some(list) = root.get(name) else { return Ok(Vec::new()) };
         let elements = list.elements()?;
         let count = elements.len() as u64;
-        limits::check("elements of a list", count, self.limits.entries, &list.place())?;
+        limits::check(
+            LimitName::Entries,
+            "elements of a list",
+            count,
+            self.limits.entries,
+            &list.place(),
+        )?;
         Ok(elements)
     }
 }
