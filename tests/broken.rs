@@ -204,7 +204,10 @@ fn numbers_of_nothing_are_told_as_such() {
         findings.any(|finding| finding.place.ends_with(place) && finding.message.contains(message))
     };
     let place = "/meshes/0/primitives/0/attributes/POSITION";
-    assert!(told(place, "accessor 1") && told("/scene", "something that is there"), "{report:?}");
+    assert!(
+        told(place, "accessor 1") && told("/scene", "something that is not there"),
+        "{report:?}"
+    );
 }
 
 /// An asset with a thousand broken rules.
@@ -288,7 +291,7 @@ fn logs_are_sarif() {
     }
     // Several files are one run, for services refuse a second one of the same tool; a file that
     // cannot be read is told of there.
-    let files = ["digest.glb", "gone"].map(|name| fixture("broken").join(name));
+    let files = ["asset-rule.gltf", "gone"].map(|name| fixture("broken").join(name));
     let report = check_with(&files[0], &options(), &Limits::default()).expect("readable");
     let results = report.findings.len();
     let [first, gone] = files;

@@ -6,6 +6,8 @@
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
+pub use super::limit_name::LimitName;
+
 /// Upper bounds on the contents of an input. The defaults admit scenes of 2048 nodes a side.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
@@ -66,76 +68,6 @@ impl Limits {
             LimitName::Blocks => &mut self.blocks,
             LimitName::PickleObjects => &mut self.pickle_objects,
             LimitName::Memory => &mut self.memory,
-        }
-    }
-}
-
-/// A limit, by the name under which users set it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LimitName {
-    /// [`Limits::axis_nodes`]
-    AxisNodes,
-    /// [`Limits::nodes`]
-    Nodes,
-    /// [`Limits::channels`]
-    Channels,
-    /// [`Limits::header_bytes`]
-    HeaderBytes,
-    /// [`Limits::entries`]
-    Entries,
-    /// [`Limits::chunks`]
-    Chunks,
-    /// [`Limits::blocks`]
-    Blocks,
-    /// [`Limits::pickle_objects`]
-    PickleObjects,
-    /// [`Limits::memory`]
-    Memory,
-}
-
-impl LimitName {
-    /// Every limit.
-    pub const ALL: [Self; 9] = [
-        Self::AxisNodes,
-        Self::Nodes,
-        Self::Channels,
-        Self::HeaderBytes,
-        Self::Entries,
-        Self::Chunks,
-        Self::Blocks,
-        Self::PickleObjects,
-        Self::Memory,
-    ];
-
-    /// The name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::AxisNodes => "axis-nodes",
-            Self::Nodes => "nodes",
-            Self::Channels => "channels",
-            Self::HeaderBytes => "header-bytes",
-            Self::Entries => "entries",
-            Self::Chunks => "chunks",
-            Self::Blocks => "blocks",
-            Self::PickleObjects => "pickle-objects",
-            Self::Memory => "memory",
-        }
-    }
-
-    /// The thing that it bounds.
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::AxisNodes => "nodes along one axis of a grid",
-            Self::Nodes => "nodes of one grid",
-            Self::Channels => "channels of the colour grid",
-            Self::HeaderBytes => "bytes of one pickle, header, JSON document or metadata text",
-            Self::Entries => "entries of an archive, tensors of a file",
-            Self::Chunks => "chunks of a container",
-            Self::Blocks => "blocks of a level of a container",
-            Self::PickleObjects => "objects that a pickle makes",
-            Self::Memory => {
-                "bytes of tensors, chunks, tables and codes held at once because a file says so"
-            }
         }
     }
 }

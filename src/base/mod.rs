@@ -4,6 +4,7 @@
 pub mod bytes;
 pub mod error;
 pub mod finding;
+mod limit_name;
 pub mod limits;
 pub mod lock;
 pub mod parallel;

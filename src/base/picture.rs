@@ -190,6 +190,7 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
     let length = from.seek(SeekFrom::End(0)).map_err(io)?;
     from.rewind().map_err(io)?;
     let mut reader = image::ImageReader::new(from).with_guessed_format().map_err(io)?;
+    let is_png = reader.format() == Some(ImageFormat::Png);
     match reader.format() {
         Some(ImageFormat::Png) => {}
         Some(ImageFormat::Jpeg) => {
@@ -219,8 +220,10 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
             limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
         })
         .map_err(|error| error.in_file(path))?;
-    // Memory is asked for by the header's word, so the data must be able to fill it.
-    if decoder.total_bytes() / MOST_INFLATED > length {
+    // Memory is asked for by the header's word, so the data must be able to fill it. Pixels of a
+    // PNG may have a bit each.
+    let least = if is_png { pixels / 8 } else { decoder.total_bytes() };
+    if least / MOST_INFLATED > length {
         let found = format!("{width} x {height} pixels in {length} bytes");
         let expected = "the data of all its pixels";
         return Err(Error::malformed(Place::File, found, expected).in_file(path));
@@ -286,6 +289,36 @@ mod tests {
         let sum = crc32fast::hash(&bytes[12..29]);
         bytes[29..33].copy_from_slice(&sum.to_be_bytes());
         bytes
+    }
+
+    /// A PNG of 1600 x 1600 pixels of one bit, all of them 0.
+    fn blank(color: u8) -> Vec<u8> {
+        use std::io::Write as _;
+
+        let mut deflated = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+        deflated.write_all(&[0; 1600 * (1 + 1600 / 8)]).expect("pixels");
+        let side = 1600_u32.to_be_bytes();
+        let header = [&side[..], &side[..], &[1, color, 0, 0, 0]].concat();
+        let deflated = deflated.finish().expect("an end");
+        let chunks =
+            [(b"IHDR", &header[..]), (b"PLTE", &[0; 6]), (b"IDAT", &deflated), (b"IEND", &[])];
+        let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+        for (name, data) in chunks.into_iter().filter(|(name, _)| color == 3 || *name != b"PLTE") {
+            bytes.extend((data.len() as u32).to_be_bytes());
+            let body = [&name[..], data].concat();
+            bytes.extend_from_slice(&body);
+            bytes.extend(crc32fast::hash(&body).to_be_bytes());
+        }
+        bytes
+    }
+
+    #[test]
+    fn blank_pictures_of_few_bits_are_read() {
+        for (color, what) in [(0, "grey"), (3, "of a palette")] {
+            let read = decode(Cursor::new(blank(color)), Path::new("a.png"), 1 << 40);
+            let read = read.unwrap_or_else(|error| panic!("{what}: {error}"));
+            assert!(read.bytes == [0, 0, 0, 255].repeat(1600 * 1600), "{what}");
+        }
     }
 
     #[test]

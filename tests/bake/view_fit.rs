@@ -93,9 +93,11 @@ fn a_gate_holds_fitted_colours() {
     assert!(code == Some(2) && message.contains("--memory"), "{message}");
     let none = ["--force", "--require-view-psnr", "nan"];
     assert_eq!(bake(&model, &out, &none).0, Some(2));
-    // Colours that are the model's own pass any gate.
+    // Colours that are the model's own have nothing that the gate could judge.
     let stored = fixture("grids").join("tensorf_vm_sh.th");
-    let (code, report, message) = bake(&stored, &out, &["--force", "--require-view-psnr", "60"]);
+    let (code, _, message) = bake(&stored, &out, &["--force", "--require-view-psnr", "60"]);
+    assert!(code == Some(2) && message.contains("--require-view-psnr"), "{message}");
+    let (code, report, message) = bake(&stored, &out, &["--force"]);
     assert_eq!(code, Some(0), "{message}");
     assert_eq!(report["view"]["held_out_psnr"], Value::Null);
 }

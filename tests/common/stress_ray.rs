@@ -62,7 +62,7 @@ fn straight(axis: usize, eye: [f64; 3], side: usize, focal: f64) -> Camera {
     let mut axes = [DVec3::X, DVec3::Y, DVec3::Z];
     axes.rotate_left(axis);
     // Along -z of its own: against its third column.
-    let columns = [axes[1], axes[2], -axes[0]].map(|column| column.extend(0.0));
+    let columns = [-axes[1], axes[2], -axes[0]].map(|column| column.extend(0.0));
     let eye = DVec3::from_array(eye).extend(1.0);
     let to_world = DMat4::from_cols(columns[0], columns[1], columns[2], eye);
     let center = [side as f64 / 2.0; 2];

@@ -209,7 +209,7 @@ fn straight_camera(random: &mut Random, bounds: &Bounds) -> Camera {
             eye[axis] = faces[share[axis] as usize][axis].into();
         }
     }
-    let columns = [axes[1], axes[2], back].map(|column| column.extend(0.0));
+    let columns = [-forward * axes[1], axes[2], back].map(|column| column.extend(0.0));
     let to_world = DMat4::from_cols(columns[0], columns[1], columns[2], eye.extend(1.0));
     Camera { name: String::new(), to_world, lens: lens(random), picture: None }
 }

@@ -35,8 +35,10 @@ fn assert_cut_short(here: &Path, report: &Value) {
     let steps: Vec<Value> = levels.iter().map(|level| level["steps"].clone()).collect();
     assert_eq!(taken, &Value::from(steps));
     for level in levels {
-        let psnr = |key: &str| level[key].as_f64().expect("a number");
+        let psnr = |key: &str| level[key].as_f64();
         assert!(psnr("psnr_after") >= psnr("psnr_before"), "{level}");
+        // Where the pictures took all the time, nothing was measured.
+        assert!(psnr("psnr_before").is_some() || level["steps"] == 0, "{level}");
     }
 }
 

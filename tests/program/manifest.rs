@@ -193,7 +193,7 @@ fn options_of_the_command_line_count_for_all_and_those_of_a_line_override_them()
     let lines = [
         json!({ "input": "tiny.tar", "output": "a.mipvog" }),
         json!({ "input": "tiny.tar", "output": "b.mipvog", "options": { "bits": "9", "near": null } }),
-        json!({ "input": "tiny.tar", "output": "c.mipvog", "options": { "max_error": [0.1, 0.2] } }),
+        json!({ "input": "tiny.tar", "output": "c.mipvog", "options": { "cameras": "none.json" } }),
         json!({ "input": "tiny.tar", "output": "d.mipvog", "options": { "if_changed": true } }),
     ];
     write(&here.join("in/some.jsonl"), &lines);
@@ -202,10 +202,16 @@ fn options_of_the_command_line_count_for_all_and_those_of_a_line_override_them()
     assert_eq!(code(&output), 1, "{}", words(&output));
     let results = results(&output);
     let codes: Vec<_> = results.iter().map(|result| result["exit_code"].as_u64()).collect();
-    // A list where one value is expected is wrong usage of that scene alone.
-    assert_eq!(codes, [Some(0), Some(0), Some(2), Some(0)]);
+    // What a line alone lacks is a fault of that scene alone.
+    assert_eq!(codes, [Some(0), Some(0), Some(5), Some(0)]);
     assert!(std::fs::read(here.join("in/a.mipvog")).expect("a container") == single(here, 7));
     assert!(std::fs::read(here.join("in/b.mipvog")).expect("a container") == single(here, 9));
+    // A value that no bake takes is wrong usage of the whole: nothing is baked.
+    let line = json!({ "input": "tiny.tar", "output": "e.mipvog", "options": { "max_error": [0.1, 0.2] } });
+    write(&here.join("in/some.jsonl"), &[line]);
+    let output = run(here, &arguments);
+    assert_eq!(code(&output), 2, "{}", words(&output));
+    assert!(words(&output).contains("line 1") && !here.join("in/e.mipvog").exists());
 }
 
 #[test]
@@ -232,8 +238,11 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
             r#"{"input": "a", "output": "b", "options": {"bits": {}}}"#,
             "found option bits: an object",
         ),
-        (sound, "found output x.mipvog of line 1 again"),
-        (r#"{"input": "a", "output": "./x.mipvog"}"#, "found output ./x.mipvog of line 1 again"),
+        (sound, "found output x.mipvog, which line 1 writes too"),
+        (
+            r#"{"input": "a", "output": "./x.mipvog"}"#,
+            "found output ./x.mipvog, which line 1 writes too",
+        ),
         ("\u{1}\u{fe}", "no JSON"),
     ] {
         std::fs::write(here.join("in/bad.jsonl"), format!("{sound}\n\n{line}\n"))

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as RuleError, Validate};
 use gltf::json::{Index, Root};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
@@ -63,20 +63,31 @@ fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
 }
 
 /// Values that glTF lets a document leave out, and the library does not: an accessor without a view
-/// is zeros, a texture's source and a channel's target may be an extension's.
+/// is zeros, a texture's source may be an extension's.
 fn may_be_missing(pointer: &str) -> bool {
     let parts: Vec<&str> = pointer.split('/').skip(1).collect();
-    matches!(
-        *parts,
-        ["accessors", _, "bufferView"]
-            | ["textures", _, "source"]
-            | ["animations", _, "channels", _, "target", "node"]
-    )
+    matches!(*parts, ["accessors", _, "bufferView"] | ["textures", _, "source"])
 }
 
 /// A document in the words that the library reads: whole numbers written as such, scenes with their
-/// lists. Other documents of glTF 2.0 say the same without.
+/// lists, and targets of channels with their nodes. Other documents of glTF 2.0 say the same
+/// without; a target without a node is an extension's.
 fn in_plain_words(value: &mut Value) {
+    let has_nodes = value.pointer("/nodes/0").is_some();
+    let animations = value.get_mut("animations").and_then(Value::as_array_mut);
+    for animation in animations.into_iter().flatten() {
+        let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else {
+            continue;
+        };
+        let others = |channel: &Value| channel.pointer("/target/node").is_none();
+        if has_nodes {
+            for channel in channels.iter_mut().filter(|channel| others(channel)) {
+                channel["target"] = json!({ "node": 0, "path": "translation" });
+            }
+        } else {
+            channels.retain(|channel| !others(channel));
+        }
+    }
     let scenes = value.get_mut("scenes").and_then(Value::as_array_mut);
     for scene in scenes.into_iter().flatten().filter_map(Value::as_object_mut) {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));

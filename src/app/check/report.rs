@@ -29,7 +29,7 @@ pub struct Report {
 }
 
 /// A finding as reports print it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Clone)]
 pub struct ReportedFinding {
     /// Its stable code.
     #[serde(serialize_with = "name")]

@@ -238,8 +238,9 @@ mod tests {
         let at = |port: u16, host: &str| is_here(host, (HERE.0, port).into());
         for (port, host, here) in [
             (8080, "LocalHost:8080", true),
-            (8080, "127.0.0.1", false),
-            (8080, "127.0.0.1:80", false),
+            // A port may be one that is forwarded here.
+            (8080, "127.0.0.1", true),
+            (8080, "127.0.0.1:9000", true),
             (80, "127.0.0.1", true),
             (80, "localhost:80", true),
             (80, "localhost.evil.example", false),
@@ -253,7 +254,7 @@ mod tests {
             ("192.168.1.7:8080", true),
             ("[fe80::1]:8080", true),
             ("localhost:8080", true),
-            ("192.168.1.7:80", false),
+            ("192.168.1.7:80", true),
             ("colleague.example:8080", false),
             ("192.168.1.7.evil.example:8080", false),
         ] {

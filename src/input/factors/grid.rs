@@ -77,8 +77,9 @@ impl NodeValues for FactorGrid {
         let Nodes([_, _, nz]) = self.nodes();
         let plane = out.len();
         let channels = [channel, self.channels];
+        let grid = self.loaded()?;
         self.planes.read(self.nodes(), x, channels, region, out, |region, values| {
-            let (grid, mut scratch) = (self.loaded()?, Scratch::default());
+            let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
                 let found = grid.values(&[x, y, z].map(Between::on), &mut scratch);
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);

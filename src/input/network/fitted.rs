@@ -219,6 +219,8 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
 
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let channels = [channel, self.channels()];
+        // Before the plane is locked.
+        self.prepare(&Silent)?;
         self.planes.read(self.nodes(), x, channels, region, out, |missing, values| {
             self.fill(x, missing, values)
         })?;

@@ -8,7 +8,7 @@ use super::files::Pictures;
 use super::parameters::Parameters;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Silent};
 use crate::input::folder::raw_density;
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
@@ -169,6 +169,8 @@ impl NodeValues for ColorValues {
         let (plane, nodes) = (out.len(), self.nodes());
         let Nodes([nx, ny, nz]) = nodes;
         let channels = [channel, self.channels];
+        // Before the plane is locked.
+        self.prepare(&Silent)?;
         self.planes.read(self.nodes(), x, channels, region, out, |region, values| {
             let near = x.saturating_sub(1)..(x + 2).min(nx);
             let planes: Vec<Vec<Texel>> =

@@ -97,7 +97,7 @@ fn is_tar(start: &[u8]) -> bool {
 }
 
 /// The kind of a text that a download leaves in place of a file.
-fn no_download(start: &[u8]) -> Option<&'static str> {
+pub(super) fn no_download(start: &[u8]) -> Option<&'static str> {
     let text = without_mark(start).trim_ascii_start();
     let starts = |with: &str| {
         text.get(..with.len()).is_some_and(|text| text.eq_ignore_ascii_case(with.as_bytes()))

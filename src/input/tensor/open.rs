@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::TensorFile;
-use super::kind::{describe, is_safetensors, is_splats, is_zip, old_checkpoint, start};
+use super::kind::{
+    describe, is_safetensors, is_splats, is_zip, no_download, old_checkpoint, start,
+};
 use super::zip::Archive;
 use super::{msgpack, npz, parameters, safetensors, torch, vdb};
 use crate::base::bytes::SourceFile;
@@ -59,6 +61,10 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     Err(match old_checkpoint(&start) {
         Some(found) => Error::unsupported(Place::File, found, expected)
             .advise("save the model again with torch.save, as a dictionary of tensors"),
-        None => Error::wrong_kind(describe(file)?, expected),
+        None => match no_download(&start) {
+            Some(found) => Error::unsupported(Place::File, found, expected)
+                .advise("name the file itself: what a download left here only stands for it"),
+            None => Error::wrong_kind(describe(file)?, expected),
+        },
     })
 }

@@ -96,8 +96,8 @@ impl NodeValues for ColorValues {
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let (plane, channels) = (out.len(), self.channels());
         let Nodes([_, _, nz]) = self.nodes();
+        let features = self.features()?;
         self.planes.read(self.nodes(), x, [channel, channels], region, out, |region, values| {
-            let features = self.features()?;
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);

@@ -35,7 +35,8 @@ pub trait NodeValues: Debug + Send + Sync {
     fn prepare(&self, progress: &dyn Progress) -> Result<()>;
 
     /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes may
-    /// be filled or left as they are. Returns the bytes that were read.
+    /// be filled or left as they are. Prepares what nobody prepared before. Returns the bytes that
+    /// were read.
     ///
     /// # Errors
     /// Those of reading.
