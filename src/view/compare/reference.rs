@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::metrics::Picture;
-use crate::base::error::{Error, Result};
-use crate::base::limits::Limits;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::base::picture;
 use crate::base::progress::Progress;
 use crate::model::camera::{self, Camera};
@@ -102,7 +102,7 @@ pub fn photograph(
     background: [f32; 3],
     limits: &Limits,
 ) -> Result<(Camera, Picture)> {
-    let (_, full) = read_photograph(folder, camera, background, limits)?;
+    let full = read_photograph(&photograph_file(folder, camera)?, background, limits)?;
     let (width, height) = (full.width, full.height);
     let most = (width.max(height) / longest.max(1)).max(1);
     let divides = |factor: &usize| width.is_multiple_of(*factor) && height.is_multiple_of(*factor);
@@ -118,27 +118,26 @@ fn photograph_of_size(
     background: [f32; 3],
     limits: &Limits,
 ) -> Result<Picture> {
-    let (path, full) = read_photograph(folder, camera, background, limits)?;
+    let path = photograph_file(folder, camera)?;
+    let [full_width, full_height] = picture::size(&path)?;
     let (width, height) = (camera.lens.width, camera.lens.height);
-    let factor = full.width / width.max(1);
-    if factor == 0 || full.width != factor * width || full.height != factor * height {
-        let expected =
-            format!("a whole part of the picture's {} x {} pixels", full.width, full.height);
+    let factor = full_width / width.max(1);
+    if factor == 0 || full_width != factor * width || full_height != factor * height {
+        let expected = format!("a whole part of the picture's {full_width} x {full_height} pixels");
         let found = format!("{width} x {height}");
         return Err(Error::invalid_option("size", found, expected).in_file(&path));
     }
-    Ok(full.downsampled(factor))
+    Ok(read_photograph(&path, background, limits)?.downsampled(factor))
 }
 
-/// A camera's photograph as it is.
-fn read_photograph(
-    folder: &Path,
-    camera: &Camera,
-    background: [f32; 3],
-    limits: &Limits,
-) -> Result<(PathBuf, Picture)> {
-    let path = photograph_file(folder, camera)?;
-    let file = picture::read(&path, limits.memory)?;
+/// A photograph as it is.
+fn read_photograph(path: &Path, background: [f32; 3], limits: &Limits) -> Result<Picture> {
+    let pixels: u64 = picture::size(path)?.into_iter().map(|side| side as u64).product();
+    // As decoded, as colours, and opacity.
+    let bytes = pixels.saturating_mul(4 + 12 + 4);
+    limits::check(LimitName::Memory, "bytes of a picture", bytes, limits.memory, &Place::File)
+        .map_err(|error| error.in_file(path))?;
+    let file = picture::read(path, limits.memory)?;
     let pixels = file.bytes.as_chunks::<4>().0;
     let share = |byte: u8| f32::from(byte) / 255.0;
     let color = |&[red, green, blue, alpha]: &[u8; 4]| {
@@ -148,15 +147,14 @@ fn read_photograph(
     };
     let transparent = pixels.iter().any(|pixel| pixel[3] < 255);
     let opacity = || pixels.iter().map(|pixel| share(pixel[3])).collect();
-    let full = Picture {
+    Ok(Picture {
         width: file.width,
         height: file.height,
         color: pixels.iter().map(color).collect(),
         diffuse: None,
         opacity: transparent.then(opacity),
         level: None,
-    };
-    Ok((path, full))
+    })
 }
 
 /// A camera's photograph: by the path of the camera file, or by its name in the folder.
