@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use super::options::SourceOptions;
 use crate::base::bytes::SourceFile;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::text;
 
@@ -154,8 +154,17 @@ fn settings(document: &Value) -> Result<SourceOptions> {
         color_threshold: number("color_threshold")?,
         ..SourceOptions::default()
     };
-    options.check()?;
-    Ok(options)
+    match options.check() {
+        Ok(()) => Ok(options),
+        // The option has the key's name.
+        Err(error) => Err(match error.kind() {
+            ErrorKind::InvalidOption { option, found, expected } => {
+                let place = Place::Key((*option).to_owned());
+                Error::malformed(place, found.clone(), expected.clone())
+            }
+            _ => error,
+        }),
+    }
 }
 
 fn color(value: &Value) -> Option<[f32; 3]> {

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use crate::common::grids::{Values, lightning, sampled};
+use crate::common::grids::{SmallGrid, Values, lightning, sampled, sampled_blocks};
 use crate::common::models::{farthest, of_bytes, renderer, small};
 use crate::common::{fixture, grid_values};
 use glam::DVec3;
@@ -164,7 +164,7 @@ fn the_first_value_that_is_not_finite_is_told_by_its_node() {
 fn cells_that_no_file_states_are_an_option() {
     let opened = |side: Option<usize>, grid: &_| {
         let options = SourceOptions { resolution: side, ..SourceOptions::default() };
-        of_bytes(crate::common::grids::SmallGrid::to_bytes(grid), &options)
+        of_bytes(SmallGrid::to_bytes(grid), &options)
     };
     let sixteen = lightning();
     let wanted = opened(None, &sixteen).expect("16 cells");
@@ -224,6 +224,28 @@ fn scales_and_boxes_that_no_camera_can_stand_around_name_their_setting() {
     door.array("aabb").2 = Values::F32(vec![-1e20, -1.0, -1.0, 1e20, 1.0, 1.0]);
     let error = small(&door).expect_err("a huge box");
     assert_eq!(error.place(), &Place::Tensor("aabb".to_owned()));
+}
+
+#[test]
+fn the_open_door_refuses_what_it_would_not_heed() {
+    let color = || ("color", vec![5, 4, 3, 3], Values::F32(vec![0.5; 180]));
+    let refused = |grid: &SmallGrid, told: &str| {
+        let error = small(grid).expect_err(told).to_string();
+        assert!(error.contains(told), "{error}");
+    };
+    let mut both = sampled();
+    both.arrays.push(color());
+    refused(&both, "color beside sh");
+    let mut plain = sampled();
+    plain.arrays[1] = color();
+    refused(&plain, "clamp beside color");
+    plain.settings = vec![("offset", "0.5")];
+    refused(&plain, "offset beside color");
+    for dimensions in ["4.5,4,2", "-4,4,2", "nan,4,2", "0,4,2"] {
+        let mut blocks = sampled_blocks();
+        blocks.settings.push(("dimensions", dimensions));
+        refused(&blocks, "dimensions");
+    }
 }
 
 #[test]

@@ -64,6 +64,11 @@ fn a_blank_frame_is_named_and_carries_no_gate() {
     let output = run(here, &[&bake[..], &["--require-psnr", &least]].concat());
     assert_eq!(output.status.code(), Some(1), "{}", words(&output));
     assert!(figure("psnr") > figure("pooled_psnr") + 1.0);
+    // Where nothing shows anywhere, nothing is passed.
+    let away = ["--frames", "away", "--require-psnr", "10"];
+    let output = run(here, &[&bake[..], &away].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output));
+    assert!(words(&output).contains("nothing shows in any frame"), "{}", words(&output));
 }
 
 #[test]

@@ -244,6 +244,16 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
             "found output ./x.mipvog, which line 1 writes too",
         ),
         ("\u{1}\u{fe}", "no JSON"),
+        (
+            r#"{"input": "a", "output": "b", "options": {"alpha_threshold": 0.1, "alpha-threshold": 0.2}}"#,
+            "in two spellings",
+        ),
+        (r#"{"input": "x.mipvog", "output": "b"}"#, "found input x.mipvog, which line 1 writes"),
+        (r#"{"input": "a", "output": "tiny.tar"}"#, "found output tiny.tar, which line 1 reads"),
+        (
+            r#"{"input": "a", "output": "b", "options": {"depfile": "./tiny.tar"}}"#,
+            "found depfile ./tiny.tar, which line 1 reads",
+        ),
     ] {
         std::fs::write(here.join("in/bad.jsonl"), format!("{sound}\n\n{line}\n"))
             .expect("writable");
@@ -254,6 +264,15 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
         assert!(words.contains(found) && words.contains("expected"), "{line}: {words}");
         assert!(words.contains("help: correct this line"), "{words}");
         assert!(output.stdout.is_empty() && !here.join("in/x.mipvog").exists());
+    }
+    // Nor are results written over a scene's files.
+    std::fs::write(here.join("in/one.jsonl"), format!("{sound}\n")).expect("writable");
+    for results in ["in/tiny.tar", "in/x.mipvog"] {
+        let arguments = ["bake", "--manifest", "in/one.jsonl", "--force", "--results", results];
+        let output = run(here, &arguments);
+        assert_eq!(code(&output), 3, "{}", words(&output));
+        assert!(words(&output).contains("--results writes"), "{}", words(&output));
+        assert!(!here.join("in/x.mipvog").exists());
     }
     // Only a folder of the command line bounds the outputs: a line may name any place by itself.
     for output in ["../x.mipvog", "/x.mipvog", "a/../../x.mipvog"] {

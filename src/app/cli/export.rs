@@ -19,7 +19,7 @@ use super::stdin;
 use super::values::{parse_box, parse_bytes};
 use crate::bake::{BakeOptions, Baker};
 use crate::base::bytes::{SourceFile, hex, sha256};
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::{LimitName, Limits};
 use crate::base::progress::Step;
 use crate::input::{self, Family, tensor};
@@ -133,6 +133,18 @@ struct Report {
 
 /// Exports.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    export(arguments, common).map_err(|error| match error.kind() {
+        // The nearer bound is the one to raise.
+        ErrorKind::OverLimit { limit: Some(LimitName::Memory), .. }
+            if arguments.memory.is_some_and(|own| own < common.limits().memory) =>
+        {
+            error.advise("raise --memory")
+        }
+        _ => error,
+    })
+}
+
+fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     refuse_stdout(&arguments.output, "an export may have several files")?;
     if arguments.require_psnr.is_some_and(|least| !least.is_finite()) {

@@ -97,7 +97,10 @@ impl GateArguments {
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
         let errors = compare(reference, baked, cameras, &scales, 1, bar, |_| Ok(()))?;
-        let reached = |least| errors.first().is_some_and(|full| full.pooled_psnr >= least);
+        // Frames in which nothing shows are alike whatever the field holds.
+        let judges = |full: &ScaleErrors| full.blank_frames.len() < cameras.len();
+        let reached =
+            |least| errors.first().is_some_and(|full| judges(full) && full.pooled_psnr >= least);
         let passed = self.require_psnr.is_none_or(reached);
         Ok(GateReport { errors, required_psnr: self.require_psnr, passed })
     }
@@ -118,6 +121,9 @@ impl GateReport {
         let least = self.required_psnr.filter(|_| !self.passed)?;
         let psnr = self.errors.first().map_or(0.0, |full| full.pooled_psnr);
         let output = output.display();
+        if psnr >= least {
+            return Some(format!("{output}: not written: nothing shows in any frame of the gate"));
+        }
         Some(format!("{output}: not written: {psnr:.2} dB at full size, {least} dB required"))
     }
 }

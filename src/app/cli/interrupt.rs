@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Once, OnceLock};
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use super::outcome::{drawn, say};
@@ -58,7 +58,10 @@ fn begin_watching() {
     if std::thread::Builder::new().name("signals".to_owned()).spawn(|| guard(signals)).is_err() {
         return;
     }
-    for (signal, asked) in [(SIGINT, &signals.interrupted), (SIGTERM, &signals.terminated)] {
+    // A closed terminal hangs up, but for programs that were told to ignore it.
+    let hang_up = heeds_hang_ups().then_some((SIGHUP, &signals.terminated));
+    let ends = [(SIGINT, &signals.interrupted), (SIGTERM, &signals.terminated)];
+    for (signal, asked) in ends.into_iter().chain(hang_up) {
         // The second signal ends the program: this line tests the flag that the last line sets.
         // A signal that cannot be watched keeps ending the program.
         flag::register_conditional_shutdown(signal, SIGNALLED + signal, Arc::clone(asked)).ok();
@@ -66,6 +69,14 @@ fn begin_watching() {
         flag::register_usize(signal, Arc::clone(&signals.last), number).ok();
         flag::register(signal, Arc::clone(asked)).ok();
     }
+}
+
+/// True if SIGHUP is not ignored, as it is below `nohup`; false where the system does not tell.
+fn heeds_hang_ups() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    ignored.is_some_and(|mask| mask >> (SIGHUP - 1) & 1 == 0)
 }
 
 /// Ends the program where no work looks at the wish, or none obeys it in time.

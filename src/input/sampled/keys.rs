@@ -72,6 +72,12 @@ impl Arrays {
             Some(_) => (tensor("sh")?, false),
             None => (tensor("color")?, true),
         };
+        if plain {
+            no_harmonics(file)?;
+        } else if root.get("color").is_some() {
+            let place = Place::Tensor("color".to_owned());
+            return Err(Error::malformed(place, "color beside sh", "one of them"));
+        }
         let block = block_size(file)?;
         let (places, own): (_, &[u64]) = match (root.get("blocks"), block) {
             (Some(_), Some(_)) => (Some(places(tensor("blocks")?, limits)?), density.shape()),
@@ -167,9 +173,23 @@ fn dimensions(file: &TensorFile, places: &[[i64; 3]], edge: u64, limits: &Limits
     let &[x, y, z] = sizes.as_slice() else {
         return Err(Error::malformed(place, format!("{sizes:?}"), "three sizes"));
     };
+    if sizes.iter().any(|size| !(*size >= 1.0 && size.fract() == 0.0)) {
+        return Err(Error::malformed(place, format!("{sizes:?}"), "three whole numbers of nodes"));
+    }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
     let sizes = [x, y, z].map(|size| size as u64);
     Nodes::checked(sizes, limits, &place)
+}
+
+/// Refuses rules of harmonics beside colours, which they would not change.
+fn no_harmonics(file: &TensorFile) -> Result<()> {
+    match ["clamp", "offset"].into_iter().find(|key| file.setting(key).is_some()) {
+        None => Ok(()),
+        Some(key) => {
+            let found = format!("{key} beside color");
+            Err(Error::malformed(Place::Key(key.to_owned()), found, "it beside sh alone"))
+        }
+    }
 }
 
 fn harmonics(file: &TensorFile, functions: usize) -> Result<Harmonics> {

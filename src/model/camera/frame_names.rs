@@ -118,13 +118,18 @@ fn picture_as_named(folder: &Path, name: &str) -> Option<PathBuf> {
 }
 
 /// A frame's picture in a folder that holds pictures: below it by the frame's path or by the last
-/// parts of it, else by the frame's name with any extension of pictures.
+/// parts of it, with another extension too, else by the frame's name with any extension of pictures.
 pub fn photograph_path(folder: &Path, path: Option<&str>, name: &str) -> Option<PathBuf> {
     let parts = path.map(|path| parts(folder, path)).unwrap_or_default();
+    let bare = path.and_then(|path| bare_name(folder, path));
     let in_folders = path
         .and_then(|path| picture_as_named(folder, path))
-        .or_else(|| by_last_parts(folder, &parts, 2));
-    let bare = path.and_then(|path| bare_name(folder, path));
+        .or_else(|| by_last_parts(folder, &parts, 2))
+        .or_else(|| {
+            // With another extension than the path has.
+            let bare = Path::new(path?).with_file_name(bare.as_deref()?);
+            picture_as_named(folder, bare.to_str()?)
+        });
     // A name that tells frames of one name apart says more than the file's alone.
     let is_bare = bare.as_deref() == Some(name);
     let by_own_name = || (!is_bare).then(|| with_extension(&folder.join(name))).flatten();
@@ -264,6 +269,8 @@ mod tests {
             ("", "elsewhere/images/2.png", None),
             ("", "elsewhere/images/2.JPG", Some("images/2.JPG")),
             ("test", "r_0.7", None),
+            ("", "images/1.png", Some("images/1.jpg")),
+            ("", "./test/r_0.5.jpg", Some("test/r_0.5.png")),
         ] {
             assert_eq!(found(within, path).as_deref(), file, "{path} in {within}");
         }

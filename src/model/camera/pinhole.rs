@@ -13,6 +13,9 @@ const FOCAL_SHARES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 /// tell rays apart.
 const FARTHEST: f64 = 1e12;
 
+/// The share of a rotation's volume that rounded numbers may lack.
+const SKEW: f64 = 0.02;
+
 /// One camera: a frame of a camera file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
@@ -166,6 +169,14 @@ impl Camera {
         }
         if determinant < 0.0 {
             return bad("a matrix that mirrors".into(), "a rotation");
+        }
+        let axes = glam::DMat3::from_mat4(self.to_world);
+        let lengths = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::DVec3::length);
+        let longest = lengths.into_iter().fold(0.0, f64::max);
+        // A box of edges that stand upright and are alike has the largest volume.
+        let upright = determinant / longest.powi(3);
+        if upright < 1.0 - SKEW {
+            return bad("a matrix that skews or stretches".into(), "a rotation");
         }
         let is_near = |number: &f64| number.abs() <= FARTHEST;
         if let Some(far) = self.to_world.to_cols_array().into_iter().find(|n| !is_near(n)) {

@@ -19,6 +19,9 @@ use crate::base::limits::Limits;
 use crate::base::picture;
 use crate::base::text::{is_quoted_number, without_mark};
 
+/// Errors of rounded numbers in a matrix's last row, at most.
+const LAST_ROW_ERROR: f64 = 1e-4;
+
 /// Reads a camera file. The pictures' size is `size`, else the file's, else that of the frame's
 /// picture, else that of the first picture that is there, else 800 x 800.
 ///
@@ -116,7 +119,7 @@ fn camera(
     Ok(camera)
 }
 
-/// The matrix from a camera to the world: three rows, and a fourth that says nothing.
+/// The matrix from a camera to the world: three rows, and maybe 0, 0, 0, 1.
 fn matrix(frame: &Fields, place: &Place) -> Result<DMat4> {
     let expected = "transform_matrix with 3 or 4 rows of 4 numbers";
     let named = ["transform_matrix", "transform"].into_iter();
@@ -139,6 +142,11 @@ fn matrix(frame: &Fields, place: &Place) -> Result<DMat4> {
         }
     }
     let [x, y, z, last] = columns;
+    if !last.abs_diff_eq(DVec4::W, LAST_ROW_ERROR) {
+        let found = format!("{name} with the last row {:?}", last.to_array());
+        let expected = "0, 0, 0, 1 there: rows of numbers, not columns";
+        return Err(Error::malformed(place.clone(), found, expected));
+    }
     Ok(DMat4::from_cols(x, y, z, last).transpose())
 }
 
@@ -325,6 +333,12 @@ mod tests {
             ("[[1,0,0,0],[0,0,-1,-4],[0,1,0,NaN]]", "not finite"),
             ("[[1,0,0,0],[0,0,-1,-4],[0,1,0,-Infinity]]", "not finite"),
             ("[[-1,0,0,0],[0,0,-1,-4],[0,1,0,0.5]]", "mirrors"),
+            // Columns in place of rows, all of it doubled, one axis doubled, a last row of its own.
+            ("[[1,0,0,0],[0,0,1,0],[0,-1,0,0],[0,-4,0.5,1]]", "last row"),
+            ("[[2,0,0,0],[0,0,-2,-8],[0,2,0,1],[0,0,0,2]]", "last row"),
+            ("[[1,0,0,0],[0,0,-1,-4],[0,1,0,0.5],[0,0,1,1]]", "last row"),
+            ("[[2,0,0,0],[0,0,-1,-4],[0,1,0,0.5]]", "stretches"),
+            ("[[1,0.5,0,0],[0,0,-1,-4],[0,1,0,0.5]]", "stretches"),
         ] {
             let frame = format!(r#""file_path":"b.png","transform_matrix":{matrix}"#);
             let error = cameras(plain, &["", &frame]).expect_err(matrix).to_string();

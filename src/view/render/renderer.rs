@@ -176,7 +176,8 @@ impl Renderer {
             min: std::array::from_fn(|axis| crop.min[axis].max(bounds.min[axis])),
             max: std::array::from_fn(|axis| crop.max[axis].min(bounds.max[axis])),
         };
-        let (found, expected) = (format!("{crop:?}"), format!("a box that meets {bounds:?}"));
+        let found = format!("{:?} to {:?}", crop.min, crop.max);
+        let expected = format!("a box that meets {:?} to {:?}", bounds.min, bounds.max);
         sampled.check(&Place::File).map_err(|_| Error::invalid_option("crop", found, expected))?;
         self.view.march.sampled = Some(sampled);
         Ok(())

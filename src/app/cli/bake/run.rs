@@ -55,6 +55,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
             }
         };
     }
+    if options.memory.is_some() && arguments.gltf.path().is_some() {
+        let rest = "the mesh of --gltf is made of the whole container";
+        warn(&format!("--memory holds for the bake alone: {rest}"), common);
+    }
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;
     let replaces_asset = arguments.force || (replace && arguments.gltf.is_own());

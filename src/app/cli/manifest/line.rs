@@ -51,6 +51,10 @@ impl SceneLine {
             return Err(wrong(format!("key {key}"), "input, output and options"));
         }
         for (name, value) in &options {
+            let spelled = |other: &&String| other.replace('_', "-") == name.replace('_', "-");
+            if options.keys().filter(spelled).count() > 1 {
+                return Err(wrong(format!("option {name} in two spellings"), "one of them"));
+            }
             if !of_scenes(known).any(|option| option.is_named(name)) {
                 return Err(wrong(format!("option {name}"), "an option of bake for one scene"));
             }

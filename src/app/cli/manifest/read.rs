@@ -91,6 +91,32 @@ fn place(base: &Path, path: &Path) -> Result<PathBuf> {
     Ok(place)
 }
 
+/// The files that lines read and write. None is written twice, or read and written.
+#[derive(Debug, Default)]
+struct Files {
+    /// Written ones, and by what.
+    written: HashMap<PathBuf, String>,
+    /// Read ones, and by which line.
+    read: HashMap<PathBuf, u64>,
+}
+
+impl Files {
+    /// What speaks against a file that `by` writes.
+    fn write(&mut self, place: PathBuf, by: String) -> Option<String> {
+        if let Some(line) = self.read.get(&place) {
+            return Some(format!("which line {line} reads"));
+        }
+        self.written.insert(place, by).map(|former| format!("which {former} writes too"))
+    }
+
+    /// What speaks against a file that a line reads.
+    fn read(&mut self, place: PathBuf, line: u64) -> Option<String> {
+        let writer = self.written.get(&place).map(|by| format!("which {by} writes"));
+        self.read.insert(place, line);
+        writer
+    }
+}
+
 /// True if a path leads nowhere but into the folder that it is joined to.
 fn is_below(path: &Path) -> bool {
     let mut parts = path.components();
@@ -99,17 +125,26 @@ fn is_below(path: &Path) -> bool {
 
 impl<'a> Manifest<'a> {
     /// Reads every line once. Where `words` has a folder of outputs, no line leads out of it.
+    /// `results` is the file of results, if there is one.
     ///
     /// # Errors
     /// Those of the operating system; `Malformed` with the line that breaks the form, or that writes a
-    /// file of a former line or one outside the folder, and for a file without lines; `Usage` for an
+    /// file that another line or the results have or one outside the folder, and for a file without lines; `Usage` for an
     /// output that is an address, and for options that `check` refuses.
-    pub fn open(path: &Path, words: &Words<'a>, check: CheckScene) -> Result<Self> {
+    pub fn open(
+        path: &Path,
+        words: &Words<'a>,
+        results: Option<&Path>,
+        check: CheckScene,
+    ) -> Result<Self> {
         let mut manifest = Self { lines: Lines::open(path)?, known: words.known, scenes: 0 };
         let folder = path.parent().unwrap_or(Path::new(""));
         let has_folder = !words.outputs.as_os_str().is_empty();
         let own = if has_folder { words.outputs } else { folder };
-        let (mut places, mut checked) = (HashMap::new(), HashSet::new());
+        let (mut files, mut checked) = (Files::default(), HashSet::new());
+        if let Some(results) = results {
+            files.written.insert(place(Path::new(""), results)?, "--results".to_owned());
+        }
         while let Some((number, line)) = manifest.next_scene()? {
             let wrong = |found: String, expected: &str| {
                 Error::malformed(Place::Line(number), found, expected).in_file(path)
@@ -125,10 +160,16 @@ impl<'a> Manifest<'a> {
                     return Err(wrong(shown, "a path below the folder of --output"));
                 }
                 let place = place(if *is_own { own } else { folder }, named)?;
-                if let Some(former) = places.insert(place, number) {
-                    let found = format!("{shown}, which line {former} writes too");
-                    return Err(wrong(found, "a file of its own"));
+                if let Some(reason) = files.write(place, format!("line {number}")) {
+                    return Err(wrong(format!("{shown}, {reason}"), "a file of its own"));
                 }
+            }
+            let input = Path::new(&line.input);
+            if address_reason(input).is_none()
+                && let Some(reason) = files.read(place(folder, input)?, number)
+            {
+                let found = format!("input {}, {reason}", line.input);
+                return Err(wrong(found, "an input that nothing of this run writes"));
             }
             // Lines of a catalogue mostly have the same options.
             if checked.insert(serde_json::Value::from(line.options.clone()).to_string()) {

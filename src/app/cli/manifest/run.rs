@@ -52,7 +52,8 @@ pub fn run(
         false => PathBuf::new(),
     };
     let words = Words { given, known, outputs: &outputs };
-    let mut lines = Manifest::open(manifest, &words, check)?;
+    let results = arguments.results.as_deref().map(absolute).transpose()?;
+    let mut lines = Manifest::open(manifest, &words, results.as_deref(), check)?;
     let count = lines.scenes;
     if let Part::Scene(number) = part
         && number >= count

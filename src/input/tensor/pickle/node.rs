@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::global::Global;
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::limits::{self, Budget, LimitName, Limits};
+use crate::base::limits::{self, LimitName, Limits};
 use crate::input::tensor::Data;
 use crate::model::grid::Element;
 
@@ -138,16 +138,17 @@ pub(super) fn node<'n, 'a>(nodes: &'n [Node<'a>], id: Id) -> &'n Node<'a> {
 pub(super) struct Allowance {
     objects: u64,
     allowed: u64,
-    budget: Budget,
+    bytes: u64,
+    /// The limit on bytes, and its value.
+    most: (LimitName, u64),
 }
 
 impl Allowance {
     fn new(limits: &Limits) -> Self {
         // State dictionaries take about as much more than their pickle; lists take up to half as
         // much again while they grow.
-        let memory = limits.header_bytes.saturating_mul(2);
-        let budget = Budget::new(&Limits { memory, ..limits.clone() });
-        Self { objects: 0, allowed: limits.pickle_objects, budget }
+        let header = (LimitName::HeaderBytes, limits.header_bytes.saturating_mul(2));
+        Self { objects: 0, allowed: limits.pickle_objects, bytes: 0, most: header }
     }
 
     /// Counts an object of `bytes`.
@@ -165,6 +166,8 @@ impl Allowance {
 
     /// Counts bytes of an object.
     pub(super) fn bytes(&mut self, bytes: usize, place: &Place) -> Result<()> {
-        self.budget.spend(bytes as u64, "bytes of pickle objects", place)
+        self.bytes = self.bytes.saturating_add(bytes as u64);
+        let (limit, most) = self.most;
+        limits::check(limit, "bytes of pickle objects", self.bytes, most, place)
     }
 }
