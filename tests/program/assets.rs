@@ -97,6 +97,26 @@ fn sound_assets_have_no_findings() {
         std::fs::write(here.join("asset.gltf"), document.to_string()).expect("writable");
         assert_eq!(findings(here, "asset.gltf"), Vec::<Value>::new(), "{document}");
     }
+    let broken = [
+        (
+            json!({ "asset": asset, "nodes": [{ "children": [1] }, { "children": [2] }, { "children": [1] }] }),
+            "/nodes/1/children",
+        ),
+        (json!({ "asset": asset, "extensionsRequired": ["KHR_x"] }), "/extensionsUsed"),
+        (
+            json!({ "asset": asset, "buffers": [{ "byteLength": 3, "uri": "data:;base64,AAA" }] }),
+            "/buffers/0/uri",
+        ),
+        (
+            json!({ "asset": asset, "buffers": [{ "byteLength": 4, "uri": "data:;base64,AAAA" }] }),
+            "/buffers/0/uri",
+        ),
+    ];
+    for (document, place) in broken {
+        std::fs::write(here.join("asset.gltf"), document.to_string()).expect("writable");
+        let found = findings(here, "asset.gltf");
+        assert!(found.len() == 1 && found[0]["place"] == format!("JSON {place}"), "{found:?}");
+    }
     // What is wrong is still found, in words that say what is missing.
     let wrong = json!({ "asset": asset, "scene": 3, "scenes": [{ "nodes": [7] }] });
     std::fs::write(here.join("asset.gltf"), wrong.to_string()).expect("writable");

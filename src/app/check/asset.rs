@@ -8,6 +8,7 @@ use gltf::json::validation::{Checked, Error as RuleError, Validate};
 use gltf::json::{Index, Root};
 use serde_json::{Value, json};
 
+use super::document;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked};
@@ -113,22 +114,23 @@ fn whole_numbers(value: &mut Value) {
 
 /// Checks the rules of glTF 2.0 for every document that do not depend on extensions.
 fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
-    let mut broken = |pointer: String, found: String, expected: &str| {
+    let broken = |pointer: String, found: String, expected: &str, report: &mut Report| {
         let error = Error::malformed(Place::Pointer(pointer), found, expected);
         report(Finding { code: Code::AssetRule, error })
     };
     if let Some(behind) = asset.chunks().map(|chunks| chunks.behind).filter(|behind| *behind > 0) {
         let found = format!("{behind} bytes behind the stated end");
-        broken(String::new(), found, "none: they belong to nothing")?;
+        broken(String::new(), found, "none: they belong to nothing", report)?;
     }
     // Numbers that nobody can represent, such as 1e400, are no fault of what refers to things.
     let Ok(mut document) = serde_json::from_str::<Value>(asset.text()) else { return Ok(()) };
+    document::check(asset, &document, report)?;
     in_plain_words(&mut document);
     let mut root = match serde_json::from_value::<Root>(document) {
         Ok(root) => root,
         Err(error) => {
             let found = format!("what does not fit the properties of glTF: {error}");
-            return broken(String::new(), found, "a document of glTF 2.0");
+            return broken(String::new(), found, "a document of glTF 2.0", report);
         }
     };
     positions(&mut root, report)?;

@@ -6,6 +6,7 @@
 //! programs that gather findings of many tools.
 
 mod asset;
+mod document;
 mod file;
 pub mod health;
 mod input;

@@ -77,14 +77,23 @@ impl Asset {
     fn check_version(&self) -> Result<()> {
         let place = Place::Pointer("/asset/version".to_owned());
         let asset = self.document()?.get("asset")?;
-        let version = asset.map(|asset| asset.get("version")).transpose()?.flatten();
+        let version = asset.as_ref().map(|asset| asset.get("version")).transpose()?.flatten();
         let Some(version) = version else {
             return Err(self.without_version(place)?);
         };
         let version: String = version.parse("\"2.0\"")?;
-        match version.split_once('.') {
-            Some(("2", _)) => Ok(()),
-            _ => Err(Error::unsupported(place, format!("glTF {version}"), "glTF 2")),
+        if !matches!(version.split_once('.'), Some(("2", _))) {
+            return Err(Error::unsupported(place, format!("glTF {version}"), "glTF 2"));
+        }
+        // The specification forbids older readers than this one.
+        let least = asset.map(|asset| asset.get("minVersion")).transpose()?.flatten();
+        let least = least.map(|least| least.parse::<String>("\"2.0\"")).transpose()?;
+        match least.filter(|least| least != "2.0") {
+            None => Ok(()),
+            Some(least) => {
+                let place = Place::Pointer("/asset/minVersion".to_owned());
+                Err(Error::unsupported(place, format!("glTF {least}"), "glTF 2.0"))
+            }
         }
     }
 
