@@ -227,7 +227,7 @@ fn scales_and_boxes_that_no_camera_can_stand_around_name_their_setting() {
 }
 
 #[test]
-fn the_open_door_refuses_what_it_would_not_heed() {
+fn the_open_door_refuses_what_it_cannot_heed() {
     let color = || ("color", vec![5, 4, 3, 3], Values::F32(vec![0.5; 180]));
     let refused = |grid: &SmallGrid, told: &str| {
         let error = small(grid).expect_err(told).to_string();
@@ -238,9 +238,11 @@ fn the_open_door_refuses_what_it_would_not_heed() {
     refused(&both, "color beside sh");
     let mut plain = sampled();
     plain.arrays[1] = color();
-    refused(&plain, "clamp beside color");
-    plain.settings = vec![("offset", "0.5")];
-    refused(&plain, "offset beside color");
+    small(&plain).expect("settings that colours have no use for");
+    for (key, value) in [("clamp", "relu"), ("offset", "nan")] {
+        plain.settings = vec![(key, value)];
+        refused(&plain, key);
+    }
     for dimensions in ["4.5,4,2", "-4,4,2", "nan,4,2", "0,4,2"] {
         let mut blocks = sampled_blocks();
         blocks.settings.push(("dimensions", dimensions));

@@ -72,9 +72,7 @@ impl Arrays {
             Some(_) => (tensor("sh")?, false),
             None => (tensor("color")?, true),
         };
-        if plain {
-            no_harmonics(file)?;
-        } else if root.get("color").is_some() {
+        if !plain && root.get("color").is_some() {
             let place = Place::Tensor("color".to_owned());
             return Err(Error::malformed(place, "color beside sh", "one of them"));
         }
@@ -122,7 +120,9 @@ impl Arrays {
                 return Err(Error::malformed(place, found, expected));
             }
         };
-        let harmonics = if plain { None } else { Some(harmonics(file, functions)?) };
+        // Plain colours have no use for these settings, which must be right all the same.
+        let harmonics = harmonics(file, functions)?;
+        let harmonics = (!plain).then_some(harmonics);
         let bounds = bounds(file)?;
         let (index, density, color) = (Arc::new(index), Arc::new(density), Arc::new(color));
         Ok(Self { index, density, color, harmonics, bounds })
@@ -179,17 +179,6 @@ fn dimensions(file: &TensorFile, places: &[[i64; 3]], edge: u64, limits: &Limits
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
     let sizes = [x, y, z].map(|size| size as u64);
     Nodes::checked(sizes, limits, &place)
-}
-
-/// Refuses rules of harmonics beside colours, which they would not change.
-fn no_harmonics(file: &TensorFile) -> Result<()> {
-    match ["clamp", "offset"].into_iter().find(|key| file.setting(key).is_some()) {
-        None => Ok(()),
-        Some(key) => {
-            let found = format!("{key} beside color");
-            Err(Error::malformed(Place::Key(key.to_owned()), found, "it beside sh alone"))
-        }
-    }
 }
 
 fn harmonics(file: &TensorFile, functions: usize) -> Result<Harmonics> {
