@@ -10,17 +10,17 @@
 //!
 //! Memory is that of the process as the operating system counts it, with the program itself.
 
-use super::BakeOptions;
 use super::encode::PENDING_BYTES;
+use super::{BakeOptions, plan};
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
-use crate::codec::container::RUN_BYTES;
-use crate::codec::quantize::Bits;
+use crate::codec::container::{RUN_BYTES, frames_per_run};
+use crate::codec::quantize::{Bits, FrameShape, encoder_bytes};
 use crate::levels::brightness::MOMENTS;
 use crate::levels::pyramid::SLAB;
 use crate::levels::{Direction, OpticalDepthGrid};
-use crate::model::baked::Group;
+use crate::model::baked::{Group, NumberType};
 use crate::model::field::{Grid, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes};
 
@@ -253,22 +253,43 @@ impl Needs<'_> {
         // A run that is not full, for each of the groups but one.
         let runs = waiting / RUN_BYTES as u64 + 2;
         let kept = waiting.min(KEPT_BYTES) * KEPT_SHARE.0 / KEPT_SHARE.1;
-        self.threads.min(runs) * (THREAD_BYTES + kept)
+        self.threads.min(runs) * (THREAD_BYTES + kept.max(self.encoder()))
     }
 
-    /// Of a level's codes, at most. A search for a number of bytes tries the smallest errors too.
-    fn bytes_per_code(&self, level: usize) -> u64 {
+    /// Memory of the largest encoder of a run: it grows with the block's edge cubed.
+    fn encoder(&self) -> u64 {
+        let layout = plan::layout(self.field, self.direction().is_some());
+        let edge = self.options.block_size;
+        let of_level = |level: usize| {
+            let number = self.number_type(level);
+            let blocks = BlockGrid { nodes: self.sizes[level], edge }.counts().iter().product();
+            let of_group = move |group: Group| {
+                let shape = FrameShape { number, channels: group.channels(layout), edge };
+                encoder_bytes(shape, frames_per_run(shape).min(blocks)) as u64
+            };
+            Group::ALL.into_iter().filter(move |group| group.channels(layout) > 0).map(of_group)
+        };
+        (0..self.sizes.len()).flat_map(of_level).max().unwrap_or(0)
+    }
+
+    /// The widest type that a level's codes may have. A search for a number of bytes tries the
+    /// smallest errors too.
+    fn number_type(&self, level: usize) -> NumberType {
         let options = self.options;
         match (options.max_bytes, options.max_error, options.bits) {
-            (Some(_), ..) | (None, None, Bits::F32) => 4,
-            (None, None, Bits::Integer(..=8)) => 1,
-            (None, None, _) => 2,
+            (Some(_), ..) | (None, None, Bits::F32) => NumberType::F32,
+            (None, None, Bits::Integer(..=8)) => NumberType::U8,
+            (None, None, _) => NumberType::U16,
             (None, Some(errors), _) => {
                 let errors = errors.of_level(level);
                 let keep = Group::ALL.into_iter().all(|group| errors.of(group) >= FEW_BITS_ERROR);
-                if keep { 2 } else { 4 }
+                if keep { NumberType::U16 } else { NumberType::F32 }
             }
         }
+    }
+
+    fn bytes_per_code(&self, level: usize) -> u64 {
+        self.number_type(level).bytes() as u64
     }
 
     /// Codes of a level that wait until there are enough to compress.

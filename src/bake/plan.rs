@@ -8,7 +8,8 @@ use crate::levels::brightness::LARGEST_BRIGHTNESS;
 use crate::levels::{Direction, Visible};
 use crate::model::anisotropy::LARGEST_FUNCTION;
 use crate::model::baked::{
-    ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table, ViewMetadata,
+    ColorLayout, ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
+    ViewMetadata,
 };
 use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask};
@@ -40,6 +41,16 @@ pub fn add_fitted(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitte
     }
 }
 
+/// The parts of a node's values, with what levels show otherwise from each side or without.
+pub fn layout(field: &RadianceField, has_direction: bool) -> ColorLayout {
+    let features = field.color_channels() - 3;
+    let [features, degree] = match field.harmonics() {
+        Some(harmonics) => [0, harmonics.degree],
+        None => [features, 0],
+    };
+    ColorLayout { features, degree, directional: has_direction, anisotropy: has_direction }
+}
+
 /// The metadata of a bake, with the encodings that `options.bits` gives.
 pub fn metadata(
     field: &RadianceField,
@@ -48,12 +59,9 @@ pub fn metadata(
     tables: &[Table],
 ) -> Metadata {
     let scene = &field.scene;
-    let features = field.color_channels() - 3;
-    let [own_features, degree] = match field.harmonics() {
-        Some(harmonics) => [0, harmonics.degree],
-        None => [features, 0],
-    };
     let filter = &*options.filter;
+    let direction = Direction::of(filter, field);
+    let layout = layout(field, direction.is_some());
     let planned = |decode| planned_encoding(options.bits, decode, &scene.activation);
     let density = |level: usize| planned(Decode::Density(filter.density_domain(level)));
     let color = planned(match (field.color_domain, field.harmonics()) {
@@ -61,9 +69,8 @@ pub fn metadata(
         (ColorDomain::Linear, None) => Decode::Linear,
         (ColorDomain::Logit, None) => Decode::Logit,
     });
-    let bands = (1..=degree).map(|band| planned(Decode::Coefficient(band as u8)));
+    let bands = (1..=layout.degree).map(|band| planned(Decode::Coefficient(band as u8)));
     let bands: Vec<Encoding> = bands.collect();
-    let direction = Direction::of(filter, field);
     let domain = filter.alpha(&scene.activation);
     let most = domain.map_or(0.0, |domain| domain.largest_sqrt_depth());
     let over = |decode: Decode, largest: f32| {
@@ -83,7 +90,7 @@ pub fn metadata(
         blocks_filled: 0,
         density: (number == 0 || filter.has_density()).then(|| density(number)),
         diffuse: Some(color.clone()),
-        features: (own_features > 0).then(|| color.clone()),
+        features: (layout.features > 0).then(|| color.clone()),
         bands: bands.clone(),
         directional: directional(number),
         anisotropy: anisotropy.clone().filter(|_| number > 0),
@@ -97,7 +104,7 @@ pub fn metadata(
         blend: filter.blend(),
         background: scene.background,
         color_space: ColorSpace::SrgbDisplay,
-        features,
+        features: field.color_channels() - 3,
         view: field.view.as_ref().map(ViewMetadata::of),
         free_space: visible.mask_is_required,
         alpha_threshold: options.alpha_threshold,

@@ -114,18 +114,21 @@ pub fn product(sizes: &[u64], what: &'static str, place: &Place) -> Result<usize
 /// Memory that is left to spend on a file's word.
 #[derive(Debug)]
 pub struct Budget {
+    all: u64,
     left: u64,
 }
 
 impl Budget {
     /// All of [`Limits::memory`].
     pub fn new(limits: &Limits) -> Self {
-        Self { left: limits.memory }
+        Self { all: limits.memory, left: limits.memory }
     }
 
     /// Takes `bytes` from the budget.
     pub fn spend(&mut self, bytes: u64, what: &'static str, place: &Place) -> Result<()> {
-        check(LimitName::Memory, what, bytes, self.left, place)?;
+        // With what was spent before, so that the error shows the limit that users know.
+        let spent = self.all.saturating_sub(self.left);
+        check(LimitName::Memory, what, spent.saturating_add(bytes), self.all, place)?;
         self.left -= bytes;
         Ok(())
     }
@@ -156,7 +159,7 @@ mod tests {
         let mut budget = Budget::new(&limits);
         assert_eq!(budget.zeroed::<u16>(4, "bytes", &Place::File).expect("8 of 10").len(), 4);
         let error = budget.zeroed::<u8>(3, "bytes", &Place::File).expect_err("11 of 10");
-        assert!(matches!(error.kind(), ErrorKind::OverLimit { asked: 3, allowed: 2, .. }));
+        assert!(matches!(error.kind(), ErrorKind::OverLimit { asked: 11, allowed: 10, .. }));
         assert!(budget.zeroed::<u64>(usize::MAX, "bytes", &Place::File).is_err());
     }
 

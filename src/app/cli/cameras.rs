@@ -109,13 +109,13 @@ pub fn check_memory(cameras: &[Camera], supersample: u8, limits: &Limits) -> Res
         let rays = [camera.lens.width, camera.lens.height].map(|side| side as u64);
         rays[0] * rays[1] * u64::from(supersample).pow(2)
     };
-    let most = cameras.iter().map(pixels).max().unwrap_or(0);
+    let Some(largest) = cameras.iter().max_by_key(|camera| pixels(camera)) else { return Ok(()) };
     limits::check(
         LimitName::Memory,
         "bytes of a picture",
-        most * BYTES_A_PIXEL,
+        pixels(largest) * BYTES_A_PIXEL,
         limits.memory,
-        &Place::File,
+        &Place::Key(format!("frame {}", largest.name)),
     )
 }
 

@@ -102,15 +102,34 @@ const OTHER_KINDS: [&str; 21] = [
     "zip",
 ];
 
-/// Starts writing a container, whose name must not say that it is something else.
+/// Starts writing a container.
+///
+/// # Errors
+/// Those of [`check_container_name`] and of [`create`].
 pub fn create_container(path: &Path, force: bool) -> Result<Output> {
+    check_container_name(path)?;
+    create(path, force)
+}
+
+/// Refuses names that no container can have, and those that say it is something else.
+///
+/// # Errors
+/// `Usage`.
+pub fn check_container_name(path: &Path) -> Result<()> {
+    let refuse = |reason: &str| Err(Error::usage(format!("-o {}: {reason}", path.display())));
+    let name = path.as_os_str().as_encoded_bytes();
+    if name.ends_with(b"/") || path.file_name().is_none() {
+        return refuse("this verb writes a file, a container (.mipvog), and this names a folder");
+    }
+    if name.contains(&0) {
+        return refuse("a name has no character NUL");
+    }
     let extension = path.extension().and_then(|extension| extension.to_str());
     match extension.filter(|extension| OTHER_KINDS.contains(extension)) {
-        Some(extension) => Err(Error::usage(format!(
-            "-o {}: this verb writes a container, .mipvog, and no .{extension}",
-            path.display()
-        ))),
-        None => create(path, force),
+        Some(extension) => {
+            refuse(&format!("this verb writes a container, .mipvog, and no .{extension}"))
+        }
+        None => Ok(()),
     }
 }
 

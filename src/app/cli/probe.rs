@@ -11,7 +11,7 @@ use serde_json::json;
 use super::common::Common;
 use super::field::FieldArguments;
 use super::outcome::{Outcome, counted, readable};
-use super::output::create as create_output;
+use super::output::{STANDARD_STREAM, create as create_output};
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::stdin;
@@ -80,6 +80,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     check_name(&arguments.output)?;
+    if [&arguments.field, &arguments.rays].iter().all(|input| *input == Path::new(STANDARD_STREAM)) {
+        let message = "the field and --rays cannot both be the standard input";
+        return Err(Error::usage(message));
+    }
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;

@@ -59,6 +59,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         wrong_kind(&arguments.file, expected)
     })?;
     let (output, levels) = (&arguments.output, &arguments.levels);
+    if let Some(level) = levels.iter().enumerate().find(|(i, level)| levels[..*i].contains(level)) {
+        return Err(Error::usage(format!("--levels names level {} twice", level.1)));
+    }
     let in_file = |error: Error| error.in_file(&arguments.file);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
     let input = arguments.file.to_string_lossy();

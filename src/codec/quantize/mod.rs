@@ -41,6 +41,6 @@ pub use inherited_colors::InheritedColors;
 pub use linear::{encoding_over, planned_encoding};
 pub use planes::{CodePlanes, CodeSlab, GroupCodes, Moved};
 pub use range::{Bits, color_encoding, density_encoding, is_laid_over_values};
-pub use run::{run_bytes, run_codes};
+pub use run::{encoder_bytes, run_bytes, run_codes};
 pub use search::encoding_within;
 pub use value_range::ValueRange;

@@ -23,6 +23,17 @@ use crate::model::baked::NumberType;
 const MANY: usize = 64;
 const FEW: usize = 4;
 
+/// Bytes of memory, at most, that making a run of so many frames takes beside the frames.
+pub fn encoder_bytes(shape: FrameShape, frames: usize) -> usize {
+    let lanes = if frames <= 2 * FEW { FEW } else { MANY };
+    let code = shape.number.bytes();
+    // A channel's codes, and its differences in numbers twice as wide; retained, live and residual
+    // lanes; rows of a batch; then residuals in the order of frames, and their bytes.
+    let lane = (3 * shape.channels + 3) * code;
+    let frame = (1 + shape.channels) * code;
+    (frames.next_multiple_of(lanes) * lane + (lanes + frames) * frame) * shape.nodes()
+}
+
 /// The bytes of a run of `frames`, at least one, whose codes are of the shape's number type. Codes
 /// of don't-care nodes become at most `dont_care_max`.
 pub fn run_bytes(shape: FrameShape, frames: &[Frame], dont_care_max: u32) -> RunBytes {

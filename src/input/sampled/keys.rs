@@ -64,7 +64,7 @@ impl Arrays {
         let tensor = |key: &str| -> Result<&Tensor> {
             root.get(key).and_then(Value::tensor).ok_or_else(|| {
                 let place = Place::Tensor(key.to_owned());
-                Error::malformed(place, "no such array", "an array of the open door")
+                Error::malformed(place, "no such array", "an array of sampled density and colour")
             })
         };
         let density = tensor("density")?;
@@ -112,7 +112,8 @@ impl Arrays {
             (&[_, a, b, c], Some(places), Some(edge)) if [a, b, c] == [edge; 3] => {
                 let nodes = dimensions(file, &places, edge, limits)?;
                 let edge = usize::try_from(edge).unwrap_or(0);
-                Index::blocks(nodes, edge, &places, density.rows(), limits, &place)?
+                let blocks = Place::Tensor("blocks".to_owned());
+                Index::blocks(nodes, edge, (&places, &blocks), density.rows(), limits)?
             }
             _ => {
                 let found = format!("shape {own:?}");

@@ -89,10 +89,9 @@ impl Index {
     pub fn blocks(
         nodes: Nodes,
         edge: usize,
-        places: &[[i64; 3]],
+        (places, place): (&[[i64; 3]], &Place),
         rows: u64,
         limits: &Limits,
-        place: &Place,
     ) -> Result<Self> {
         let counts = nodes.0.map(|size| size.div_ceil(edge));
         let total: u64 = counts.iter().map(|&count| count as u64).product();

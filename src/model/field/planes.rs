@@ -147,7 +147,12 @@ impl<'a> Planes<'a> {
         else {
             return Ok(found.count);
         };
-        let tensor = if channel == 0 { "density" } else { "k0" };
+        // Arrays of colour are those of checkpoints.
+        let tensor = match (channel, self.field.color.first()) {
+            (0, _) => "density",
+            (_, Some(Grid::Array(_))) => "k0",
+            _ => "color",
+        };
         // Colour counts its own channels.
         let first = [channel.saturating_sub(1), x, y, z];
         let kind = ErrorKind::NonFinite { count: found.count, first };

@@ -159,11 +159,10 @@ fn tiles([width, height, slices]: [usize; 3]) -> Result<[usize; 2]> {
     if side(best) <= LARGEST_SIDE {
         return Ok([best, slices.div_ceil(best)]);
     }
-    Err(Error::invalid_option(
-        "resolution",
-        format!("{slices} slices of {width} x {height} points"),
-        format!("a sheet of at most {LARGEST_SIDE} pixels a side: less --supersample, or a crop"),
-    ))
+    Err(Error::usage(format!(
+        "{slices} slices of {width} x {height} points do not fit on a sheet of {LARGEST_SIDE} pixels \
+         a side: pass a lower --resolution or --supersample, or --crop"
+    )))
 }
 
 /// Calls `put` with the sheet's pixel of each coloured point: pixel, density, linear colour.

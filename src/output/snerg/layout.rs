@@ -37,12 +37,11 @@ impl Layout {
             return Ok(Self { blocks: [side, side, deep], edge });
         }
         let longest = grid.counts.into_iter().max().unwrap_or(0);
-        let found = format!("{longest}, whose {blocks} blocks fill more than the atlas");
-        let expected = format!(
-            "at most {} blocks of {edge} texels a side, {LARGEST_SIDE} texels a side",
+        Err(Error::usage(format!(
+            "{blocks} blocks of a grid of {longest} voxels do not fit in an atlas of {} blocks, \
+             {LARGEST_SIDE} texels a side: pass a lower --resolution, or --crop",
             most.pow(3)
-        );
-        Err(Error::invalid_option("resolution", found, expected))
+        )))
     }
 
     /// Texels along each axis.

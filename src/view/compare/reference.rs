@@ -165,7 +165,8 @@ pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
     let found = camera::photograph_path(folder, camera.picture.as_deref(), &camera.name);
     found.ok_or_else(|| {
         let missing = std::io::ErrorKind::NotFound.into();
-        Error::io(missing, &folder.join(format!("{}.png", camera.name)))
+        let stated = camera.picture.clone().unwrap_or_else(|| format!("{}.png", camera.name));
+        Error::io(missing, &folder.join(stated))
     })
 }
 

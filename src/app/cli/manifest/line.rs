@@ -1,5 +1,8 @@
 //! A line of a manifest.
 
+use std::fmt::Formatter;
+
+use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 
 use super::super::output::STANDARD_STREAM;
@@ -27,8 +30,13 @@ impl SceneLine {
         let wrong =
             |found: String, expected: &str| Error::malformed(Place::Line(number), found, expected);
         let form = "an object {\"input\": PATH, \"output\": PATH, \"options\": {...}}";
-        let value: Value = serde_json::from_str(text)
-            .map_err(|error| wrong(format!("no JSON at column {}", error.column()), form))?;
+        let UniqueKeys(value) = serde_json::from_str(text).map_err(|error| match error.classify() {
+            serde_json::error::Category::Data => {
+                let found = error.to_string();
+                wrong(found.split(" at line").next().unwrap_or_default().to_owned(), "each key once")
+            }
+            _ => wrong(format!("no JSON at column {}", error.column()), form),
+        })?;
         let Value::Object(mut members) = value else {
             return Err(wrong(kind(&value).to_owned(), form));
         };
@@ -64,6 +72,68 @@ impl SceneLine {
             }
         }
         Ok(Self { input, output, options })
+    }
+}
+
+/// A JSON value none of whose objects has a key twice: the parser would keep the last one.
+struct UniqueKeys(Value);
+
+impl<'de> Deserialize<'de> for UniqueKeys {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        deserializer.deserialize_any(UniqueKeysVisitor).map(Self)
+    }
+}
+
+struct UniqueKeysVisitor;
+
+impl<'de> Visitor<'de> for UniqueKeysVisitor {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut Formatter) -> std::fmt::Result {
+        f.write_str("a JSON value")
+    }
+
+    fn visit_unit<E>(self) -> std::result::Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> std::result::Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> std::result::Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> std::result::Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E>(self, value: f64) -> std::result::Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_str<E>(self, value: &str) -> std::result::Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> std::result::Result<Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(UniqueKeys(value)) = seq.next_element()? {
+            values.push(value);
+        }
+        Ok(values.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> std::result::Result<Value, A::Error> {
+        let mut members = Map::new();
+        while let Some((key, UniqueKeys(value))) = map.next_entry::<String, _>()? {
+            if members.contains_key(&key) {
+                return Err(A::Error::custom(format!("key {key} twice")));
+            }
+            members.insert(key, value);
+        }
+        Ok(members.into())
     }
 }
 

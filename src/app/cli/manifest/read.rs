@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
 use super::super::failure::message;
-use super::super::output::address_reason;
+use super::super::output::{address_reason, check_container_name};
 use super::line::SceneLine;
 use super::options::OptionKind;
 use super::words::{Words, Written};
@@ -157,13 +157,17 @@ impl<'a> Manifest<'a> {
                     return Err(Error::usage(message).in_file(path));
                 }
                 if *is_own && has_folder && !is_below(named) {
-                    return Err(wrong(shown, "a path below the folder of --output"));
+                    let expected = "a path below the folder of --output, without ..";
+                    return Err(wrong(shown, expected));
                 }
                 let place = place(if *is_own { own } else { folder }, named)?;
                 if let Some(reason) = files.write(place, format!("line {number}")) {
                     return Err(wrong(format!("{shown}, {reason}"), "a file of its own"));
                 }
             }
+            check_container_name(Path::new(&line.output)).map_err(|error| {
+                Error::usage(format!("line {number}: {}", error.kind())).in_file(path)
+            })?;
             let input = Path::new(&line.input);
             if address_reason(input).is_none()
                 && let Some(reason) = files.read(place(folder, input)?, number)

@@ -198,6 +198,12 @@ impl<'a> Insertion<'a> {
         let scene = default.map(Node::index).transpose()?.unwrap_or(0);
         match default {
             _ if scene < scenes => {
+                // A list that other programs cannot read is not made longer.
+                let scenes = self.asset.list(&self.root, "scenes")?;
+                let nodes = scenes.get(scene).map(|scene| scene.get("nodes")).transpose()?.flatten();
+                for node in nodes.map_or(Ok(Vec::new()), |nodes| nodes.elements())? {
+                    node.index()?;
+                }
                 let scene = self.document.element("scenes", scene)?;
                 scene.list("nodes")?.push(Tree::New(number.into()));
             }
