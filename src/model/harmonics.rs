@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::activate::lanes;
+pub use crate::model::generated::{Clamp, Evaluation};
 
 /// Functions of the highest degree.
 pub const FUNCTIONS: usize = 16;
@@ -23,28 +24,6 @@ pub const BAND_0: f32 = 0.282_094_8;
 
 /// Values of all functions in one direction.
 pub type Basis = [f32; FUNCTIONS];
-
-/// The place of the clamp, and so of everything that is not linear.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Evaluation {
-    /// Once for the weighted sum along a ray.
-    Ray,
-    /// Once for each sample.
-    Sample,
-}
-
-/// Limits of a colour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Clamp {
-    /// No colour is below 0.
-    Zero,
-    /// No limits.
-    None,
-    /// The sum is a logit: colours are `sigmoid(sum)`. For samples only.
-    Sigmoid,
-}
 
 /// The rules to make colours of coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -7,6 +7,7 @@ pub mod baked;
 pub mod camera;
 pub mod directional;
 pub mod field;
+pub mod generated;
 pub mod grid;
 pub mod harmonics;
 pub mod snerg;

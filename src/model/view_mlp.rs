@@ -13,6 +13,7 @@ use multiversion::multiversion;
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::activate::lanes;
+pub use crate::model::generated::ViewInput;
 
 /// A dense layer: `out = weights * in + bias`.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,16 +26,6 @@ pub struct Layer {
     pub weights: Vec<f32>,
     /// `[outputs]`.
     pub bias: Vec<f32>,
-}
-
-/// The rest of the first layer's input, after the embedding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ViewInput {
-    /// Accumulated diffuse colour, then the accumulated features.
-    DiffuseAndFeatures,
-    /// The accumulated features alone.
-    Features,
 }
 
 /// The network: relu between layers, sigmoid after the last.

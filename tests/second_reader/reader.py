@@ -22,7 +22,10 @@ except ImportError as error:
     print(f"{error}: pip install -r tests/second_reader/requirements.txt", file=sys.stderr)
     sys.exit(3)
 
+from tables import CHUNKS, FEATURES, GROUPS, MAJOR, OBJECTS
+
 NO_LEVEL = 0xFFFFFFFF
+KNOWN = CHUNKS + tuple(kind for kind, *_ in GROUPS)
 # Number type: bytes of a code, prediction of a block's first node, allowed bits, the float it orders.
 NUMBERS = {
     "u8": (1, 0, range(1, 9), None),
@@ -41,138 +44,66 @@ def need(truth, message):
         raise Refused(message)
 
 
-# Section 4: metadata. A form is a type, a set of allowed values, a dict (exactly these keys), a list (exactly these
-# items), or a function that checks the value itself.
+# Section 4: metadata. `tables.py` says what a form is.
 
 
-def number(value):
+def f32(value, wanted):
     need(type(value) in (int, float) and math.isfinite(value), f"{value!r} is no finite number")
-
-
-def f32(value):
-    number(value)
     need(abs(value) <= np.finfo(np.float32).max and float(np.float32(value)) == value, f"{value!r} is no f32")
-
-
-def whole(low, high=2**32 - 1):
-    return lambda value: need(type(value) is int and low <= value <= high, f"{value!r} is not in {low} to {high}")
-
-
-def maybe(form):
-    return lambda value: value is None or check(value, form)
-
-
-def many(form, low, high):
-    def each(value):
-        need(type(value) is list and low <= len(value) <= high, f"{value!r} has not {low} to {high} items")
-        for item in value:
-            check(item, form)
-
-    return each
+    holds = {"finite": True, "positive": value > 0, "from zero": value >= 0, "share": 0 <= value < 1}
+    need(holds[wanted], f"{value!r} is not {wanted}")
 
 
 def check(value, form):
-    if isinstance(form, dict):
-        need(type(value) is dict and value.keys() == form.keys(), f"the keys {', '.join(form)} are wanted in {value!r}")
-        for key in form:
-            check(value[key], form[key])
-    elif isinstance(form, list):
-        need(type(value) is list and len(value) == len(form), f"{value!r} has not {len(form)} items")
-        for item, of in zip(value, form):
+    kind, *rest = form
+    if kind == "f32":
+        f32(value, *rest)
+    elif kind == "whole":
+        low, high = rest
+        need(type(value) is int and low <= value <= high, f"{value!r} is not in {low} to {high}")
+    elif kind in ("bool", "text"):
+        need(type(value) is (bool if kind == "bool" else str), f"{value!r} is no {kind}")
+    elif kind == "enum":
+        need(type(value) is str and value in rest[0], f"{value!r} is not one of {rest[0]}")
+    elif kind == "null":
+        if value is not None:
+            check(value, rest[0])
+    elif kind == "list":
+        of, low, high = rest
+        need(type(value) is list and low <= len(value) <= high, f"{value!r} has not {low} to {high} items")
+        for item in value:
             check(item, of)
-    elif isinstance(form, set):
-        need(type(value) is str and value in form, f"{value!r} is not one of {sorted(form)}")
-    elif isinstance(form, type):
-        need(type(value) is form, f"{value!r} is no {form.__name__}")
+    elif kind == "choice":
+        key, one, other = rest
+        check(value, ("object", one if type(value) is dict and key in value else other))
     else:
-        form(value)
+        keys = OBJECTS[rest[0]]
+        need(type(value) is dict and value.keys() <= keys.keys(), f"{rest[0]} has other keys than {', '.join(keys)}")
+        for key, (of, optional) in keys.items():
+            need(optional or key in value, f"{rest[0]} has no {key}")
+            if key in value:
+                check(value[key], of)
+        if rest[0] == "encoding":
+            whole_encoding(value)
+        if rest[0] == "level":
+            for _, name, _, _, _, decodes in GROUPS:
+                of = encoding_of(value, name)
+                need(of is None or of["decode"] in decodes, f"{name} decodes as {of and of['decode']}")
 
 
-def encoding(*decodes):
-    form = {"number": set(NUMBERS), "bits": int, "center": f32, "step": f32, "curve": f32, "empty": f32, "empty_code": bool}
-    form |= {"decode": set(decodes), "max_error": number}
-
-    def whole_encoding(value):
-        check(value, form)
-        need(value["bits"] in NUMBERS[value["number"]][2], f"{value['bits']} bits of {value['number']}")
-        if value["number"][0] == "f":
-            need(value["center"] == value["step"] == value["curve"] == 0 and not value["empty_code"], "a float with a range")
-
-    return whole_encoding
+def whole_encoding(value):
+    need(value["bits"] in NUMBERS[value["number"]][2], f"{value['bits']} bits of {value['number']}")
+    if value["number"][0] == "f":
+        need(value["center"] == value["step"] == value["curve"] == 0 and not value["empty_code"], "a float with a range")
 
 
-LEVEL = {
-    "dimensions": [whole(2)] * 3,
-    "block_size": whole(1, 64),
-    "blocks_stored": whole(0),
-    "blocks_filled": whole(1),
-    "density": maybe(encoding("raw_density", "sqrt_optical_depth", "opacity")),
-    "diffuse": encoding("logit", "linear", "band_0"),
-    "features": maybe(encoding("logit")),
-    "bands": many(encoding("band_1", "band_2", "band_3"), 1, 3),
-    "directional": encoding("directional_logit"),
-    "anisotropy": encoding("directional_sqrt_depth"),
-}
-
-
-def present(form, value, optional):
-    """A form without the optional keys that a value does not have."""
-    keys = value.keys() if type(value) is dict else ()
-    return {key: of for key, of in form.items() if key not in optional or key in keys}
-
-
-def level_form(value):
-    """The form of a level: it counts filled blocks, and has bands, directional brightness or anisotropy, only where there
-    are some."""
-    return present(LEVEL, value, ("blocks_filled", "bands", "directional", "anisotropy"))
-
-
-ACTIVATION = {"interval": number, "order": {"raw", "density", "opacity"}, "shift": number, "function": {"relu"}}
-BOX = {"max": [number] * 3, "min": [number] * 3}
-MARCH = {"far": maybe(number), "sampled": BOX, "voxel": [number] * 3} | dict.fromkeys(
-    ("alpha_threshold", "color_threshold", "near", "stepsize", "voxel_size"), number
-)
-NETWORK = {
-    "frequencies": whole(0),
-    "input": {"diffuse_and_features", "features"},
-    "widths": many(whole(1), 2, 2**16),
-}
-HARMONICS = {
-    "clamp": {"zero", "none", "sigmoid"},
-    "degree": whole(0, 3),
-    "kind": {"spherical_harmonics"},
-    "offset": f32,
-    "where": {"ray", "sample"},
-}
-
-
-def view_form(value):
-    check(value, HARMONICS if type(value) is dict and "kind" in value else NETWORK)
-
-
-RULE = {
-    "aside": {"same_distance", "same_index"},
-    "bends": many([f32, f32], 1, 6),
-    "bias": number,
-    "factor": number,
-    "most": maybe(number),
-}
-META = {
-    "bounds": BOX,
-    "activation": lambda value: check(value, present(ACTIVATION, value, ("function",))),
-    "march": lambda value: check(value, present(MARCH, value, ("sampled", "voxel"))),
-    "step_rule": {"constant", "level_of_detail"},
-    "level_of_detail": lambda value: check(value, present(RULE, value, ("bends",))),
-    "blend": {"before_activation", "after_activation"},
-    "background": [number] * 3,
-    "color_space": {"srgb_display"},
-    "features": whole(0),
-    "view": maybe(view_form),
-    "free_space": bool,
-    "alpha_threshold": number,
-    "filter": str,
-    "levels": many(lambda value: check(value, level_form(value)), 1, 32),
-}
+def encoding_of(level, name):
+    """The encoding of a group; None if the level does not have it."""
+    key, item = next((key, item) for _, group, key, item, *_ in GROUPS if group == name)
+    value = level.get(key)
+    if item is None or value is None:
+        return value
+    return value[item] if item < len(value) else None
 
 
 def once(pairs):
@@ -186,15 +117,13 @@ def metadata(data):
         meta = json.loads(data.decode("utf-8"), object_pairs_hook=once)
     except (ValueError, RecursionError) as error:
         raise Refused(f"META is no JSON: {error}") from None
-    check(meta, META)
+    check(meta, ("object", "metadata"))
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]
     march = meta["march"]
     sampled, bounds = march.get("sampled", meta["bounds"]), meta["bounds"]
     for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
         need(low <= from_ < to <= high, "samples outside of the box")
-    lengths = [march["stepsize"], march["voxel_size"], *march.get("voxel", ())]
-    need(all(length > 0 for length in lengths), "a step without length")
     diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
     need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
     bends, slope = meta["level_of_detail"].get("bends", []), meta["level_of_detail"]["factor"]
@@ -282,8 +211,8 @@ def directory(data):
     need(data[:8] == b"\x89MVG\r\n\x1a\n", "another signature")
     need(len(data) >= 64, "shorter than a header")
     major, _, zero, required, length, start, count, zero2, crc, tail = struct.unpack("<HHIQQQIII12s", data[8:64])
-    need(major == 1, f"major version {major}")
-    need(required in range(32), f"unknown required features {required:#x}")
+    need(major == MAJOR, f"major version {major}")
+    need(required < 1 << len(FEATURES), f"unknown required features {required:#x}")
     need(length == len(data), f"{len(data)} bytes, but the header says {length}")
     need(start == 64, "the directory is not at 64")
     end = 64 + 64 * count
@@ -308,17 +237,12 @@ def directory(data):
     return chunks, required
 
 
-KNOWN = ("META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS")
-
-
 def atlases_of(meta, level):
     """The atlases of a level in their order, as (type, name of the array, encoding, channels)."""
-    found = [("DENS", "density", level["density"], 1), ("DIFF", "diffuse", level["diffuse"], 3)]
-    found.append(("FEAT", "features", level["features"], meta["features"]))
-    for number, (kind, band) in enumerate(zip(("BNDA", "BNDB", "BNDC"), level.get("bands", [])), 1):
-        found.append((kind, f"band {number}", band, 3 * (2 * number + 1)))
-    found.append(("DIRB", "directional", level.get("directional"), 3))
-    found.append(("ANIS", "anisotropy", level.get("anisotropy"), 5))
+    found = [
+        (kind, name.replace("_", " "), encoding_of(level, name), channels if type(channels) is int else meta[channels])
+        for kind, name, _, _, channels, _ in GROUPS
+    ]
     return [atlas for atlas in found if atlas[2] is not None]
 
 
@@ -326,11 +250,19 @@ def arrange(chunks, required):
     """The metadata, and the bytes of known chunks by type and level, once they are those that the metadata asks for."""
     need(chunks and chunks[0][0] == "META", "the first chunk is not META")
     meta = metadata(chunks[0][2])
-    filled = any("blocks_filled" in level for level in meta["levels"])
-    directional = any("directional" in level for level in meta["levels"])
-    anisotropy = any("anisotropy" in level for level in meta["levels"])
-    asked = filled + 2 * is_linear(meta) + 4 * ("bends" in meta["level_of_detail"]) + 8 * directional + 16 * anisotropy
-    need(required == asked, "the required features disagree with the metadata")
+
+    def has(key):
+        return any(key in level for level in meta["levels"])
+
+    asked = {
+        "inherited_blocks": has("blocks_filled"),
+        "linear_values": is_linear(meta),
+        "bent_rule": "bends" in meta["level_of_detail"],
+        "directional": has("directional"),
+        "anisotropy": has("anisotropy"),
+    }
+    bits = sum(asked[name] << bit for bit, name in enumerate(FEATURES))
+    need(required == bits, "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]

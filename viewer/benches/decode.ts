@@ -10,7 +10,7 @@
 import { readFileSync } from "node:fs";
 import { CODINGS } from "../src/format/codings/index.js";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
-import { valueGroups, readMetadata } from "../src/format/metadata.js";
+import { storedGroups, readMetadata } from "../src/format/metadata.js";
 import { levelChunks, LevelDecoder } from "../src/load/level.js";
 import { plan } from "../src/load/plan.js";
 import { prepareDecoding } from "../src/load/prepare.js";
@@ -31,9 +31,9 @@ await prepareDecoding();
 const header = readHeader(bytes);
 const entries = readDirectory(header, bytes);
 const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
-if (header.inherited) throw new Error("A container without inherited blocks is needed.");
+if (header.features.has("inherited_blocks")) throw new Error("A container without inherited blocks is needed.");
 const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 40, uniforms: 1024 }, 0);
-const groups = metadata.levels.map((level, number) => [...(level.density ? [{ kind: "DENS", encoding: level.density, channels: 1 }] : []), ...valueGroups(metadata, number)]);
+const groups = metadata.levels.map((_, number) => storedGroups(metadata, number));
 let megabytes = 0;
 const codes = seconds(() => {
   metadata.levels.forEach(({ block_size: edge, blocks_stored: frames }, number) => {

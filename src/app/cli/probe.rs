@@ -80,7 +80,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     check_name(&arguments.output)?;
-    if [&arguments.field, &arguments.rays].iter().all(|input| *input == Path::new(STANDARD_STREAM)) {
+    if [&arguments.field, &arguments.rays].iter().all(|input| *input == Path::new(STANDARD_STREAM))
+    {
         let message = "the field and --rays cannot both be the standard input";
         return Err(Error::usage(message));
     }

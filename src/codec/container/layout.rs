@@ -2,28 +2,16 @@
 
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
-use crate::model::baked::GROUPS;
+
+pub use super::generated::{
+    ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, FEATURES_SINCE,
+    INHERITED_BLOCKS, KNOWN_FEATURE_BITS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE,
+    TABLE, VERSION, VMLP,
+};
 
 /// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line
 /// ends and an end-of-file character, so that text-mode transfers damage it visibly.
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
-/// Version of the format: readers refuse another major one, and ignore a higher minor one.
-pub const VERSION: [u16; 2] = [1, 2];
-/// Required feature: there are blocks whose colours are inherited from the next coarser level.
-/// Since 1.1.
-pub const INHERITED_BLOCKS: u64 = 1;
-/// Required feature: colours are linear, coefficients of harmonics among them, or the function of
-/// density is not softplus. Since 1.2.
-pub const LINEAR_VALUES: u64 = 2;
-/// Required feature: the rule of the level of detail bends. Since 1.2.
-pub const BENT_RULE: u64 = 4;
-/// Required feature: coarser levels have directional brightness. Since 1.2.
-pub const DIRECTIONAL: u64 = 8;
-/// Required feature: coarser levels have anisotropy. Since 1.2.
-pub const ANISOTROPY: u64 = 16;
-/// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 =
-    INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL | ANISOTROPY;
 /// Bytes of the header.
 pub const HEADER_BYTES: u64 = 64;
 /// Bytes of a directory entry.
@@ -34,22 +22,6 @@ pub const ALIGNMENT: u64 = 64;
 const CHECKSUM_AT: usize = 48;
 /// Level field of a chunk that belongs to no level.
 const NO_LEVEL: u32 = u32::MAX;
-
-/// Type of a chunk. The first letter is lower case in ancillary chunks, which readers may skip.
-pub type ChunkKind = [u8; 4];
-/// Metadata, canonical JSON.
-pub const META: ChunkKind = *b"META";
-/// Layers of the view network.
-pub const VMLP: ChunkKind = *b"VMLP";
-/// The free-space mask.
-pub const MASK: ChunkKind = *b"MASK";
-/// Provenance, canonical JSON; ancillary.
-pub const PROVENANCE: ChunkKind = *b"prov";
-/// Occupancy of a level's blocks.
-pub const TABLE: ChunkKind = *b"TABL";
-/// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
-pub const ATLASES: [ChunkKind; GROUPS] =
-    [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC", *b"DIRB", *b"ANIS"];
 
 /// The header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -150,11 +122,8 @@ impl Header {
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
         let mut fields = Vec::with_capacity(64);
         fields.extend(SIGNATURE);
-        let minor = match features {
-            0 => 0,
-            INHERITED_BLOCKS => 1,
-            _ => VERSION[1],
-        };
+        let set = FEATURES_SINCE.iter().enumerate().filter(|(bit, _)| features >> bit & 1 == 1);
+        let minor = set.map(|(_, &since)| since).max().unwrap_or(0);
         [VERSION[0], minor].iter().for_each(|part| fields.extend(part.to_le_bytes()));
         fields.extend([0; 4]);
         fields.extend(features.to_le_bytes());

@@ -1,15 +1,17 @@
 //! Rules of a container's metadata: values are in range and agree with each other.
-//! `formats/mipvog.md`, sections 4 to 6.
+//! `formats/mipvog.md`, sections 4 to 6. The ranges of single values are in [`super::generated`].
 
+use super::generated::ranges;
+use super::held::Rules;
 use crate::base::error::{Error, Place, Result};
-use crate::base::finding::{Code, Report, checked, strict};
+use crate::base::finding::{Code, Report, strict};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::model::baked::{
     Blend, Decode, DensityDomain, Encoding, Group, LevelMetadata, Metadata, NumberType,
     ViewMetadata,
 };
 use crate::model::directional::{DIRECTIONAL as DIRECTIONAL_VALUES, MOST_CHANNELS};
-use crate::model::field::{Activation, ColorDomain, DensityFunction};
+use crate::model::field::{ColorDomain, DensityFunction};
 use crate::model::grid::Nodes;
 
 /// Nodes along a block's edge, at most.
@@ -23,26 +25,16 @@ pub fn metadata(
     report: &mut Report,
 ) -> Result<bool> {
     let mut rules = Rules { sound: true, report };
+    ranges(metadata, &mut rules)?;
     scene(metadata, place, &mut rules)?;
-    let features = metadata.features as u64;
-    let max_features = limits.channels.saturating_sub(3);
+    let channels = (metadata.features as u64).saturating_add(3);
     rules.hold("features", |place| {
-        limits::check(LimitName::Channels, "features", features, max_features, place)
+        let what = "channels of colours and features";
+        limits::check(LimitName::Channels, what, channels, limits.channels, place)
     })?;
     if let Some(ViewMetadata::Harmonics(harmonics)) = &metadata.view {
         rules.hold("view", |place| harmonics.rules.check(metadata.features, place))?;
     }
-    if let Some(ViewMetadata::Network(view)) = &metadata.view {
-        let count = view.widths.len();
-        let found = format!("{count} widths");
-        rules.require((2..=32).contains(&count), "view.widths", found, "2 to 32 widths")?;
-        let widest = view.widths.iter().copied().max().unwrap_or(0);
-        rules.require(widest <= 4096, "view.widths", widest, "widths of at most 4096")?;
-        let octaves = view.frequencies;
-        rules.require(octaves <= 32, "view.frequencies", octaves, "at most 32")?;
-    }
-    let count = metadata.levels.len();
-    rules.require((1..=32).contains(&count), "levels", count, "1 to 32 levels")?;
     let mut finer = None;
     for (number, own) in metadata.levels.iter().enumerate() {
         level(metadata, number, own, finer, limits, &mut rules)?;
@@ -65,75 +57,20 @@ pub fn metadata(
     Ok(rules.sound)
 }
 
-/// Rules of the metadata as they are held.
-struct Rules<'a, 'r> {
-    sound: bool,
-    report: &'a mut Report<'r>,
-}
-
-impl Rules<'_, '_> {
-    /// Reports a value that breaks a rule.
-    fn require(
-        &mut self,
-        holds: bool,
-        key: &str,
-        found: impl std::fmt::Display,
-        expected: &str,
-    ) -> Result<()> {
-        self.hold(key, |place| match holds {
-            true => Ok(()),
-            false => Err(Error::malformed(place.clone(), found.to_string(), expected)),
-        })
-    }
-
-    /// Reports the error of a rule.
-    fn hold(&mut self, key: &str, rule: impl FnOnce(&Place) -> Result<()>) -> Result<()> {
-        let checked = rule(&Place::Key(key.to_owned()));
-        self.report(Code::MetadataValue, checked)
-    }
-
-    fn report(&mut self, code: Code, rule: Result<()>) -> Result<()> {
-        self.sound &= rule.is_ok();
-        checked(rule, code, self.report).map(|_| ())
-    }
-}
-
-/// Rules of everything but levels.
+/// Rules of everything but levels that need more than one value.
 fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let (march, activation) = (&metadata.march, &metadata.activation);
-    let positive = |value: f32| value > 0.0 && value.is_finite();
     let boxed = metadata.bounds.check(place);
     let found = boxed.err().map(|error| error.to_string()).unwrap_or_default();
     rules.require(found.is_empty(), "bounds", found, "finite corners, min below max")?;
-    let Activation { shift, interval, .. } = *activation;
     let relu = activation.function == DensityFunction::Relu;
-    let shifts = shift.is_finite() && !(relu && shift != 0.0);
-    let expected = "a finite number, 0 beside relu";
-    rules.require(shifts, "activation.shift", shift, expected)?;
-    rules.require(positive(interval), "activation.interval", interval, "a positive number")?;
-    let lengths = [("march.stepsize", march.stepsize), ("march.voxel_size", march.voxel_size)];
-    let edges = march.voxel.into_iter().flatten().map(|edge| ("march.voxel", edge));
-    for (key, length) in lengths.into_iter().chain(edges) {
-        rules.require(positive(length), key, length, "a positive number")?;
-    }
+    let shift = activation.shift;
+    rules.require(!relu || shift == 0.0, "activation.shift", shift, "0 beside relu")?;
     let found = format!("{:?}", march.sampled);
     let within = march.samples_within(&metadata.bounds);
     rules.require(within, "march.sampled", found, "a box within bounds")?;
-    let near = march.near >= 0.0 && march.near.is_finite();
-    rules.require(near, "march.near", march.near, "a number from 0")?;
     let far = march.far.unwrap_or(f32::INFINITY);
-    let far_fits = march.far.is_none_or(f32::is_finite) && far > march.near;
-    rules.require(far_fits, "march.far", far, "a number above near, or null")?;
-    for (key, share) in [
-        ("march.color_threshold", march.color_threshold),
-        ("march.alpha_threshold", march.alpha_threshold),
-        ("alpha_threshold", metadata.alpha_threshold),
-    ] {
-        rules.require((0.0..1.0).contains(&share), key, share, "0 to below 1")?;
-    }
-    let background = metadata.background;
-    let finite = background.iter().all(|value| value.is_finite());
-    rules.require(finite, "background", format!("{background:?}"), "finite numbers")?;
+    rules.require(far > march.near, "march.far", far, "a number above near, or null")?;
     let lod = &metadata.level_of_detail;
     let bound = lod.bound.unwrap_or(0.0);
     let bends = lod.bends.as_slice();

@@ -14,6 +14,8 @@
 //! that was cut after a level, and `write` puts a file together.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod generated;
+mod held;
 pub mod json;
 pub mod layout;
 mod mask;

@@ -3,9 +3,9 @@
 //! [`super::metadata_rules`].
 
 use super::layout::{
-    ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
-    HEADER_BYTES, Header, INHERITED_BLOCKS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, PROVENANCE,
-    TABLE, VMLP,
+    ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
+    HEADER_BYTES, Header, INHERITED_BLOCKS, KNOWN_FEATURE_BITS, KNOWN_FEATURES, LINEAR_VALUES,
+    MASK, META, PROVENANCE, TABLE, VERSION, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
@@ -15,7 +15,7 @@ use crate::model::field::{ColorDomain, DensityFunction};
 
 /// True if this build knows the chunk type.
 pub fn is_known(kind: ChunkKind) -> bool {
-    [META, VMLP, MASK, PROVENANCE, TABLE].contains(&kind) || ATLASES.contains(&kind)
+    CHUNKS.contains(&kind) || ATLASES.contains(&kind)
 }
 
 /// Features and the directory's place.
@@ -23,9 +23,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
         let found = format!("required features {unknown:#x}");
-        let expected = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional \
-                        brightness), 4 (anisotropy)";
-        let error = Error::unsupported(Place::Offset(16), found, expected).advise(NEWER);
+        let error = Error::unsupported(Place::Offset(16), found, KNOWN_FEATURE_BITS).advise(NEWER);
         report(Finding { code: Code::Feature, error })?;
     }
     if header.directory_offset != HEADER_BYTES {
@@ -64,7 +62,7 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
         next = entry.padded_end();
         if !is_known(entry.kind) && entry.is_critical() {
             let found = format!("the critical chunk {}", entry.kind.escape_ascii());
-            let expected = "critical chunks of version 1.2";
+            let expected = format!("critical chunks of version {}.{}", VERSION[0], VERSION[1]);
             let error = Error::unsupported(entry.place(), found, expected).advise(NEWER);
             report(Finding { code: Code::ChunkUnknown, error })?;
         }

@@ -13,11 +13,10 @@
 
 use std::ops::RangeInclusive;
 
-use serde::{Deserialize, Serialize};
-
-use super::Decode;
+use super::generated::Encoding;
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::directional::DIRECTIONAL;
+use crate::model::generated::NumberType;
 
 /// Number of groups.
 pub const GROUPS: usize = 8;
@@ -127,20 +126,6 @@ impl Group {
     }
 }
 
-/// Number types of codes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum NumberType {
-    /// One byte.
-    U8,
-    /// Two bytes.
-    U16,
-    /// IEEE binary16.
-    F16,
-    /// IEEE binary32.
-    F32,
-}
-
 impl NumberType {
     /// Bytes of one code.
     pub const fn bytes(self) -> usize {
@@ -155,31 +140,6 @@ impl NumberType {
     pub const fn is_float(self) -> bool {
         matches!(self, Self::F16 | Self::F32)
     }
-}
-
-/// The encoding of one group of one level.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Encoding {
-    /// Number type of codes.
-    pub number: NumberType,
-    /// Bits that codes use: 1 to 16, or those of the float.
-    pub bits: u32,
-    /// Value of the middle code; 0 for floats.
-    pub center: f32,
-    /// Distance of neighbouring codes' values at the middle; 0 for floats.
-    pub step: f32,
-    /// Growth of that distance towards the ends; 0 for floats.
-    pub curve: f32,
-    /// Value of dropped blocks.
-    pub empty: f32,
-    /// True if code 0 means `empty`.
-    pub empty_code: bool,
-    /// Meaning of decoded values.
-    pub decode: Decode,
-    /// Largest distance, at a retained node, between the decoded and the encoded value: in opacity
-    /// over one interval for density, in colour (0 to 1) otherwise.
-    pub max_error: f32,
 }
 
 impl Encoding {

@@ -1,50 +1,14 @@
 //! The renderer's settings beside the bulk: the JSON of a container's `META` chunk.
 
-use serde::{Deserialize, Serialize};
-
-use super::{ColorLayout, Decode, DensityDomain, Encoding, Group, LevelOfDetail};
+use super::generated::{Encoding, LevelMetadata, Metadata, NetworkMetadata, ViewMetadata};
+use super::harmonics::HarmonicsMetadata;
+use super::{ColorLayout, Decode, DensityDomain, Group};
 use crate::model::activate;
-use crate::model::field::{Activation, ColorDomain, March, nullable};
-use crate::model::grid::{BlockGrid, Bounds, Nodes};
+use crate::model::field::ColorDomain;
+use crate::model::grid::{BlockGrid, Nodes};
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 use crate::model::view_dependence::ViewDependence;
-use crate::model::view_mlp::{ViewInput, ViewMlp};
-
-/// All that is not bulk. Levels go fine to coarse.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Metadata {
-    /// The box that every level spans, in training axes.
-    pub bounds: Bounds,
-    /// Raw density to opacity.
-    pub activation: Activation,
-    /// Steps along a ray.
-    pub march: March,
-    /// The rule for a step's length at each level.
-    pub step_rule: StepRule,
-    /// The rule for the level that a sample reads.
-    pub level_of_detail: LevelOfDetail,
-    /// Mixing of two levels.
-    pub blend: Blend,
-    /// Colour behind the field.
-    pub background: [f32; 3],
-    /// Color space of colours.
-    pub color_space: ColorSpace,
-    /// Colour channels of a node beyond three: specular features, or coefficients of harmonics
-    /// beyond band 0.
-    pub features: usize,
-    /// View-dependent colour; `None` for a diffuse field.
-    #[serde(deserialize_with = "nullable")]
-    pub view: Option<ViewMetadata>,
-    /// True if samples outside the free-space mask in chunk `MASK` are dropped.
-    pub free_space: bool,
-    /// Opacity over one interval up to which blocks were dropped. Not for single samples.
-    pub alpha_threshold: f32,
-    /// Name of the filter that made the coarser levels.
-    pub filter: String,
-    /// Fine to coarse.
-    pub levels: Vec<LevelMetadata>,
-}
+use crate::model::view_mlp::ViewMlp;
 
 impl Metadata {
     /// The meaning of colours.
@@ -98,44 +62,6 @@ impl Metadata {
     pub fn has_anisotropy(&self) -> bool {
         self.levels.iter().any(|level| level.anisotropy.is_some())
     }
-}
-
-/// One level.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LevelMetadata {
-    /// Nodes along x, y and z.
-    pub dimensions: [usize; 3],
-    /// Nodes along a block's edge.
-    pub block_size: usize,
-    /// Stored blocks, those whose colours are inherited among them.
-    pub blocks_stored: usize,
-    /// Blocks whose colours are inherited from the next coarser level; left out where there are
-    /// none.
-    #[serde(default, skip_serializing_if = "is_none")]
-    pub blocks_filled: usize,
-    /// Density; `None` where every level uses level 0's.
-    #[serde(deserialize_with = "nullable")]
-    pub density: Option<Encoding>,
-    /// Diffuse colour.
-    #[serde(deserialize_with = "nullable")]
-    pub diffuse: Option<Encoding>,
-    /// Specular features; `None` without any.
-    #[serde(deserialize_with = "nullable")]
-    pub features: Option<Encoding>,
-    /// Coefficients of harmonics, band 1 first; left out where there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub bands: Vec<Encoding>,
-    /// Directional brightness, [`Decode::Directional`]; left out where there is none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub directional: Option<Encoding>,
-    /// Anisotropy of density, [`Decode::Anisotropy`]; left out where there is none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub anisotropy: Option<Encoding>,
-}
-
-fn is_none(count: &usize) -> bool {
-    *count == 0
 }
 
 impl LevelMetadata {
@@ -196,44 +122,6 @@ impl LevelMetadata {
     }
 }
 
-/// Rules for a step's length at each level.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StepRule {
-    /// `stepsize * voxel_size` at every level, as trained.
-    Constant,
-    /// `stepsize * voxel_size * 2^lambda` from a sample of level of detail `lambda` to the next.
-    LevelOfDetail,
-}
-
-/// Mixing of two levels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Blend {
-    /// Decoded values are mixed, then activated once, as trained.
-    BeforeActivation,
-    /// Optical depths and activated colours of the levels are mixed.
-    AfterActivation,
-}
-
-/// Color spaces of colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ColorSpace {
-    /// Display-referred sRGB, as the training pictures.
-    SrgbDisplay,
-}
-
-/// View-dependent colour.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum ViewMetadata {
-    /// Harmonics.
-    Harmonics(HarmonicsMetadata),
-    /// The network of chunk `VMLP`.
-    Network(NetworkMetadata),
-}
-
 impl ViewMetadata {
     /// The network, if it is one.
     pub fn network(&self) -> Option<&NetworkMetadata> {
@@ -259,39 +147,7 @@ impl ViewMetadata {
                 frequencies: network.frequencies,
                 input: network.input,
             }),
-            ViewDependence::Harmonics(rules) => {
-                Self::Harmonics(HarmonicsMetadata { kind: HarmonicsKind::default(), rules: *rules })
-            }
+            ViewDependence::Harmonics(rules) => Self::Harmonics(HarmonicsMetadata::new(*rules)),
         }
     }
-}
-
-/// The rules of harmonics.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct HarmonicsMetadata {
-    /// The name of the kind.
-    kind: HarmonicsKind,
-    /// The rules.
-    #[serde(flatten)]
-    pub rules: Harmonics,
-}
-
-/// The name of the kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-enum HarmonicsKind {
-    #[default]
-    #[serde(rename = "spherical_harmonics")]
-    SphericalHarmonics,
-}
-
-/// The network of chunk `VMLP`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NetworkMetadata {
-    /// Widths from input to output.
-    pub widths: Vec<usize>,
-    /// Octaves of the direction embedding.
-    pub frequencies: usize,
-    /// The rest of the first layer's input, after the embedding.
-    pub input: ViewInput,
 }

@@ -5,22 +5,26 @@
 //! numbers (z fastest), one *frame* each; the others read as the level's empty values. A block
 //! holds only the nodes that no other block holds: aprons are copies that a reader makes.
 
+mod bends;
 mod codes;
 mod domain;
 mod encoding;
 mod field;
+mod generated;
+mod harmonics;
 mod level_of_detail;
 mod metadata;
 mod occupancy;
 
+pub use crate::model::generated::{Blend, ColorSpace, FootprintNeighbour, NumberType, StepRule};
+pub use bends::{Bends, MOST_BENDS};
 pub use codes::Codes;
 pub(crate) use codes::with_codes;
 pub use domain::{Decode, DensityDomain};
-pub use encoding::{ColorLayout, Encoding, GROUPS, Group, NumberType};
+pub use encoding::{ColorLayout, GROUPS, Group};
 pub use field::{BakedField, BakedLevel};
-pub use level_of_detail::{Bends, FootprintNeighbour, LevelOfDetail, MOST_BENDS};
-pub use metadata::{
-    Blend, ColorSpace, HarmonicsMetadata, LevelMetadata, Metadata, NetworkMetadata, StepRule,
-    ViewMetadata,
+pub use generated::{
+    Encoding, LevelMetadata, LevelOfDetail, Metadata, NetworkMetadata, ViewMetadata,
 };
+pub use harmonics::HarmonicsMetadata;
 pub use occupancy::{Occupancy, Table};

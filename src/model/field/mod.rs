@@ -14,7 +14,6 @@ pub use free_space::{FreeSpace, Lookup};
 pub use grid::{Grid, NodeValues};
 pub use planes::{Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub use radiance_field::RadianceField;
-pub(crate) use scene::nullable;
 pub use scene::{
     Activation, ActivationOrder, ColorDomain, DensityFunction, EMPTY_LOGIT, INVISIBLE_OPACITY,
     March, Scene,

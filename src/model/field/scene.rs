@@ -1,9 +1,8 @@
 //! The renderer's settings beside the grids.
 
-use serde::{Deserialize, Deserializer, Serialize};
-
 use crate::base::error::{Error, Place, Result};
 use crate::model::activate;
+pub use crate::model::generated::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 
 /// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
@@ -25,36 +24,6 @@ pub struct Scene {
     pub march: March,
     /// Colour behind the field, in the colour space of training, 0 to 1.
     pub background: [f32; 3],
-}
-
-/// `sigma = softplus(raw + shift)` or `max(raw, 0)`, `alpha = 1 - exp(-sigma * interval)`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Activation {
-    /// Added to raw density before softplus; 0 beside `relu`.
-    pub shift: f32,
-    /// Step length over base voxel size.
-    pub interval: f32,
-    /// The values that are interpolated between nodes.
-    pub order: ActivationOrder,
-    /// Raw density to density; left out where it is softplus.
-    #[serde(default, skip_serializing_if = "is_softplus")]
-    pub function: DensityFunction,
-}
-
-/// The function from raw density to density.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DensityFunction {
-    /// `softplus(raw + shift)`: raw densities are logits.
-    #[default]
-    Softplus,
-    /// `max(raw, 0)`: raw densities are densities, and may be negative.
-    Relu,
-}
-
-fn is_softplus(function: &DensityFunction) -> bool {
-    *function == DensityFunction::Softplus
 }
 
 /// The meaning of stored colours.
@@ -116,46 +85,6 @@ impl Activation {
             DensityFunction::Relu => 0.0,
         }
     }
-}
-
-/// The values that are interpolated between nodes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ActivationOrder {
-    /// Raw density; softplus and opacity come after ("post-activation").
-    Raw,
-    /// Density after softplus (`in_act_density`).
-    Density,
-    /// Opacity (`pre_act_density`).
-    Opacity,
-}
-
-/// Steps along a ray.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct March {
-    /// Step length in voxels.
-    pub stepsize: f32,
-    /// Edge of a cubic voxel of the same volume as the trained one, in world units. `stepsize` of
-    /// these are the interval that opacities are stated over.
-    pub voxel_size: f32,
-    /// Edges of the voxels that steps are counted in, in world units; none are cubes of
-    /// `voxel_size`. A step is `stepsize / |d / voxel|` long along a unit direction `d`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub voxel: Option<[f32; 3]>,
-    /// Rays start no nearer than this, in units of the unnormalised direction.
-    pub near: f32,
-    /// Rays enter the box no farther than this; `None` is without bound.
-    #[serde(deserialize_with = "nullable")]
-    pub far: Option<f32>,
-    /// Samples of at most this weight add no colour.
-    pub color_threshold: f32,
-    /// Samples of at most this opacity are dropped altogether.
-    pub alpha_threshold: f32,
-    /// The part of the box in which rays are sampled; none is all of it. Samples outside of it, where
-    /// nodes may still be, are none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sampled: Option<Bounds>,
 }
 
 impl March {
@@ -245,11 +174,4 @@ impl March {
         let expected = format!("steps of which a ray takes at most {}", Self::MAX_SAMPLES);
         Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
     }
-}
-
-/// A key that must be there, though its value may be null.
-pub(crate) fn nullable<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
-    from: D,
-) -> std::result::Result<Option<T>, D::Error> {
-    Option::deserialize(from)
 }

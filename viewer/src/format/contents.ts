@@ -1,8 +1,9 @@
 /** The chunks that the metadata announces, and the prefixes of levels: sections 1 and 3 of `formats/mipvog.md`. */
 
 import { FieldError } from "../errors.js";
-import { chunkName, type Entry, type Header, KNOWN, paddedEnd } from "./layout.js";
-import { valueGroups, type Metadata, networkOf } from "./metadata.js";
+import { KNOWN } from "./generated.js";
+import { chunkName, type Entry, type Header, paddedEnd } from "./layout.js";
+import { storedGroups, type Metadata, networkOf } from "./metadata.js";
 
 /** Every chunk that the metadata announces is there and no other, in order, coarse to fine, with the right prefix. */
 export function checkContents(entries: Entry[], metadata: Metadata, header: Header): void {
@@ -11,8 +12,7 @@ export function checkContents(entries: Entry[], metadata: Metadata, header: Head
   if (metadata.free_space) expected.push(["MASK", null]);
   for (let level = metadata.levels.length - 1; level >= 0; level--) {
     expected.push(["TABL", level]);
-    if (metadata.levels[level].density) expected.push(["DENS", level]);
-    for (const { kind } of valueGroups(metadata, level)) expected.push([kind, level]);
+    for (const { kind } of storedGroups(metadata, level)) expected.push([kind, level]);
   }
   const critical = entries.filter(({ kind }) => KNOWN.includes(kind) && kind !== "prov");
   expected.forEach(([kind, level], i) => {

@@ -3,42 +3,24 @@
 import { FieldError, REMEDY } from "../errors.js";
 import { foreign } from "./kinds.js";
 import { crc32 } from "./crc32.js";
+import { type Feature, FEATURES, KNOWN, MAJOR } from "./generated.js";
 
 export const HEADER_BYTES = 64;
 export const ENTRY_BYTES = 64;
 const ALIGNMENT = 64;
-/** Required feature: there are inherited blocks. */
-const INHERITED_BLOCKS = 1n;
-/** Required feature: colours are linear, coefficients of harmonics among them, the function of density is not softplus, or samples have a box or voxel of their own. */
-const LINEAR_VALUES = 2n;
-/** Required feature: the rule of the level of detail bends. */
-const BENT_RULE = 4n;
-/** Required feature: levels have directional brightness. */
-const DIRECTIONAL = 8n;
-/** Required feature: levels have anisotropy. */
-const ANISOTROPY = 16n;
 /** The features that this viewer knows. */
-const KNOWN_FEATURES = INHERITED_BLOCKS | LINEAR_VALUES | BENT_RULE | DIRECTIONAL | ANISOTROPY;
+const KNOWN_FEATURES = (1n << BigInt(FEATURES.length)) - 1n;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_LEVEL = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
 const MOST_CHUNKS = 4096;
-export const KNOWN = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS"];
 
 export interface Header {
   /** Bytes of the whole file. */
   fileBytes: number;
   chunks: number;
-  /** Whether there are blocks whose colours are inherited from the next coarser level. */
-  inherited: boolean;
-  /** Whether the feature of linear values is required. */
-  linear: boolean;
-  /** Whether the rule of the level of detail bends. */
-  bent: boolean;
-  /** Whether levels have directional brightness. */
-  directional: boolean;
-  /** Whether levels have anisotropy. */
-  anisotropic: boolean;
+  /** What a reader must know. */
+  features: Set<Feature>;
 }
 
 export interface Entry {
@@ -75,12 +57,11 @@ export function readHeader(bytes: Uint8Array): Header {
   if (bytes.length < HEADER_BYTES) throw new FieldError(`The file ends after ${bytes.length} bytes, within its header.`);
   const data = view(bytes);
   const major = data.getUint16(8, true);
-  if (major !== 1) throw new FieldError(`The container is of version ${major}; this viewer knows version 1.`, REMEDY.newer);
-  const features = data.getBigUint64(16, true);
-  if ((features & ~KNOWN_FEATURES) !== 0n) throw new FieldError(`The container requires features 0x${features.toString(16)} that this viewer does not know.`, REMEDY.newer);
-  const has = (feature: bigint) => (features & feature) !== 0n;
-  const asked = { inherited: has(INHERITED_BLOCKS), linear: has(LINEAR_VALUES), bent: has(BENT_RULE), directional: has(DIRECTIONAL), anisotropic: has(ANISOTROPY) };
-  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), ...asked };
+  if (major !== MAJOR) throw new FieldError(`The container is of version ${major}; this viewer knows version ${MAJOR}.`, REMEDY.newer);
+  const bits = data.getBigUint64(16, true);
+  if ((bits & ~KNOWN_FEATURES) !== 0n) throw new FieldError(`The container requires features 0x${bits.toString(16)} that this viewer does not know.`, REMEDY.newer);
+  const features = new Set(FEATURES.filter((_, bit) => ((bits >> BigInt(bit)) & 1n) === 1n));
+  const header = { fileBytes: length(data, 24), chunks: data.getUint32(40, true), features };
   checkReserved(bytes, [[12, 16], [44, 48], [52, 64]], "The header");
   if (length(data, 32) !== HEADER_BYTES) throw new FieldError("The directory does not follow the header.");
   if (header.chunks === 0 || header.chunks > MOST_CHUNKS) throw new FieldError(`The header speaks of ${header.chunks} chunks; 1 to ${MOST_CHUNKS} can be.`);

@@ -1,215 +1,10 @@
 /** The metadata, chunk META: section 4 of `formats/mipvog.md`. */
 
-import { FieldError, REMEDY } from "../errors.js";
+import { FieldError } from "../errors.js";
+import { type Encoding, type Feature, GROUPS, type Harmonics, type LevelMetadata, type Metadata, METADATA_RULE, type NetworkShape, type Triple } from "./generated.js";
+import { fail } from "./rules.js";
 
-export type Triple = [number, number, number];
-
-/** What values mean. */
-const DECODES = ["logit", "linear", "band_0", "band_1", "band_2", "band_3", "directional_logit", "directional_sqrt_depth", "raw_density", "sqrt_optical_depth", "opacity"] as const;
-
-/** How the values of one group of one level are stored. */
-export interface Encoding {
-  number: "u8" | "u16" | "f16" | "f32";
-  bits: number;
-  center: number;
-  step: number;
-  curve: number;
-  empty: number;
-  empty_code: boolean;
-  decode: (typeof DECODES)[number];
-  max_error: number;
-}
-
-export interface LevelMetadata {
-  dimensions: Triple;
-  block_size: number;
-  blocks_stored: number;
-  /** Blocks whose colours are inherited from the next coarser level; left out where there are none. */
-  blocks_filled?: number;
-  density: Encoding | null;
-  diffuse: Encoding;
-  features: Encoding | null;
-  /** Coefficients of bands 1 to 3 of harmonics; left out where there are none. */
-  bands?: Encoding[];
-  /** Directional brightness: three values; left out where there is none. */
-  directional?: Encoding;
-  /** Anisotropy of density: five values; left out where there is none. */
-  anisotropy?: Encoding;
-}
-
-/** The shape of the network. */
-export interface NetworkShape {
-  frequencies: number;
-  input: "diffuse_and_features" | "features";
-  widths: number[];
-}
-
-/** The rules of harmonics. */
-export interface Harmonics {
-  kind: "spherical_harmonics";
-  degree: number;
-  where: "ray" | "sample";
-  offset: number;
-  clamp: "zero" | "none" | "sigmoid";
-}
-
-export interface Metadata {
-  bounds: { min: Triple; max: Triple };
-  activation: { interval: number; order: "raw" | "density" | "opacity"; shift: number; function?: "relu" };
-  march: {
-    alpha_threshold: number;
-    color_threshold: number;
-    far: number | null;
-    near: number;
-    sampled?: { min: Triple; max: Triple };
-    stepsize: number;
-    /** Edges of the voxels that steps are counted in, where they are no cubes of `voxel_size`. */
-    voxel?: Triple;
-    voxel_size: number;
-  };
-  step_rule: "constant" | "level_of_detail";
-  level_of_detail: { aside: "same_distance" | "same_index"; bias: number; factor: number; most: number | null; bends?: [number, number][] };
-  blend: "before_activation" | "after_activation";
-  background: Triple;
-  color_space: "srgb_display";
-  features: number;
-  view: null | NetworkShape | Harmonics;
-  free_space: boolean;
-  alpha_threshold: number;
-  filter: string;
-  /** Fine to coarse. */
-  levels: LevelMetadata[];
-}
-
-/** What a value of the metadata must be; throws where it is not. */
-type Rule = ((value: unknown, key: string) => void) & { optional?: true };
-
-function fail(key: string, expected: string): never {
-  throw new FieldError(`The metadata's ${key || "content"} should be ${expected}.`);
-}
-
-const number = (expected: string, holds: (value: number) => boolean): Rule => (value, key) => {
-  if (typeof value !== "number" || !Number.isFinite(Math.fround(value)) || !holds(value)) fail(key, expected);
-};
-const whole = (from: number, to: number) =>
-  number(`a whole number from ${from} to ${to}`, (value) => Number.isInteger(value) && value >= from && value <= to);
-const finite = number("a finite number", () => true);
-const positive = number("a positive number", (value) => value > 0);
-const share = number("a number from 0 to below 1", (value) => value >= 0 && value < 1);
-const fromZero = number("a number from 0", (value) => value >= 0);
-const oneOf = (...names: string[]): Rule => (value, key) => {
-  if (!names.includes(value as string)) {
-    throw new FieldError(`The metadata's ${key} is ${JSON.stringify(value)}; this viewer knows ${names.join(", ")}.`, REMEDY.newer);
-  }
-};
-const boolean: Rule = (value, key) => {
-  if (typeof value !== "boolean") fail(key, "true or false");
-};
-const text: Rule = (value, key) => {
-  if (typeof value !== "string") fail(key, "a text");
-};
-const nullable = (rule: Rule): Rule => (value, key) => {
-  if (value !== null) rule(value, key);
-};
-/** Of a key that may be missing. */
-const optional = (rule: Rule): Rule => Object.assign((value: unknown, key: string) => rule(value, key), { optional: true as const });
-const list = (least: number, most: number, rule: Rule): Rule => (value, key) => {
-  if (!Array.isArray(value) || value.length < least || value.length > most) fail(key, `a list of ${least} to ${most}`);
-  value.forEach((item, i) => rule(item, `${key}[${i}]`));
-};
-/** Unknown and missing keys are errors, but for those of optional values. */
-const record = (rules: Record<string, Rule>): Rule => (value, key) => {
-  if (typeof value !== "object" || value === null || Array.isArray(value)) fail(key, "an object");
-  const found = value as Record<string, unknown>;
-  for (const name of Object.keys(found)) {
-    if (!Object.hasOwn(rules, name)) throw new FieldError(`The metadata's ${join(key, name)} is not known.`, REMEDY.newer);
-  }
-  for (const [name, rule] of Object.entries(rules)) {
-    if (!Object.hasOwn(found, name) && rule.optional) continue;
-    if (!Object.hasOwn(found, name)) fail(join(key, name), "there");
-    rule(found[name], join(key, name));
-  }
-};
-const join = (key: string, name: string) => (key ? `${key}.${name}` : name);
-
-const triple = list(3, 3, finite);
-const encoding = record({
-  number: oneOf("u8", "u16", "f16", "f32"),
-  bits: whole(1, 32),
-  center: finite,
-  step: finite,
-  curve: finite,
-  empty: finite,
-  empty_code: boolean,
-  decode: oneOf(...DECODES),
-  max_error: fromZero,
-});
-
-const network = record({
-  frequencies: whole(0, 32),
-  input: oneOf("diffuse_and_features", "features"),
-  widths: list(2, 32, whole(1, 4096)),
-});
-const harmonics = record({
-  kind: oneOf("spherical_harmonics"),
-  degree: whole(0, 3),
-  where: oneOf("ray", "sample"),
-  offset: finite,
-  clamp: oneOf("zero", "none", "sigmoid"),
-});
-const isHarmonics = (value: unknown) => typeof value === "object" && value !== null && "kind" in value;
-
-const METADATA = record({
-  bounds: record({ min: triple, max: triple }),
-  activation: record({
-    interval: positive,
-    order: oneOf("raw", "density", "opacity"),
-    shift: finite,
-    function: optional(oneOf("relu")),
-  }),
-  march: record({
-    alpha_threshold: share,
-    color_threshold: share,
-    far: nullable(finite),
-    near: fromZero,
-    sampled: optional(record({ min: triple, max: triple })),
-    stepsize: positive,
-    voxel: optional(list(3, 3, positive)),
-    voxel_size: positive,
-  }),
-  step_rule: oneOf("constant", "level_of_detail"),
-  level_of_detail: record({
-    aside: oneOf("same_distance", "same_index"),
-    bias: finite,
-    factor: positive,
-    most: nullable(fromZero),
-    bends: optional(list(1, 6, list(2, 2, finite))),
-  }),
-  blend: oneOf("before_activation", "after_activation"),
-  background: triple,
-  color_space: oneOf("srgb_display"),
-  features: whole(0, 61),
-  view: nullable((value, key) => (isHarmonics(value) ? harmonics : network)(value, key)),
-  free_space: boolean,
-  alpha_threshold: share,
-  filter: text,
-  levels: list(
-    1,
-    32,
-    record({
-      dimensions: list(3, 3, whole(2, 65536)),
-      block_size: whole(1, 64),
-      blocks_stored: whole(0, 2 ** 33),
-      blocks_filled: optional(whole(1, 2 ** 33)),
-      density: nullable(encoding),
-      diffuse: encoding,
-      features: nullable(encoding),
-      bands: optional(list(1, 3, encoding)),
-      directional: optional(encoding),
-      anisotropy: optional(encoding),
-    }),
-  ),
-});
+export type { Encoding, Harmonics, LevelMetadata, Metadata, NetworkShape, Triple } from "./generated.js";
 
 /** Blocks along each axis of a level. */
 export function blockCounts(level: LevelMetadata): Triple {
@@ -231,21 +26,45 @@ export function networkInputs(metadata: Metadata): number {
   return networkOf(metadata)?.input === "features" ? metadata.features : 3 + metadata.features;
 }
 
-/** The groups of a level's values beside density, in the order of their channels. */
-export function valueGroups(metadata: Metadata, level: number): { kind: string; encoding: Encoding; channels: number; key: string }[] {
-  const { diffuse, features, bands, directional, anisotropy } = metadata.levels[level];
-  const groups = [{ kind: "DIFF", encoding: diffuse, channels: 3, key: "diffuse" }];
-  if (features) groups.push({ kind: "FEAT", encoding: features, channels: metadata.features, key: "features" });
-  bands?.forEach((encoding, i) => groups.push({ kind: ["BNDA", "BNDB", "BNDC"][i], encoding, channels: 3 * (2 * i + 3), key: `bands[${i}]` }));
-  if (directional) groups.push({ kind: "DIRB", encoding: directional, channels: DIRECTIONAL, key: "directional" });
-  if (anisotropy) groups.push({ kind: "ANIS", encoding: anisotropy, channels: ANISOTROPY, key: "anisotropy" });
-  return groups;
+/** A group of a level's values, with its encoding. */
+export interface ValueGroup {
+  kind: string;
+  encoding: Encoding;
+  channels: number;
+  /** The encoding's key in the level. */
+  key: string;
+  color: boolean;
 }
 
+/** The groups of a level that are stored, in the order of their channels: density first, where the level has its own. */
+export function storedGroups(metadata: Metadata, level: number): ValueGroup[] {
+  const stored = metadata.levels[level];
+  return GROUPS.flatMap((group) => {
+    const { key, kind, color } = group;
+    const item = "item" in group ? group.item : null;
+    const value = stored[key] as Encoding | Encoding[] | null | undefined;
+    const encoding = Array.isArray(value) ? value[item ?? 0] : value;
+    if (!encoding) return [];
+    const channels = typeof group.channels === "number" ? group.channels : metadata[group.channels];
+    return [{ kind, encoding, channels, key: item === null ? key : `${key}[${item}]`, color }];
+  });
+}
+
+/** The same without density. */
+export function valueGroups(metadata: Metadata, level: number): ValueGroup[] {
+  return storedGroups(metadata, level).filter(({ key }) => key !== "density");
+}
+
+/** Whether blocks can inherit values of a chunk's kind: else they say where matter is. */
+export function isColor(kind: string): boolean {
+  return GROUPS.some((group) => group.kind === kind && group.color);
+}
+
+const channelsOf = (name: string) => Number(GROUPS.find((group) => group.name === name)?.channels);
 /** Values of a node's directional brightness. */
-export const DIRECTIONAL = 3;
+export const DIRECTIONAL = channelsOf("directional");
 /** Values of a node's anisotropy. */
-export const ANISOTROPY = 5;
+export const ANISOTROPY = channelsOf("anisotropy");
 /** Colour channels and features of a node, its directional brightness among them, at most. */
 const MOST_CHANNELS = 64;
 
@@ -270,11 +89,18 @@ export function channelQuads(metadata: Metadata): number {
   return Math.ceil(ownChannels(metadata) / 4);
 }
 
-/** Whether the file requires the feature "linear values": linear colours, coefficients, relu, or samples placed by a box or voxel of their own. */
-export function needsLinearValues(metadata: Metadata): boolean {
-  const { activation, march, levels } = metadata;
+/** The features that a reader of the metadata's file must know. */
+export function requiredFeatures(metadata: Metadata): Set<Feature> {
+  const { activation, march, levels, level_of_detail } = metadata;
   const placed = march.sampled !== undefined || march.voxel !== undefined;
-  return placed || harmonicsOf(metadata) !== null || activation.function !== undefined || levels[0].diffuse.decode === "linear";
+  const asked: Record<Feature, boolean> = {
+    inherited_blocks: levels.some((level) => level.blocks_filled),
+    linear_values: placed || harmonicsOf(metadata) !== null || activation.function !== undefined || levels[0].diffuse.decode === "linear",
+    bent_rule: level_of_detail.bends !== undefined,
+    directional: hasLevels(metadata, "directional"),
+    anisotropy: hasLevels(metadata, "anisotropy"),
+  };
+  return new Set((Object.keys(asked) as Feature[]).filter((feature) => asked[feature]));
 }
 
 /** Reads chunk META. */
@@ -285,7 +111,7 @@ export function readMetadata(bytes: Uint8Array): Metadata {
   } catch {
     throw new FieldError("The metadata is no JSON in UTF-8.");
   }
-  METADATA(parsed, "");
+  METADATA_RULE(parsed, "");
   const metadata = parsed as Metadata;
   checkAgreement(metadata);
   return metadata;
@@ -318,7 +144,7 @@ function checkAgreement(metadata: Metadata): void {
     if (blocks > MOST_BLOCKS) throw new FieldError(`The metadata's ${key} has ${blocks} blocks; a level may have ${MOST_BLOCKS} at most.`);
     if (level.blocks_stored > blocks) fail(`${key}.blocks_stored`, "no more than the level has");
     const inheriting = [i, i + 1].filter((number) => number < levels.length);
-    const colors = inheriting.flatMap((number) => valueGroups(metadata, number)).filter(({ kind }) => kind !== "ANIS");
+    const colors = inheriting.flatMap((number) => valueGroups(metadata, number)).filter(({ color }) => color);
     const integers = inheriting.length === 2 && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
     if ((level.blocks_filled ?? 0) > (integers ? level.blocks_stored : 0)) {
       fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one, both with colours in integers");

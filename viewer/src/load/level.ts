@@ -4,8 +4,9 @@ import { FieldError } from "../errors.js";
 import { type Colors, inherit } from "../format/codings/inherit.js";
 import { type Atlas, CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, type Value, values, valueTable } from "../format/codings/values.js";
-import { chunkBytes, chunkName, type Entry, KNOWN } from "../format/layout.js";
-import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, type Metadata, valueGroups } from "../format/metadata.js";
+import { KNOWN } from "../format/generated.js";
+import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
+import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, isColor, type Metadata, storedGroups } from "../format/metadata.js";
 import { Blocks } from "./blocks.js";
 import { absent, colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
 import { fillColors, fillDensity } from "./fill.js";
@@ -90,10 +91,9 @@ export class LevelDecoder {
     if (inheritedCount !== (stored.blocks_filled ?? 0)) {
       throw new FieldError(`Level ${level} inherits ${inheritedCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
     }
-    const all = [...(stored.density ? [{ kind: "DENS", encoding: stored.density, channels: 1 }] : []), ...valueGroups(metadata, level)];
-    this.groups = all.map(({ kind, encoding, channels }) => {
+    this.groups = storedGroups(metadata, level).map(({ kind, encoding, channels, color }) => {
       const { name, bytes } = chunk(kind);
-      const colored = isColor(kind) && inheritedCount > 0;
+      const colored = color && inheritedCount > 0;
       const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name };
       const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
       const group = new Group(kind, atlas, bytes, map);
@@ -188,11 +188,6 @@ export class LevelDecoder {
     });
     return Object.fromEntries(all);
   }
-}
-
-/** Whether blocks can inherit values of a chunk's kind: else they say where matter is. */
-function isColor(kind: string): boolean {
-  return kind !== "DENS" && kind !== "ANIS";
 }
 
 /** The square root of the sum of the squares of the functions of band 2: the same in every direction. */

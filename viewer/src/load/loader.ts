@@ -5,9 +5,10 @@
 
 import { FieldError } from "../errors.js";
 import { checkContents } from "../format/contents.js";
+import { FEATURES } from "../format/generated.js";
 import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, paddedEnd, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
-import { hasLevels, type Metadata, needsLinearValues, networkOf, readMetadata } from "../format/metadata.js";
+import { type Metadata, networkOf, readMetadata, requiredFeatures } from "../format/metadata.js";
 import { type Layer, readNetwork } from "../format/network.js";
 import { Crew, decodeShares } from "./crew.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, levelEntries, type LevelEntry } from "./level.js";
@@ -175,16 +176,9 @@ export class Loader {
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
     const metadata = readMetadata(chunkBytes(meta, bytes, 0));
-    if (header.linear !== needsLinearValues(metadata)) throw new FieldError("Header and metadata disagree whether linear values are required.");
-    if (header.bent !== (metadata.level_of_detail.bends !== undefined)) {
-      throw new FieldError("Header and metadata disagree whether the rule of the level of detail bends.");
-    }
-    if (header.directional !== hasLevels(metadata, "directional") || header.anisotropic !== hasLevels(metadata, "anisotropy")) {
-      throw new FieldError("Header and metadata disagree whether levels have directional brightness or anisotropy.");
-    }
-    if (header.inherited !== metadata.levels.some((level) => level.blocks_filled)) {
-      throw new FieldError("Header and metadata disagree whether there are inherited blocks.");
-    }
+    const asked = requiredFeatures(metadata);
+    const odd = FEATURES.filter((feature) => header.features.has(feature) !== asked.has(feature));
+    if (odd.length > 0) throw new FieldError(`Header and metadata disagree whether ${odd.join(" and ")} are required.`);
     checkContents(this.entries, metadata, header);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
     const available = this.available(prefixes, header.fileBytes);

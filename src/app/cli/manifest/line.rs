@@ -30,13 +30,17 @@ impl SceneLine {
         let wrong =
             |found: String, expected: &str| Error::malformed(Place::Line(number), found, expected);
         let form = "an object {\"input\": PATH, \"output\": PATH, \"options\": {...}}";
-        let UniqueKeys(value) = serde_json::from_str(text).map_err(|error| match error.classify() {
-            serde_json::error::Category::Data => {
-                let found = error.to_string();
-                wrong(found.split(" at line").next().unwrap_or_default().to_owned(), "each key once")
-            }
-            _ => wrong(format!("no JSON at column {}", error.column()), form),
-        })?;
+        let UniqueKeys(value) =
+            serde_json::from_str(text).map_err(|error| match error.classify() {
+                serde_json::error::Category::Data => {
+                    let found = error.to_string();
+                    wrong(
+                        found.split(" at line").next().unwrap_or_default().to_owned(),
+                        "each key once",
+                    )
+                }
+                _ => wrong(format!("no JSON at column {}", error.column()), form),
+            })?;
         let Value::Object(mut members) = value else {
             return Err(wrong(kind(&value).to_owned(), form));
         };

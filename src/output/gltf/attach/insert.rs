@@ -200,7 +200,8 @@ impl<'a> Insertion<'a> {
             _ if scene < scenes => {
                 // A list that other programs cannot read is not made longer.
                 let scenes = self.asset.list(&self.root, "scenes")?;
-                let nodes = scenes.get(scene).map(|scene| scene.get("nodes")).transpose()?.flatten();
+                let nodes =
+                    scenes.get(scene).map(|scene| scene.get("nodes")).transpose()?.flatten();
                 for node in nodes.map_or(Ok(Vec::new()), |nodes| nodes.elements())? {
                     node.index()?;
                 }

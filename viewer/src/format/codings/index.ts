@@ -3,19 +3,11 @@
  * for each node; what codes mean is in `values.ts`. A new coding is a file here and a line of the table.
  */
 
+import { GROUPS } from "../generated.js";
 import type { Coding } from "./atlas.js";
 import { runCoding } from "./runs.js";
 
 export type { Atlas, Codes, Coding } from "./atlas.js";
 
-/** Codings by the chunk type that uses them. */
-export const CODINGS: Readonly<Record<string, Coding>> = {
-  DENS: runCoding,
-  DIFF: runCoding,
-  FEAT: runCoding,
-  BNDA: runCoding,
-  BNDB: runCoding,
-  BNDC: runCoding,
-  DIRB: runCoding,
-  ANIS: runCoding,
-};
+/** Codings by the chunk type that uses them: so far there is one. */
+export const CODINGS: Readonly<Record<string, Coding>> = Object.fromEntries(GROUPS.map(({ kind }) => [kind, runCoding]));
