@@ -85,7 +85,8 @@ fn holds(input: &Path, options: &[&str]) {
 #[test]
 fn a_trained_scene_bakes_within_its_bound() {
     let scene = fixture("trained/lego64/fine_last.tar");
-    let options: [&[&str]; 7] = [
+    let options: [&[&str]; 8] = [
+        &["--block-size", "64"],
         &["--max-bytes", "300KB", "--levels", "3"],
         &["--max-error", "1e-6"],
         &[],

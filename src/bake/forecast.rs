@@ -47,6 +47,9 @@ pub struct Forecast {
     /// wait until the coarsest level is there. None where levels are fitted: a fit holds pictures
     /// and whole levels.
     pub more_memory_bytes: Option<u64>,
+    /// The most that the bake takes, where windows were measured: what a bake holds beside them is
+    /// counted, not measured. None for a scene that was encoded whole, and where levels are held.
+    pub most_memory_bytes: Option<u64>,
     /// Bytes that will be read of the input beyond those that were read for the windows.
     pub more_bytes_read: u64,
 }
@@ -162,6 +165,7 @@ fn forecast_by(
         more_memory_bytes: (!is_fitted).then_some(more_held + more_codes as u64),
         more_bytes_read,
         least_memory_bytes: MemoryPlan::least(field, options),
+        most_memory_bytes: MemoryPlan::most(field, options, output_bytes).filter(|_| !whole_scene),
         report: BakeReport {
             output_bytes,
             levels,

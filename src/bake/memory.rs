@@ -71,6 +71,15 @@ impl MemoryPlan {
         (!options.holds_level()).then(|| needs.bytes(false))
     }
 
+    /// The most that a bake without a bound takes whose container has so many bytes; none where its
+    /// options allow no bound.
+    pub fn most(field: &RadianceField, options: &BakeOptions, output_bytes: u64) -> Option<u64> {
+        let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
+        let needs = Needs { field, options, sizes: &sizes, threads: parallel::threads() as u64 };
+        let runs = output_bytes.min(UNBOUNDED_RUN_BYTES);
+        (!options.holds_level()).then(|| needs.bytes(true) + runs)
+    }
+
     /// For a bake with options whose bound is `bound`.
     fn new(
         field: &RadianceField,

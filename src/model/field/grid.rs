@@ -69,6 +69,14 @@ impl Grid {
         }
     }
 
+    /// Bytes of its values, or of what they are found from, in memory.
+    pub fn memory_bytes(&self) -> u64 {
+        match self {
+            Self::Array(volume) => volume.bytes(),
+            Self::Values(values) => values.memory_bytes(),
+        }
+    }
+
     /// Loads and finds what all planes need; see [`NodeValues::prepare`].
     ///
     /// # Errors

@@ -9,9 +9,12 @@ use super::super::progress::Bar;
 use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
 use super::trained::{open, with_cameras};
-use crate::bake::{BakeOptions, forecast};
+use crate::bake::{BakeOptions, Forecast, LevelReport, forecast};
 use crate::base::error::Result;
+use crate::input::Source;
 use crate::input::tensor::TensorFile;
+use crate::model::camera::Camera;
+use crate::model::field::Grid;
 
 /// Forecasts the cost and the output of a bake.
 pub fn dry_run(
@@ -26,14 +29,23 @@ pub fn dry_run(
     let forecast =
         forecast(&source.field, &options, &bar).map_err(|error| error.in_file(&arguments.input))?;
     drop(bar);
-    let memory = peak_memory_bytes().zip(forecast.more_memory_bytes).map(|(own, more)| own + more);
+    let own = peak_memory_bytes().zip(forecast.more_memory_bytes).map(|(own, more)| own + more);
+    let measures = arguments.gate.measures()?;
+    let judging = match measures {
+        true => judging_bytes(&source, &forecast, &arguments.gate.cameras(&source.field, common)?),
+        false => 0,
+    };
+    // Where a part was measured, the larger of two estimates: too low a one would end a job.
+    let memory = own.map(|own| own.max(forecast.most_memory_bytes.unwrap_or(0)) + judging);
+    // Pictures are rendered from whole fields, which no bound allows.
+    let least = forecast.least_memory_bytes.filter(|_| !measures);
     let mut json = json!({
         "input": arguments.input.to_string_lossy(),
         "output": arguments.output.to_string_lossy(),
         "dry_run": true,
         "seconds": forecast.seconds,
         "peak_memory_bytes": memory,
-        "least_memory_bytes": forecast.least_memory_bytes,
+        "least_memory_bytes": least,
         "bytes_read": file.file.bytes_read() + forecast.more_bytes_read,
         "options": options.to_json(),
         "settings": settings.report(&source),
@@ -54,9 +66,26 @@ pub fn dry_run(
         (None, steps) => format!(" after a fit of up to {} steps", steps.unwrap_or(0)),
     };
     text += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
-    let least = forecast.least_memory_bytes;
     text += &least.map_or_else(String::new, |bytes| format!("; least --memory {bytes}"));
     text.push('\n');
     text += &levels_text(&forecast.report.levels);
     Outcome::new("bake", &json, text)
+}
+
+/// Memory for a pixel of the two pictures that a gate compares; measured.
+const PIXEL_BYTES: u64 = 240;
+
+/// Memory to judge a bake's pictures, beside the bake's: both fields as float32, with what their
+/// loading takes, and two pictures of the largest camera; measured.
+fn judging_bytes(source: &Source, forecast: &Forecast, cameras: &[Camera]) -> u64 {
+    let channels = 1 + source.field.color_channels() as u64;
+    let values = |nodes: u64| 4 * channels * nodes;
+    let unbaked = match source.model {
+        None => values(source.field.scene.nodes.count() as u64),
+        Some(_) => source.field.grids().map(Grid::memory_bytes).sum(),
+    };
+    let nodes = |level: &LevelReport| level.blocks_stored * level.block_size.pow(3);
+    let baked: usize = forecast.report.levels.iter().map(nodes).sum();
+    let pixels = cameras.iter().map(|camera| (camera.lens.width * camera.lens.height) as u64);
+    2 * (unbaked + values(baked as u64)) + PIXEL_BYTES * pixels.max().unwrap_or(0)
 }
