@@ -27,7 +27,7 @@ use crate::base::text::printable;
 /// What opens a field, which is no verb.
 const OPEN: &str = "open";
 
-/// Bakes trained radiance fields into sparse, quantized, coarse-to-fine assets.
+/// Bake trained radiance fields into small files that stream coarse to fine
 #[derive(Debug, Parser)]
 #[command(name = "mipvog-bake", version, about, max_term_width = 100)]
 #[command(after_help = "\
@@ -65,7 +65,7 @@ enum Verb {
     #[command(visible_alias = "serve")]
     View(view::Arguments),
     Completions(document::CompletionArguments),
-    /// Print the manual page, of the program and of each verb
+    /// Print the manual page of the program and of every verb
     Man,
     /// Print the version
     Version,

@@ -23,7 +23,7 @@ use crate::base::limits::Limits;
 use crate::codec::unpack::Unpacked;
 use crate::input::tensor::{self, TensorFile};
 
-/// Bake a trained scene into a container, or a container into another one
+/// Convert a trained scene to a container, or a container to another one
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("source").required(true).args(["input", "manifest"])))]
 #[command(after_help = "\
@@ -37,20 +37,20 @@ pub struct Arguments {
     // First: the others take their values out of the matches.
     #[command(flatten)]
     pub given: Given,
-    /// A trained model of any known system (a file, or a folder of SNeRG or MERF), a container
-    /// (unpacked or not), or a glTF asset with one; - is the standard input
+    /// A trained model (a file, or a folder of SNeRG or MERF), a container (unpacked or not), or a
+    /// glTF asset with one; - means standard input
     #[arg(requires = "output", default_value = ".", hide_default_value = true)]
     pub input: PathBuf,
-    /// The container to write; - is the standard output. With --manifest the folder of outputs
+    /// The container to write; - means standard output. With --manifest, the output folder
     #[arg(short, long, value_name = "OUT.mipvog", default_value = ".", hide_default_value = true)]
     pub output: PathBuf,
-    /// Forecast time, memory and bytes from a part of the scene, and write nothing
+    /// Forecast time, memory and size from parts of the scene, and write nothing
     #[arg(long)]
     pub dry_run: bool,
     /// Overwrite the output if it exists
     #[arg(long)]
     pub force: bool,
-    /// A set of options; explicit ones override it
+    /// A set of options, which explicit options override
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
     #[command(flatten)]
