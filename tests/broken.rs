@@ -205,7 +205,7 @@ fn numbers_of_nothing_are_told_as_such() {
     };
     let place = "/meshes/0/primitives/0/attributes/POSITION";
     assert!(
-        told(place, "accessor 1") && told("/scene", "something that is not there"),
+        told(place, "accessor 1") && told("/scene", "index out of range"),
         "{report:?}"
     );
 }

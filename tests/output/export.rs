@@ -101,7 +101,7 @@ fn an_empty_field_is_an_empty_volume_and_no_splats() {
     let (code, _, errors) = export(here, &["empty.safetensors", "--to", "splat", "-o", "a.ply"]);
     assert_eq!(code, Some(2), "{errors}");
     assert!(errors.contains("shows nothing"), "{errors}");
-    // OpenVDB takes such small voxels for none.
+    // OpenVDB treats voxels this small as zero.
     let tiny = Values::F32(vec![-1e-7, -1e-7, -1e-7, 1e-7, 1e-7, 1e-7]);
     *empty.array("aabb") = ("aabb", vec![2, 3], tiny);
     std::fs::write(here.join("tiny.safetensors"), empty.to_bytes()).expect("written");

@@ -86,7 +86,7 @@ pub fn check_volume(source: &ExportSource, options: &ExportOptions) -> Result<()
         return Ok(());
     }
     let found = format!("points {spacing:?} apart");
-    let expected = "a larger box: OpenVDB takes voxels of such a volume for none";
+    let expected = "a larger box: OpenVDB treats voxels this small as zero";
     Err(Error::unsupported(Place::File, found, expected))
 }
 
