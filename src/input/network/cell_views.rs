@@ -1,8 +1,8 @@
-//! The directions that colours of a cell's nodes are fitted along, or judged along.
+//! The directions that colours of a cell's nodes are fitted along, or held out along.
 
 use super::fit::Fit;
 use super::seen::Seen;
-use super::views::{Views, judging_eyes};
+use super::views::{Views, held_out_eyes};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
@@ -45,17 +45,17 @@ impl CellViews {
         Self::find(matter, Views::new(cameras), degree, limits, progress)
     }
 
-    /// Of the eyes that judge a fit to these cameras.
+    /// Of the eyes held out of a fit to these cameras.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
-    pub fn of_judges(
+    pub fn of_held_out(
         matter: &RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let eyes = judging_eyes(cameras, &matter.scene.bounds);
+        let eyes = held_out_eyes(cameras, &matter.scene.bounds);
         Self::find(matter, Views::Cameras(eyes), 0, limits, progress)
     }
 

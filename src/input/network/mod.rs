@@ -22,4 +22,4 @@ pub use fitted::{Colors, FindColors, FittedColors, NodeColors, SeeNode};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
 pub use stored::StoredFeatures;
-pub use views::judging_eyes;
+pub use views::held_out_eyes;
