@@ -1,7 +1,7 @@
 //! The directions that colours of a cell's nodes are fitted along, or held out along.
 
 use super::fit::Fit;
-use super::seen::Seen;
+use super::cell_visibility::CellVisibility;
 use super::views::{Views, held_out_eyes};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -23,7 +23,7 @@ pub const fn most(degree: usize) -> usize {
 /// The directions along which each cell of a field is seen.
 #[derive(Debug)]
 pub struct CellViews {
-    seen: Seen,
+    seen: CellVisibility,
     views: Views,
     /// Directions of a cell, at most.
     most: usize,
@@ -70,12 +70,12 @@ impl CellViews {
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Ok(Self { seen: Seen::find(matter, &views, limits, progress)?, views, most: most(degree) })
+        Ok(Self { seen: CellVisibility::find(matter, &views, limits, progress)?, views, most: most(degree) })
     }
 
     /// Bytes that it takes while it is found, at most.
     pub(super) fn memory_bytes(views: &Views) -> u64 {
-        Seen::memory_bytes(views)
+        CellVisibility::memory_bytes(views)
     }
 
     /// The cell of a node.

@@ -10,7 +10,7 @@ mod fit;
 mod fitted;
 mod planes;
 mod run;
-mod seen;
+mod cell_visibility;
 mod shaded;
 mod stored;
 mod views;

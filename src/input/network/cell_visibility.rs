@@ -31,7 +31,7 @@ const HIDDEN: f64 = std::f64::consts::LN_10;
 
 /// Equal parts of a box, with the views of each.
 #[derive(Debug)]
-pub(super) struct Seen {
+pub(super) struct CellVisibility {
     grid: CellGrid,
     /// Words of bits a cell, one bit for each view.
     words: usize,
@@ -48,7 +48,7 @@ struct CellGrid {
     edges: [f64; 3],
 }
 
-impl Seen {
+impl CellVisibility {
     /// Of the matter of a field: its density within its free-space mask.
     ///
     /// # Errors
@@ -288,7 +288,7 @@ mod tests {
             let far = |at: f64| [8.0 * libm::cos(at), 8.0 * libm::sin(at), 0.0];
             let cameras: Vec<[f64; 3]> = (0..32).map(|at| far(f64::from(at) * 0.2)).collect();
             for views in [Views::new(&[]), Views::new(&cameras)] {
-                let seen = Seen::find(&field, &views, &limits, &Silent).expect("densities");
+                let seen = CellVisibility::find(&field, &views, &limits, &Silent).expect("densities");
                 // The node of the surface on the side of positive x.
                 let node = [(size - 1) * 5 / 6, size / 2, size / 2];
                 let found = seen.views(seen.cell(node));
