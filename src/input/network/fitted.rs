@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::cell_views::{CellViews, most};
 use super::fit::Fit;
 use super::planes::{PlaneCache, visit};
-use super::shaded::Shaded;
+use super::visible_nodes::VisibleNodes;
 use super::views::Views;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -87,7 +87,7 @@ pub struct FittedColors<N: NodeColors> {
     views: Views,
     limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
-    shaded: Shaded,
+    visible: VisibleNodes,
     planes: PlaneCache,
 }
 
@@ -116,9 +116,9 @@ impl<N: NodeColors> FittedColors<N> {
         limits: &Limits,
     ) -> Self {
         let (views, limits) = (Views::new(cameras), limits.clone());
-        let (prepared, shaded, planes) =
-            (Lazy::default(), Shaded::default(), PlaneCache::with_archive());
-        Self { colors, harmonics, is_plain: false, matter, views, limits, prepared, shaded, planes }
+        let (prepared, visible, planes) =
+            (Lazy::default(), VisibleNodes::default(), PlaneCache::with_archive());
+        Self { colors, harmonics, is_plain: false, matter, views, limits, prepared, visible, planes }
     }
 
     /// The same as colours that do not depend on the view.
@@ -149,16 +149,16 @@ impl<N: NodeColors> FittedColors<N> {
         let prepared = self.prepared(&Silent)?;
         let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
-        let shaded = self.shaded.within(&self.matter, x, region)?;
+        let visible = self.visible.within(&self.matter, x, region)?;
         let black = if self.is_plain { 0.0 } else { -self.harmonics.offset / BAND_0 };
-        visit(self.nodes(), &without(region, &shaded), |[y, z]| {
+        visit(self.nodes(), &without(region, &visible), |[y, z]| {
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
             out.take(3).for_each(|value| *value = black);
         });
         // Nodes come row by row: the cells of one row are in use at a time.
         let mut cells: Vec<Cell<N::Along>> = Vec::new();
         let mut colors = [(); 3].map(|()| Vec::new());
-        self.colors.visit(&prepared.network, x, &shaded, &mut |[y, z], find| {
+        self.colors.visit(&prepared.network, x, &visible, &mut |[y, z], find| {
             let at = prepared.cells.cell([x, y, z]);
             if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
                 cells.clear();
@@ -203,7 +203,7 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
         let planes = self.planes.bytes(self.nodes(), self.channels());
         let [plane, all] = self.colors.memory_bytes(most(self.harmonics.degree));
         let cells = CellViews::memory_bytes(&self.views);
-        planes + self.shaded.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
+        planes + self.visible.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
     }
 
     fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {

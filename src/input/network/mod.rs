@@ -11,7 +11,7 @@ mod fitted;
 mod planes;
 mod run;
 mod cell_visibility;
-mod shaded;
+mod visible_nodes;
 mod stored;
 mod views;
 

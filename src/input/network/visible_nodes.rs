@@ -14,11 +14,11 @@ const SLACK: f64 = 0.999;
 
 /// The densities of a field that were read last.
 #[derive(Debug, Default)]
-pub(super) struct Shaded {
+pub(super) struct VisibleNodes {
     densities: PlaneCache,
 }
 
-impl Shaded {
+impl VisibleNodes {
     /// Bytes of the densities that are kept.
     pub(super) fn memory_bytes(&self, nodes: Nodes) -> u64 {
         self.densities.bytes(nodes, 1)
@@ -98,7 +98,7 @@ mod tests {
             let field = RadianceField::builder(nodes, density, vec![0.0; 3 * count]);
             let field = field.build().expect("a field");
             assert!(field.scene.march.color_threshold > 0.0);
-            let shaded = Shaded::default();
+            let shaded = VisibleNodes::default();
             let (full, near) = (NodeMask::full(Nodes(nodes)), |at: usize, end: usize| {
                 at.saturating_sub(1)..(at + 2).min(end)
             });
@@ -120,7 +120,7 @@ mod tests {
         let builder = RadianceField::builder([3; 3], vec![-20.0; 27], vec![0.0; 81]);
         let mut field = builder.build().expect("a field");
         field.scene.march.color_threshold = 0.0;
-        let found = Shaded::default().within(&field, 1, &[5, 7, 2]).expect("no densities");
+        let found = VisibleNodes::default().within(&field, 1, &[5, 7, 2]).expect("no densities");
         assert_eq!(found, [5, 7, 2]);
     }
 }
