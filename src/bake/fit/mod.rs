@@ -34,7 +34,7 @@ mod moments;
 mod options;
 mod quality;
 mod run;
-mod shown;
+mod morton_pixels;
 mod summed_area;
 mod target;
 mod trace;
