@@ -13,7 +13,7 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::input::checkpoint::{Inner, StoredGrid};
-use crate::input::factors::{Between, Mixed, Scratch};
+use crate::input::factors::{Tap, Mixed, Scratch};
 use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
 use crate::model::field::RadianceField;
@@ -105,12 +105,12 @@ impl Values {
 
     /// Interpolated values at a position in nodes.
     fn at(&self, [nx, ny, nz]: [usize; 3], [x, y, z]: [f64; 3]) -> Vec<f64> {
-        let at = [Between::at(x, nx), Between::at(y, ny), Between::at(z, nz)];
+        let at = [Tap::at(x, nx), Tap::at(y, ny), Tap::at(z, nz)];
         let (values, channels) = match self {
             Self::Factors(factors) => return factors.values(&at, &mut Scratch::default()),
             Self::Dense { values, channels } => (values, *channels),
         };
-        let [xs, ys, zs] = at.map(Between::corners);
+        let [xs, ys, zs] = at.map(Tap::corners);
         let mut sums = vec![0.0; channels];
         for (x, of_x) in xs {
             for (y, of_y) in ys {

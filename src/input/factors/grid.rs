@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::mix::{FactorArrays, Scratch};
-use super::product::Between;
+use super::product::Tap;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
@@ -81,7 +81,7 @@ impl NodeValues for FactorGrid {
         self.planes.read(self.nodes(), x, channels, region, out, |region, values| {
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
-                let found = grid.values(&[x, y, z].map(Between::on), &mut scratch);
+                let found = grid.values(&[x, y, z].map(Tap::on), &mut scratch);
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);
                 out.zip(found).for_each(|(out, value)| *out = value as f32);
             });
