@@ -112,12 +112,12 @@ impl<'a> InheritedColors<'a> {
     fn axis(&self, axis: usize, block: usize) -> Vec<Tap> {
         let [nodes, coarser] = [self.grid, self.coarser].map(|grid| grid.nodes.0[axis]);
         let start = block * self.grid.edge;
-        let interpolate = |node: usize| {
+        let tap = |node: usize| {
             let at = node * (coarser - 1);
             let low = (at / (nodes - 1)).min(coarser - 2);
             (low, (at - low * (nodes - 1)) as f64 / (nodes - 1) as f64)
         };
-        (start..nodes.min(start + self.grid.edge)).map(interpolate).collect()
+        (start..nodes.min(start + self.grid.edge)).map(tap).collect()
     }
 
     /// A decoded value of the coarser level.

@@ -70,7 +70,7 @@ pub(super) struct Rules {
     /// Length of a step, in edges of the unit cube.
     pub(super) step: f64,
     /// Transmittance below which a ray ends.
-    pub(super) ends: f64,
+    pub(super) min_transmittance: f64,
     /// True if the colour is divided by the opacity there.
     pub(super) divides: bool,
 }
