@@ -47,7 +47,7 @@ pub fn bake_trained(
     let (source, settings) = open(arguments, file, options, common)?;
     let mut inputs = vec![input::file_of(&arguments.input)];
     inputs.extend(settings.files.iter().cloned());
-    inputs.extend(source.companions.iter().map(|companion| companion.path.clone()));
+    inputs.extend(source.side_files.iter().map(|side_file| side_file.path.clone()));
     let outputs = [arguments.gltf.path(), arguments.incremental.depfile()];
     refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
     let origin = Origin::of_source(&source);
