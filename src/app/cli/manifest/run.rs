@@ -86,7 +86,7 @@ pub fn run(
         failed += u64::from(result.status == Status::Failed);
         if let Part::Scene(_) = part {
             results.finish()?;
-            return outcome.map(|outcome| Outcome::told(outcome.failure));
+            return outcome.map(|outcome| Outcome::reported(outcome.failure));
         }
         if let Some(reason) = result.error.filter(|_| !common.quiet) {
             say(&format!("{} line {at}: {reason}", manifest.display()));
@@ -94,7 +94,7 @@ pub fn run(
     }
     results.finish()?;
     let failure = format!("{failed} of {done} scenes could not be baked");
-    Ok(Outcome::told((failed > 0).then_some(failure)))
+    Ok(Outcome::reported((failed > 0).then_some(failure)))
 }
 
 /// A path that does not depend on the working folder.
