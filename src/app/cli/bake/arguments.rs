@@ -11,7 +11,7 @@ use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
 use super::super::incremental::IncrementalArguments;
-use super::super::manifest::{Given, ManifestArguments};
+use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
 use super::super::stdin;
 use super::super::stored::StoredArguments;
@@ -36,7 +36,7 @@ Examples:
 pub struct Arguments {
     // First: the others take their values out of the matches.
     #[command(flatten)]
-    pub given: Given,
+    pub given: ExplicitOptions,
     /// A trained model (a file, or a folder of SNeRG or MERF), a container (unpacked or not), or a
     /// glTF asset with one; - means standard input
     #[arg(requires = "output", default_value = ".", hide_default_value = true)]

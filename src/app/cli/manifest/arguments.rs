@@ -34,16 +34,16 @@ pub struct ManifestArguments {
 
 /// The options that the command line gives, by their names in it: a scene's line may override them.
 #[derive(Debug, Default)]
-pub struct Given(pub Vec<(String, Vec<OsString>)>);
+pub struct ExplicitOptions(pub Vec<(String, Vec<OsString>)>);
 
-impl Given {
+impl ExplicitOptions {
     /// True if the option of this name is among them.
     pub fn has(&self, name: &str) -> bool {
         self.0.iter().any(|(own, _)| own == name)
     }
 }
 
-impl FromArgMatches for Given {
+impl FromArgMatches for ExplicitOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let mut given = Self::default();
         given.update_from_arg_matches(matches)?;
@@ -68,7 +68,7 @@ impl FromArgMatches for Given {
     }
 }
 
-impl Args for Given {
+impl Args for ExplicitOptions {
     fn augment_args(command: Command) -> Command {
         command
     }

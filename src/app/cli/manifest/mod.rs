@@ -17,8 +17,8 @@ mod result;
 mod run;
 mod words;
 
-pub use arguments::{Given, ManifestArguments};
+pub use arguments::{ExplicitOptions, ManifestArguments};
 pub use options::OptionKind;
 pub use read::Lines;
 pub use result::{SceneResult, Status};
-pub use run::{Many, run};
+pub use run::{BatchOptions, run};

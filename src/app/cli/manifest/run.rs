@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::super::common::Common;
 use super::super::outcome::{Outcome, say, write_stdout};
 use super::super::output::{create, refuse_stdout};
-use super::arguments::{Given, ManifestArguments};
+use super::arguments::{ExplicitOptions, ManifestArguments};
 use super::options::OptionKind;
 use super::part::Part;
 use super::read::{CheckScene, Lines, Manifest};
@@ -17,13 +17,13 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
 
 /// Settings of the command line that hold for all scenes.
-pub struct Many<'a> {
+pub struct BatchOptions<'a> {
     /// The manifest.
     pub manifest: &'a Path,
     /// The scenes of it.
     pub arguments: &'a ManifestArguments,
     /// Options of every scene.
-    pub given: &'a Given,
+    pub given: &'a ExplicitOptions,
     /// The folder of the outputs, if `given` has one; else it is the manifest's.
     pub outputs: &'a Path,
     /// True if a file that holds no results may be replaced by results.
@@ -39,12 +39,12 @@ pub struct Many<'a> {
 /// # Errors
 /// Those of the manifest and of the results' file; a scene's only if it was chosen by its number.
 pub fn run(
-    many: &Many,
+    batch: &BatchOptions,
     known: &[OptionKind],
     common: &Common,
     scene: &dyn Fn(Vec<OsString>) -> Result<Outcome>,
 ) -> Result<Outcome> {
-    let &Many { manifest, arguments, given, outputs, force, check } = many;
+    let &BatchOptions { manifest, arguments, given, outputs, force, check } = batch;
     refuse_stdout(outputs, "--output is a folder beside --manifest")?;
     let part = Part::of(arguments)?;
     let outputs = match given.has("output") {
