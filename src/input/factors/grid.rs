@@ -52,7 +52,7 @@ impl NodeValues for FactorGrid {
         2 * self.arrays.bytes() + self.planes.bytes(self.nodes(), self.channels)
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut piece = vec![0; PIECE];
         for tensor in self.arrays.tensors() {
             let storage = tensor.storage(&mut Budget::new(&self.limits))?;
@@ -61,7 +61,7 @@ impl NodeValues for FactorGrid {
                 let left = usize::try_from(storage.length() - at).unwrap_or(PIECE);
                 let piece = piece.get_mut(..left.min(PIECE)).unwrap_or_default();
                 storage.read_into(at, piece)?;
-                see(piece);
+                hash(piece);
                 at += piece.len() as u64;
             }
         }

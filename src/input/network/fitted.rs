@@ -49,7 +49,7 @@ pub trait NodeColors: Debug + Send + Sync {
     ///
     /// # Errors
     /// Those of reading.
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
     /// Reads the network, and prepares its inputs.
     ///
@@ -70,7 +70,7 @@ pub trait NodeColors: Debug + Send + Sync {
         network: &Self::Network,
         x: usize,
         region: &[u64],
-        see: SeeNode<'_, Self::Along>,
+        visit: SeeNode<'_, Self::Along>,
     ) -> Result<()>;
 }
 
@@ -206,11 +206,11 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
         planes + self.visible.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         if let Views::Cameras(places) = &self.views {
-            places.iter().flatten().for_each(|value| see(&value.to_le_bytes()));
+            places.iter().flatten().for_each(|value| hash(&value.to_le_bytes()));
         }
-        self.colors.digest(see)
+        self.colors.digest(hash)
     }
 
     fn prepare(&self, progress: &dyn Progress) -> Result<()> {

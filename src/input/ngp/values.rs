@@ -37,12 +37,12 @@ impl Samples {
         model: &Ngp,
         x: usize,
         region: &[u64],
-        mut see: impl FnMut(&[[usize; 2]], &[Lanes]),
+        mut visit: impl FnMut(&[[usize; 2]], &[Lanes]),
     ) {
         let (mut nodes, mut positions) = (Vec::new(), Vec::new());
         let spacing = self.spacing();
         let mut found = |nodes: &mut Vec<[usize; 2]>, positions: &mut Vec<[f64; 3]>| {
-            see(nodes, &model.geometry(positions));
+            visit(nodes, &model.geometry(positions));
             nodes.clear();
             positions.clear();
         };
@@ -80,8 +80,8 @@ impl NodeValues for DensityValues {
         self.0.file.memory_bytes()
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        self.0.file.digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.0.file.digest(hash)
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {
@@ -120,8 +120,8 @@ impl NodeColors for Samples {
         [0; 2]
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        self.file.digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.file.digest(hash)
     }
 
     fn load(&self, _: &dyn Progress) -> Result<Arc<Ngp>> {
@@ -137,11 +137,11 @@ impl NodeColors for Samples {
         model: &Ngp,
         x: usize,
         region: &[u64],
-        see: SeeNode<'_, Self::Along>,
+        visit: SeeNode<'_, Self::Along>,
     ) -> Result<()> {
         self.for_each(model, x, region, |nodes, geometry| {
             for (lane, &node) in nodes.iter().enumerate() {
-                see(node, &mut |(count, directions), colors| {
+                visit(node, &mut |(count, directions), colors| {
                     colors.iter_mut().for_each(Vec::clear);
                     for color in model.colors_along(geometry, lane, directions).iter().take(*count)
                     {

@@ -61,7 +61,7 @@ impl Volume {
         [x, y, z]: [usize; 3],
         out: &mut [f32],
         scratch: &mut Vec<u8>,
-        see: impl FnOnce(&[u8]),
+        hash: impl FnOnce(&[u8]),
     ) -> Result<()> {
         let size = self.element.size();
         let first = (self.row(channel, x, y) + z as u64) * size as u64;
@@ -69,12 +69,12 @@ impl Volume {
         if self.element == Element::F32 && cfg!(target_endian = "little") {
             let bytes = bytemuck::cast_slice_mut(out);
             self.storage.read_into(first, bytes)?;
-            see(bytes);
+            hash(bytes);
             return Ok(());
         }
         scratch.resize(out.len() * size, 0);
         self.storage.read_into(first, scratch)?;
-        see(scratch);
+        hash(scratch);
         self.element.decode(scratch, out);
         Ok(())
     }
