@@ -30,7 +30,7 @@ impl Samples {
         1.0 / (self.side - 1) as f64
     }
 
-    /// Calls `see` with up to [`LANES`] nodes of a region at a time, and what the density network
+    /// Calls `visit` with up to [`LANES`] nodes of a region at a time, and what the density network
     /// makes of them. Nodes that touch no occupied cell are left out.
     fn for_each(
         &self,

@@ -154,7 +154,7 @@ impl Atlas {
         self.blocks.get(self.places.number(at)).and_then(Option::as_deref)
     }
 
-    /// Calls `see` with all voxels of some opacity in a plane.
+    /// Calls `visit` with all voxels of some opacity in a plane.
     pub(super) fn plane(&self, axis: usize, at: usize, mut visit: impl FnMut([usize; 3], Texel)) {
         let [nx, ny, nz] = self.places.counts;
         for z in 0..nz {

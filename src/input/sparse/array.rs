@@ -149,7 +149,7 @@ impl RowArray {
         Ok(values)
     }
 
-    /// Calls `see` with all rows in order, some at a time.
+    /// Calls `visit` with all rows in order, some at a time.
     ///
     /// # Errors
     /// Those of reading.
@@ -166,7 +166,7 @@ impl RowArray {
         })
     }
 
-    /// Calls `see` with the bytes of all rows in order, some rows at a time.
+    /// Calls `visit` with the bytes of all rows in order, some rows at a time.
     fn for_each_stored(&self, mut visit: impl FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
@@ -246,7 +246,7 @@ impl RowArray {
         }
     }
 
-    /// Calls `see` with one column of all rows, in pieces.
+    /// Calls `visit` with one column of all rows, in pieces.
     ///
     /// # Errors
     /// Those of reading.

@@ -85,7 +85,7 @@ impl Grid {
         self.array().is_some_and(|volume| volume.storage.crc32().is_some())
     }
 
-    /// Fills all nodes of plane `x` of a channel. `see` is shown the bytes of arrays as stored.
+    /// Fills all nodes of plane `x` of a channel. `hash` gets the bytes of arrays as stored.
     ///
     /// # Errors
     /// Those of reading.

@@ -54,7 +54,7 @@ impl Volume {
 
     /// Reads `out.len()` consecutive values that start at node `(x, y, z)` of `channel`. They may
     /// run on over rows where rows follow each other ([`Volume::rows_are_contiguous`]).
-    /// `see` is shown the bytes as stored; `scratch` holds them where they are no float32.
+    /// `hash` gets the bytes as stored; `scratch` holds them where they are no float32.
     pub fn read_run(
         &self,
         channel: usize,
