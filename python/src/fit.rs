@@ -28,7 +28,7 @@ pub struct NativeFit {
 
 #[pymethods]
 impl NativeFit {
-    /// Of arrays of the open door, whose density counts alone, and of places of cameras.
+    /// Of sampled arrays, whose density counts alone, and of places of cameras.
     #[new]
     fn new(
         py: Python<'_>,
