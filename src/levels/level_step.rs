@@ -51,8 +51,8 @@ pub(super) struct LevelStep<'a, 'f> {
 }
 
 impl LevelStep<'_, '_> {
-    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels without weights, and
-    /// passes all planes to `observe`.
+    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels without weights,
+    /// and passes all planes to `observe`.
     pub fn unweighted(
         &self,
         rising: &Range<usize>,

@@ -1,4 +1,4 @@
-//! Grids that tell where there may be matter.
+//! Grids of possibly occupied space.
 
 use super::parameters::{LOW, SPAN};
 use crate::base::error::{Error, Place, Result};

@@ -21,7 +21,7 @@ impl Assets {
     }
 }
 
-/// Sums at node `node`, if there may be matter.
+/// Sums at node `node`, if it may be occupied.
 fn at_node(sums: &Sums, node: [usize; 3]) -> Option<[f64; 8]> {
     let (parameters, Nodes(counts)) = (&sums.parameters, sums.parameters.cells().nodes());
     let mut voxel = [0; 3];

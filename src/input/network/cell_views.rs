@@ -30,19 +30,19 @@ pub struct CellViews {
 }
 
 impl CellViews {
-    /// Of the cameras that a fit of a degree uses; from all around if they are few. `matter` is the
-    /// field, whose colours do not count.
+    /// Of the cameras that a fit of a degree uses; from all around if they are few. `geometry` is
+    /// the field, whose colours do not count.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub fn of_fit(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         degree: usize,
         cameras: &[[f64; 3]],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::find(matter, Views::new(cameras), degree, limits, progress)
+        Self::find(geometry, Views::new(cameras), degree, limits, progress)
     }
 
     /// Of the eyes held out of a fit to these cameras.
@@ -50,13 +50,13 @@ impl CellViews {
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub fn of_held_out(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let eyes = held_out_eyes(cameras, &matter.scene.bounds);
-        Self::find(matter, Views::Cameras(eyes), 0, limits, progress)
+        let eyes = held_out_eyes(cameras, &geometry.scene.bounds);
+        Self::find(geometry, Views::Cameras(eyes), 0, limits, progress)
     }
 
     /// Of all views that see a cell, as many as a fit of a degree takes.
@@ -64,13 +64,13 @@ impl CellViews {
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub(super) fn find(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         views: Views,
         degree: usize,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Ok(Self { seen: CellVisibility::find(matter, &views, limits, progress)?, views, most: most(degree) })
+        Ok(Self { seen: CellVisibility::find(geometry, &views, limits, progress)?, views, most: most(degree) })
     }
 
     /// Bytes that it takes while it is found, at most.

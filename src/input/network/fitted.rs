@@ -82,8 +82,8 @@ pub struct FittedColors<N: NodeColors> {
     harmonics: Harmonics,
     /// True for band 0 alone, as colours.
     is_plain: bool,
-    /// The matter that hides nodes from views.
-    matter: RadianceField,
+    /// The field that hides nodes from views.
+    geometry: RadianceField,
     views: Views,
     limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
@@ -107,18 +107,18 @@ struct Cell<Along> {
 
 impl<N: NodeColors> FittedColors<N> {
     /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
-    /// `matter` is the field without its colours.
+    /// `geometry` is the field without its colours.
     pub fn new(
         colors: N,
         harmonics: Harmonics,
-        matter: RadianceField,
+        geometry: RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
     ) -> Self {
         let (views, limits) = (Views::new(cameras), limits.clone());
         let (prepared, visible, planes) =
             (Lazy::default(), VisibleNodes::default(), PlaneCache::with_archive());
-        Self { colors, harmonics, is_plain: false, matter, views, limits, prepared, visible, planes }
+        Self { colors, harmonics, is_plain: false, geometry, views, limits, prepared, visible, planes }
     }
 
     /// The same as colours that do not depend on the view.
@@ -129,9 +129,9 @@ impl<N: NodeColors> FittedColors<N> {
 
     fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
         self.prepared.get(|| {
-            let Self { colors, harmonics, matter, views, limits, .. } = self;
+            let Self { colors, harmonics, geometry, views, limits, .. } = self;
             let network = colors.load(progress)?;
-            let cells = CellViews::find(matter, views.clone(), harmonics.degree, limits, progress)?;
+            let cells = CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
             Ok(Prepared { network, cells })
         })
     }
@@ -149,7 +149,7 @@ impl<N: NodeColors> FittedColors<N> {
         let prepared = self.prepared(&Silent)?;
         let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
-        let visible = self.visible.within(&self.matter, x, region)?;
+        let visible = self.visible.within(&self.geometry, x, region)?;
         let black = if self.is_plain { 0.0 } else { -self.harmonics.offset / BAND_0 };
         visit(self.nodes(), &without(region, &visible), |[y, z]| {
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);

@@ -1,8 +1,9 @@
 //! The nodes whose colour a picture can show.
 //!
 //! A sample is coloured if its weight is above the colour threshold of the march. Its weight is at
-//! most its opacity, and that is at most the largest one of its cell's corners. A node none of whose
-//! cells has such a corner is black in the model's own pictures, so no network is asked there.
+//! most its opacity, and that is at most the largest one of its cell's corners. A node none of
+//! whose cells has such a corner is black in the model's own pictures, so no network is asked
+//! there.
 
 use super::planes::PlaneCache;
 use crate::base::error::Result;
@@ -24,25 +25,25 @@ impl VisibleNodes {
         self.densities.bytes(nodes, 1)
     }
 
-    /// The nodes of a region of plane `x` that are a corner of a cell of `matter` with a corner
+    /// The nodes of a region of plane `x` that are a corner of a cell of `geometry` with a corner
     /// above its colour threshold.
     ///
     /// # Errors
     /// Those of reading density.
     pub(super) fn within(
         &self,
-        matter: &RadianceField,
+        geometry: &RadianceField,
         x: usize,
         region: &[u64],
     ) -> Result<Vec<u64>> {
-        let scene = &matter.scene;
+        let scene = &geometry.scene;
         let threshold = f64::from(scene.march.color_threshold) * SLACK;
         if threshold <= 0.0 {
             return Ok(region.to_vec());
         }
         #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
         let least = scene.activation.raw_at_opacity(threshold) as f32;
-        let planes = Planes::new(matter, None, Nonfinite::Empty);
+        let planes = Planes::new(geometry, None, Nonfinite::Empty);
         let Nodes([nx, ny, nz]) = scene.nodes;
         let near = with_neighbours(scene.nodes, region);
         let (mut above, mut values) = (vec![0; region.len()], vec![0.0; ny * nz]);

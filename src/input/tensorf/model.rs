@@ -75,7 +75,7 @@ impl Tensorf {
         at
     }
 
-    /// Optical depth of a world unit at a position, 0 where no matter is.
+    /// Optical depth of a world unit at a position, 0 in empty space.
     fn sigma(&self, world: [f64; 3], share: [f64; 3], scratch: &mut Scratch) -> f64 {
         let inside = share.into_iter().all(|at| (0.0..=1.0).contains(&at));
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {

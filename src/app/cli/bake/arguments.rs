@@ -67,7 +67,7 @@ pub struct Arguments {
     pub gltf: GltfArguments,
     #[command(flatten, next_help_heading = "Incremental builds")]
     pub incremental: IncrementalArguments,
-    #[command(flatten, next_help_heading = "Many scenes")]
+    #[command(flatten, next_help_heading = "Batches")]
     pub many: ManifestArguments,
     /// The input, where it is no file.
     #[arg(skip)]

@@ -34,7 +34,7 @@ pub struct BatchOptions<'a> {
 
 /// Bakes the part of a manifest that the arguments choose. `scene` runs the words of one bake.
 ///
-/// A single scene's error is that of the program, so that farms see its exit code.
+/// A single scene's error is that of the program, so that schedulers see its exit code.
 ///
 /// # Errors
 /// Those of the manifest and of the results' file; a scene's only if it was chosen by its number.
