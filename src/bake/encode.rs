@@ -126,7 +126,12 @@ impl<'a> LevelEncoder<'a> {
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
             });
             channel_groups.extend(std::iter::repeat_n(group, channels));
-            bounds.push(GroupCodes { encoding, channels, bound, everywhere: is_quantized_outside_mask(group) });
+            bounds.push(GroupCodes {
+                encoding,
+                channels,
+                bound,
+                everywhere: is_quantized_outside_mask(group),
+            });
         }
         let codes = CodePlanes::new(retained, options.activation, bounds);
         let frames = groups.iter().map(|_| GroupFrames::default()).collect();

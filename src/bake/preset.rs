@@ -49,9 +49,7 @@ impl Preset {
             Self::Faithful => {
                 "As the checkpoint was trained: the levels of the research code, 8 bits"
             }
-            Self::Web => {
-                "Looks right at a distance; the smallest file that loses at most 0.1 dB"
-            }
+            Self::Web => "Looks right at a distance; the smallest file that loses at most 0.1 dB",
             Self::Archive => {
                 "Every stored value of level 0 exactly as trained; looks right at a distance"
             }

@@ -250,7 +250,9 @@ impl Filter {
     /// Its levels, in a sentence.
     pub fn purpose(self) -> &'static str {
         match self {
-            Self::RateTent => "Tent-weighted means of colour and opacity; looks right at a distance",
+            Self::RateTent => {
+                "Tent-weighted means of colour and opacity; looks right at a distance"
+            }
             Self::Isotropic => "rate-tent without directional terms; for readers of format 1.1",
             Self::Coverage => "Box-filtered opacity",
             Self::Fit => "rate-tent, then optimized on distant pictures; takes seconds to minutes",

@@ -143,9 +143,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
             RuleError::Unsupported => return,
             RuleError::Missing if may_be_missing(&pointer) => return,
             RuleError::Missing => ("no value", "one"),
-            RuleError::IndexOutOfBounds => {
-                ("an index out of range", "an index in range")
-            }
+            RuleError::IndexOutOfBounds => ("an index out of range", "an index in range"),
             _ => ("a value that glTF 2.0 does not know", "one of those in its specification"),
         };
         if reported.is_ok() {

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::options::FitOptions;
 use super::morton_pixels::{EMPTY, MortonPixels, code};
+use super::options::FitOptions;
 use super::summed_area::SummedArea;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};

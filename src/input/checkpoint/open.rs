@@ -12,7 +12,7 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, SideFile, Family, Source};
+use crate::input::source::{Assumption, Family, SideFile, Source};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::{ColorDomain, RadianceField, Scene};
 use crate::model::view_dependence::ViewDependence;

@@ -13,7 +13,7 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::input::checkpoint::{Inner, StoredGrid};
-use crate::input::factors::{Tap, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
 use crate::model::field::RadianceField;

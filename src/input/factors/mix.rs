@@ -1,7 +1,7 @@
 //! From products of factors to the channels of a grid.
 
 use super::parts::{Terms, components};
-use super::product::{Tap, Factors};
+use super::product::{Factors, Tap};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::Tensor;

@@ -1,7 +1,7 @@
 //! The directions that colours of a cell's nodes are fitted along, or held out along.
 
-use super::fit::Fit;
 use super::cell_visibility::CellVisibility;
+use super::fit::Fit;
 use super::views::{Views, held_out_eyes};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -70,7 +70,11 @@ impl CellViews {
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Ok(Self { seen: CellVisibility::find(geometry, &views, limits, progress)?, views, most: most(degree) })
+        Ok(Self {
+            seen: CellVisibility::find(geometry, &views, limits, progress)?,
+            views,
+            most: most(degree),
+        })
     }
 
     /// Bytes that it takes while it is found, at most.

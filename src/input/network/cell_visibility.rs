@@ -288,7 +288,8 @@ mod tests {
             let far = |at: f64| [8.0 * libm::cos(at), 8.0 * libm::sin(at), 0.0];
             let cameras: Vec<[f64; 3]> = (0..32).map(|at| far(f64::from(at) * 0.2)).collect();
             for views in [Views::new(&[]), Views::new(&cameras)] {
-                let seen = CellVisibility::find(&field, &views, &limits, &Silent).expect("densities");
+                let seen =
+                    CellVisibility::find(&field, &views, &limits, &Silent).expect("densities");
                 // The node of the surface on the side of positive x.
                 let node = [(size - 1) * 5 / 6, size / 2, size / 2];
                 let found = seen.views(seen.cell(node));

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use super::cell_views::{CellViews, most};
 use super::fit::Fit;
 use super::planes::{PlaneCache, visit};
-use super::visible_nodes::VisibleNodes;
 use super::views::Views;
+use super::visible_nodes::VisibleNodes;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Silent};
@@ -30,7 +30,7 @@ pub type Colors = [Vec<f64>; 3];
 pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
 
 /// Sees a node `(y, z)` of a plane.
-pub type SeeNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
+pub type OnNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
 
 /// Colours that a network gives the nodes of a grid.
 pub trait NodeColors: Debug + Send + Sync {
@@ -70,7 +70,7 @@ pub trait NodeColors: Debug + Send + Sync {
         network: &Self::Network,
         x: usize,
         region: &[u64],
-        visit: SeeNode<'_, Self::Along>,
+        on_node: OnNode<'_, Self::Along>,
     ) -> Result<()>;
 }
 
@@ -118,7 +118,17 @@ impl<N: NodeColors> FittedColors<N> {
         let (views, limits) = (Views::new(cameras), limits.clone());
         let (prepared, visible, planes) =
             (Lazy::default(), VisibleNodes::default(), PlaneCache::with_archive());
-        Self { colors, harmonics, is_plain: false, geometry, views, limits, prepared, visible, planes }
+        Self {
+            colors,
+            harmonics,
+            is_plain: false,
+            geometry,
+            views,
+            limits,
+            prepared,
+            visible,
+            planes,
+        }
     }
 
     /// The same as colours that do not depend on the view.
@@ -131,7 +141,8 @@ impl<N: NodeColors> FittedColors<N> {
         self.prepared.get(|| {
             let Self { colors, harmonics, geometry, views, limits, .. } = self;
             let network = colors.load(progress)?;
-            let cells = CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
+            let cells =
+                CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
             Ok(Prepared { network, cells })
         })
     }

@@ -8,7 +8,7 @@ use super::frame::Frame;
 use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
-use crate::input::network::{NodeColors, SeeNode, visit};
+use crate::input::network::{NodeColors, OnNode, visit};
 use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
 use crate::model::grid::Nodes;
@@ -30,19 +30,19 @@ impl Samples {
         1.0 / (self.side - 1) as f64
     }
 
-    /// Calls `visit` with up to [`LANES`] nodes of a region at a time, and what the density network
+    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and what the density network
     /// makes of them. Nodes that touch no occupied cell are left out.
     fn for_each(
         &self,
         model: &Ngp,
         x: usize,
         region: &[u64],
-        mut visit: impl FnMut(&[[usize; 2]], &[Lanes]),
+        mut on_nodes: impl FnMut(&[[usize; 2]], &[Lanes]),
     ) {
         let (mut nodes, mut positions) = (Vec::new(), Vec::new());
         let spacing = self.spacing();
         let mut found = |nodes: &mut Vec<[usize; 2]>, positions: &mut Vec<[f64; 3]>| {
-            visit(nodes, &model.geometry(positions));
+            on_nodes(nodes, &model.geometry(positions));
             nodes.clear();
             positions.clear();
         };
@@ -137,11 +137,11 @@ impl NodeColors for Samples {
         model: &Ngp,
         x: usize,
         region: &[u64],
-        visit: SeeNode<'_, Self::Along>,
+        on_node: OnNode<'_, Self::Along>,
     ) -> Result<()> {
         self.for_each(model, x, region, |nodes, geometry| {
             for (lane, &node) in nodes.iter().enumerate() {
-                visit(node, &mut |(count, directions), colors| {
+                on_node(node, &mut |(count, directions), colors| {
                     colors.iter_mut().for_each(Vec::clear);
                     for color in model.colors_along(geometry, lane, directions).iter().take(*count)
                     {

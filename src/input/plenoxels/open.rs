@@ -9,7 +9,7 @@ use super::model::PlenoxelsFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, SideFile, Family, Source};
+use crate::input::source::{Assumption, Family, SideFile, Source};
 use crate::input::sparse::{CellBox, Channel, RowGrid};
 use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};

@@ -15,7 +15,7 @@ use super::two_passes;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::factors::{Tap, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::model::activate;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};

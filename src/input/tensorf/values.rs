@@ -7,7 +7,7 @@ use super::shading::STORED_FUNCTIONS;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::factors::{Tap, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
 use crate::model::field::NodeValues;

@@ -96,7 +96,8 @@ impl SparseVolume {
 
     /// Occupied points.
     pub fn occupied(&self) -> u64 {
-        let bits = |leaf: &Leaf| leaf.occupied.iter().map(|word| u64::from(word.count_ones())).sum();
+        let bits =
+            |leaf: &Leaf| leaf.occupied.iter().map(|word| u64::from(word.count_ones())).sum();
         self.leaves.iter().map(|leaf| -> u64 { bits(leaf) }).sum()
     }
 
