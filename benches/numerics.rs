@@ -1,4 +1,5 @@
-//! Writes `formats/numerics.md`: every stage's worst error against its slow twin in float64.
+//! Writes `formats/numerics.md`: every stage's worst error against its reference implementation in
+//! float64.
 //!
 //! ```text
 //! cargo bench --bench numerics > formats/numerics.md

@@ -6,10 +6,10 @@
 //! ```
 //!
 //! Renders a trained scene, and a container baked from it, and prints rays a second, samples a ray,
-//! the share of samples that were skipped, how many times faster that is than the slow twin of the
-//! tests on some of the same pixels (the floor), and the largest differences from it.
-//! `--references` names a folder of float64 renders, a file for each frame, to compare with
-//! instead. Without arguments the scene is `fixtures/trained/lego64`.
+//! the share of samples that were skipped, how many times faster that is than the reference
+//! implementation of the tests on some of the same pixels (the floor), and the largest differences
+//! from it. `--references` names a folder of float64 renders, a file for each frame, to compare
+//! with instead. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
 #[path = "../tests/common/mod.rs"]
@@ -34,7 +34,8 @@ use mipvog_bake::unstable::view::render::{
 
 /// Each frame is rendered this often; the fastest counts.
 const ROUNDS: usize = 5;
-/// One pixel in so many is rendered by the slow twin; a prime, so that they are spread over rows.
+/// One pixel in so many is rendered by the reference implementation; a prime, so that they are
+/// spread over rows.
 const SUBSET: usize = 97;
 /// Largest difference from the reference renders.
 const BOUND: f32 = 2e-4;
@@ -59,7 +60,7 @@ fn main() {
     }
 }
 
-/// Speed and distance from the twin, of the scene and of a container baked from it.
+/// Speed and distance from the reference, of the scene and of a container baked from it.
 fn measure(field: &RadianceField, cameras: &[Camera]) {
     let limits = Limits::default();
     let dense = Renderer::trained(field, None, &limits).expect("a field");
@@ -107,7 +108,7 @@ fn report(name: &str, field: &Renderer, levels: Vec<PlainLevel>, cameras: &[Came
     );
     let Differences { color, transmittance, accumulated, .. } = differences;
     println!(
-        "{name}: at most {color:.1e} from the twin in colour, {transmittance:.1e} in transmittance, \
+        "{name}: at most {color:.1e} from the reference in colour, {transmittance:.1e} in transmittance, \
          {accumulated:.1e} in accumulated values"
     );
 }

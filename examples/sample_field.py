@@ -1,4 +1,4 @@
-"""Samples any radiance field into a file that `mipvog-bake` takes: the open door.
+"""Samples any radiance field into a file of arrays for `mipvog-bake`.
 
     python sample_field.py ball.npz && mipvog-bake bake ball.npz -o ball.mipvog
 

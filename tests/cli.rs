@@ -163,7 +163,7 @@ fn inputs_are_validated_and_findings_told_in_every_form() {
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(message.contains("not valid: 1 error\n"), "{message}");
     let help = String::from_utf8_lossy(&run(here, &["bake", "-h"]).stdout).into_owned();
-    assert!(help.contains("sarif is for the findings of validate alone"), "{help}");
+    assert!(help.contains("sarif is for the findings of validate only"), "{help}");
     refused(here, &["inspect", &scene(), "--format", "sarif"], 2, &["sarif", "validate"]);
 }
 

@@ -1,5 +1,5 @@
 //! Baked levels against vectors of an independent float64 oracle (`fixtures/golden`) and against
-//! the plain twins.
+//! the reference implementations.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Scenes that no training made, each with one kind of matter that levels find hard.
+//! Scenes that no training made, each with one kind of content that levels find hard.
 
 use mipvog_bake::unstable::model::field::RadianceField;
 
@@ -9,7 +9,7 @@ const NODES: [usize; 3] = [112, 120, 104];
 /// Nodes of boxes without an inside.
 const STICK: [usize; 3] = [2, 2, 65];
 const SLAB: [usize; 3] = [65, 65, 2];
-/// Raw densities of empty space and of opaque matter.
+/// Raw densities of empty space and of opaque space.
 const EMPTY: f32 = -30.0;
 const OPAQUE: f32 = 12.0;
 
@@ -89,12 +89,12 @@ impl Painted {
         });
     }
 
-    /// Puts matter, density and colour by the offset from `middle`, where there is less.
+    /// Puts density and colour by the offset from `middle`, where there is less.
     fn around(
         &mut self,
         middle: [f32; 3],
         reach: f32,
-        matter: impl Fn([f32; 3]) -> Option<(f32, [f32; 3])>,
+        content: impl Fn([f32; 3]) -> Option<(f32, [f32; 3])>,
     ) {
         let [xs, ys, zs] = [0, 1, 2].map(|axis| {
             let low = (middle[axis] - reach).max(0.0) as usize;
@@ -105,7 +105,7 @@ impl Painted {
                 for z in zs.clone() {
                     let at = [x, y, z];
                     let off = [0, 1, 2].map(|axis| at[axis] as f32 - middle[axis]);
-                    if let Some((density, color)) = matter(off) {
+                    if let Some((density, color)) = content(off) {
                         self.put(at, density, color);
                     }
                 }

@@ -17,7 +17,7 @@ from ._field import Field
 # Element types by the names of safetensors.
 _FLOATS = {np.dtype(np.float32): "F32", np.dtype(np.float16): "F16"}
 _WHOLE = {np.dtype(np.int32): "I32", np.dtype(np.int64): "I64"}
-# Settings of the open door.
+# Settings of sampled arrays.
 _SETTINGS = ("offset", "clamp", "stepsize", "background", "block_size", "dimensions")
 _NUMBERS = {"background": 3, "dimensions": 3}
 _CLAMPS = ("zero", "none", "sigmoid")
@@ -72,7 +72,7 @@ def _floats(name: str, value: Any) -> npt.NDArray[Any]:
     return array
 
 
-def pieces(name: str, arrays: Sequence[Any], shape: Sequence[int]) -> Tensor:
+def as_tensor(name: str, arrays: Sequence[Any], shape: Sequence[int]) -> Tensor:
     """Float arrays one behind the other as one tensor of a shape. Float32 and float16 in C order
     are borrowed, all else is converted to float32."""
     found = [_floats(name, array) for array in arrays]
@@ -125,13 +125,13 @@ def _text(name: str, value: Any) -> str:
     return ",".join(map(repr, found.tolist()))
 
 
-def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
-    """A dictionary of arrays as the open door names them."""
+def sampled_arrays(arrays: Mapping[str, Any]) -> _native.Arrays:
+    """A dictionary of sampled arrays."""
     known = _ARRAYS + _SETTINGS
     unknown = [name for name in arrays if name not in known]
     if unknown:
         raise Error(
-            f"arrays: found {', '.join(map(repr, unknown))}, expected names of the open door",
+            f"arrays: found {', '.join(map(repr, unknown))}, expected names of sampled arrays",
             kind="malformed",
             file="arrays",
             exit_code=3,
@@ -147,10 +147,10 @@ def open_door(arrays: Mapping[str, Any]) -> _native.Arrays:
         elif name == "blocks":
             tensors.append(_whole(name, value))
         elif name == "aabb":
-            tensors.append(pieces(name, [corners(name, value)], (2, 3)))
+            tensors.append(as_tensor(name, [corners(name, value)], (2, 3)))
         else:
             array = as_array(name, value)
-            tensors.append(pieces(name, [array], array.shape))
+            tensors.append(as_tensor(name, [array], array.shape))
     missing = [name for name in ("density", "aabb") if arrays.get(name) is None]
     if arrays.get("sh") is None and arrays.get("color") is None:
         missing.append("sh or color")
@@ -184,7 +184,7 @@ def _layers(network: Network) -> list[Tensor]:
     layers = []
     for name, value in named.items():
         array = as_array(f"network {name}", value)
-        layers.append(pieces(f"rgbnet.{name}", [array], array.shape))
+        layers.append(as_tensor(f"rgbnet.{name}", [array], array.shape))
     return layers
 
 
@@ -239,10 +239,10 @@ def from_arrays(
     octaves = _check.whole("frequencies", frequencies, "a number of octaves, 0 to 32", 0, 32)
     channels = sum(array.shape[0] for array in colors)
     tensors = [
-        pieces("density", [grid], (1, 1, *grid.shape)),
-        pieces("k0", colors, (1, channels, *grid.shape)),
-        pieces("xyz_min", [low], (3,)),
-        pieces("xyz_max", [high], (3,)),
+        as_tensor("density", [grid], (1, 1, *grid.shape)),
+        as_tensor("k0", colors, (1, channels, *grid.shape)),
+        as_tensor("xyz_min", [low], (3,)),
+        as_tensor("xyz_max", [high], (3,)),
         ("act_shift", "F64", [1], [np.array([offset]).view(np.uint8)]),
     ]
     tensors += _layers(network) if network is not None else []

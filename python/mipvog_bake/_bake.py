@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Union, cast
 
 from . import _check, _native, _options
-from ._arrays import open_door
+from ._arrays import sampled_arrays
 from ._check import PathName, Readable, Writable
 from ._error import Error, by_arrays
 from ._field import Field
@@ -33,7 +33,7 @@ def bake(
     """Bakes `input` into the container `output`, and gives the report of `mipvog-bake bake`.
 
     `input` is the path of a checkpoint, a container or a glTF asset, the bytes of one or a binary
-    file to read them from, a `Field`, or a dictionary of arrays as the open door has them:
+    file to read them from, a `Field`, or a dictionary of sampled arrays:
     `density` `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
 
     `output` is a path, or a binary file that is open for writing, such as `io.BytesIO()`.
@@ -77,7 +77,7 @@ def _bake(
         input._values  # noqa: B018, a closed field is refused here
         arrays, colors, data = input._arrays, input._colors, input._data
     elif isinstance(input, Mapping):
-        arrays, colors = open_door(input), "color" if input.get("sh") is None else "sh"
+        arrays, colors = sampled_arrays(input), "color" if input.get("sh") is None else "sh"
     else:
         data = _check.data("input", input)
     if arrays is not None or data is not None:

@@ -60,7 +60,7 @@ def from_native(message: str, *, help: str, report: Optional[str], **details: An
     if help.startswith("see --help"):
         help = "see help(mipvog_bake.bake)"
     if details["file"] == "arrays" and details["kind"] == "malformed":
-        help = "correct the array: see the open door in help(mipvog_bake.bake)"
+        help = "correct the array: see help(mipvog_bake.bake)"
     return Error(
         _OPTION.sub(_keyword, message),
         help=_OPTION.sub(_keyword, help),

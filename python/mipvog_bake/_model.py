@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _check, _native
-from ._arrays import pieces
+from ._arrays import as_tensor
 from ._callback import Callback
 from ._error import Error
 from ._field import Field
@@ -209,14 +209,14 @@ def _arrays(
     sh: npt.NDArray[np.float16],
     background: list[float],
 ) -> _native.Arrays:
-    """The samples as the open door has them. Arrays are borrowed, and may still be filled."""
+    """The samples as sampled arrays. They are borrowed, and may still be filled."""
     count, cube, functions = len(blocks), (EDGE,) * 3, sh.shape[-1]
     corners = np.array([lattice.low, lattice.high], dtype=np.float32)
     small = blocks.astype(np.int32)
     tensors = [
-        pieces("density", [mean], (count, *cube)),
-        pieces("sh", [sh], (count, *cube, 3, functions)),
-        pieces("aabb", [corners], (2, 3)),
+        as_tensor("density", [mean], (count, *cube)),
+        as_tensor("sh", [sh], (count, *cube, 3, functions)),
+        as_tensor("aabb", [corners], (2, 3)),
         ("blocks", "I32", [count, 3], [small.reshape(-1).view(np.uint8)]),
     ]
     texts = {

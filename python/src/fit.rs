@@ -28,7 +28,7 @@ pub struct NativeFit {
 
 #[pymethods]
 impl NativeFit {
-    /// Of arrays of the open door, whose density counts alone, and of places of cameras.
+    /// Of sampled arrays, whose density counts alone, and of places of cameras.
     #[new]
     fn new(
         py: Python<'_>,
@@ -44,7 +44,7 @@ impl NativeFit {
                 input::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
             let offset = field.harmonics().map_or(0.5, |rules| f64::from(rules.offset));
             let fitted = CellViews::of_fit(&field, degree, &cameras, &limits, &**watch)?;
-            let judged = CellViews::of_judges(&field, &cameras, &limits, &**watch)?;
+            let judged = CellViews::of_held_out(&field, &cameras, &limits, &**watch)?;
             Result::Ok(Self { fitted, judged, functions: (degree + 1).pow(2), offset })
         })?;
         made.map_err(|error| raised(py, &error))

@@ -16,8 +16,8 @@ def ball(nodes=24):
 BOX = ((-1, -1, -1), (1, 1, 1))
 
 
-def open_door(nodes=24):
-    """The same as arrays of the open door."""
+def sampled_arrays(nodes=24):
+    """The same as sampled arrays."""
     density, diffuse = ball(nodes)
     color = np.ascontiguousarray(np.moveaxis(1 / (1 + np.exp(-diffuse)), 0, -1), dtype=np.float32)
     return {"density": np.where(density > 0, 40, 0).astype(np.float32), "color": color, "aabb": BOX}

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scenes import BOX, ball, open_door
+from scenes import BOX, ball, sampled_arrays
 
 import mipvog_bake
 
@@ -22,7 +22,7 @@ BLOCKS = {
 @pytest.fixture(scope="module")
 def field(tmp_path_factory):
     path = tmp_path_factory.mktemp("arguments") / "ball.mipvog"
-    mipvog_bake.bake(open_door(), path)
+    mipvog_bake.bake(sampled_arrays(), path)
     return mipvog_bake.open(path)
 
 
@@ -44,13 +44,14 @@ def refused(work, match, exit_code=2):
         ({"stepsize": float("nan")}, "stepsize: found nan, expected a number"),
     ],
 )
-def test_settings_of_the_open_door(tmp_path, change, match):
-    refused(lambda: mipvog_bake.bake(open_door() | change, tmp_path / "a.mipvog"), match)
+def test_settings_of_sampled_arrays(tmp_path, change, match):
+    refused(lambda: mipvog_bake.bake(sampled_arrays() | change, tmp_path / "a.mipvog"), match)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_settings_of_an_npz_are_taken(tmp_path):
-    np.savez(tmp_path / "a.npz", **open_door(), clamp="none", offset=0.25, background=(0, 0, 0))
+    settings = {"clamp": "none", "offset": 0.25, "background": (0, 0, 0)}
+    np.savez(tmp_path / "a.npz", **sampled_arrays(), **settings)
     mipvog_bake.bake(dict(np.load(tmp_path / "a.npz")), tmp_path / "a.mipvog")
     mipvog_bake.bake(tmp_path / "a.npz", tmp_path / "b.mipvog")
     assert mipvog_bake.open(tmp_path / "a.mipvog").metadata["background"] == [0, 0, 0]
@@ -77,9 +78,9 @@ def test_blocks_that_do_not_fit(tmp_path, change, match):
 
 def test_numbers_that_are_not_finite_have_the_name_of_their_array(tmp_path):
     density, diffuse = ball()
-    colors = np.full_like(open_door()["color"], np.nan)
+    colors = np.full_like(sampled_arrays()["color"], np.nan)
     harmonics = np.full((24, 24, 24, 3, 4), np.nan, np.float32)
-    plain = open_door()
+    plain = sampled_arrays()
     cases = {
         "color": plain | {"color": colors},
         "sh": {"density": plain["density"], "aabb": BOX, "sh": harmonics},
@@ -149,11 +150,11 @@ def test_options_of_models(change, match):
 def test_files_and_options_of_a_bake(tmp_path):
     out = tmp_path / "a.mipvog"
     for output in (None, 3):
-        refused(partial(mipvog_bake.bake, open_door(), output), "output: found .*a path")
+        refused(partial(mipvog_bake.bake, sampled_arrays(), output), "output: found .*a path")
     refused(lambda: mipvog_bake.open(None), "path: found NoneType, expected a path")
-    refused(lambda: mipvog_bake.bake(open_door(), out, progress=3), "progress: found int")
+    refused(lambda: mipvog_bake.bake(sampled_arrays(), out, progress=3), "progress: found int")
     # A name that is unknown is refused though its value gives no option.
-    refused(lambda: mipvog_bake.bake(open_door(), out, nonsense=None), "nonsense")
+    refused(lambda: mipvog_bake.bake(sampled_arrays(), out, nonsense=None), "nonsense")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from scenes import BOX, ball, open_door
+from scenes import BOX, ball, sampled_arrays
 
 import mipvog_bake
 
@@ -33,14 +33,14 @@ def failed(tmp_path, match, exit_code, work):
     ],
 )
 def test_arrays_that_do_not_fit(tmp_path, name, change, match):
-    arrays = open_door()
+    arrays = sampled_arrays()
     arrays[name] = change(arrays[name])
     error = failed(tmp_path, match, 3, lambda out: mipvog_bake.bake(arrays, out))
     assert error.file == "arrays" and error.place in (f"tensor {name}", "tensor color")
 
 
 def test_numbers_that_are_not_finite(tmp_path):
-    arrays = open_door()
+    arrays = sampled_arrays()
     arrays["density"][3, 4, 5] = np.nan
     error = failed(tmp_path, "not finite", 3, lambda out: mipvog_bake.bake(arrays, out))
     assert error.kind == "non_finite" and "(3, 4, 5)" in str(error)
@@ -52,14 +52,15 @@ def test_numbers_that_are_not_finite(tmp_path):
 
 
 def test_names_that_are_unknown(tmp_path):
-    arrays = open_door() | {"colour": 1}
+    arrays = sampled_arrays() | {"colour": 1}
     failed(tmp_path, "'colour'.*\n.*color", 3, lambda out: mipvog_bake.bake(arrays, out))
     failed(
         tmp_path, "found no aabb", 3, lambda out: mipvog_bake.bake({"density": 1.0, "sh": 1.0}, out)
     )
-    failed(tmp_path, "bit_s", 2, lambda out: mipvog_bake.bake(open_door(), out, bit_s=8))
-    failed(tmp_path, "bits", 2, lambda out: mipvog_bake.bake(open_door(), out, bits=99))
-    failed(tmp_path, "format", 2, lambda out: mipvog_bake.bake(open_door(), out, format="text"))
+    failed(tmp_path, "bit_s", 2, lambda out: mipvog_bake.bake(sampled_arrays(), out, bit_s=8))
+    failed(tmp_path, "bits", 2, lambda out: mipvog_bake.bake(sampled_arrays(), out, bits=99))
+    arrays = sampled_arrays()
+    failed(tmp_path, "format", 2, lambda out: mipvog_bake.bake(arrays, out, format="text"))
     failed(tmp_path, "expected a path", 2, lambda out: mipvog_bake.bake(3, out))
 
 
@@ -79,12 +80,12 @@ def test_files_that_are_missing_or_there(tmp_path):
     error = raised.value
     assert (error.kind, error.exit_code) == ("io", 5) and error.file.endswith("none.mipvog")
     out = tmp_path / "out.mipvog"
-    mipvog_bake.bake(open_door(), out)
+    mipvog_bake.bake(sampled_arrays(), out)
     before = out.read_bytes()
     with pytest.raises(mipvog_bake.Error, match="pass force") as raised:
-        mipvog_bake.bake(open_door(), out)
+        mipvog_bake.bake(sampled_arrays(), out)
     assert (raised.value.kind, raised.value.exit_code) == ("exists", 7)
-    mipvog_bake.bake(open_door(), out, force=True)
+    mipvog_bake.bake(sampled_arrays(), out, force=True)
     assert out.read_bytes() == before
     out.write_bytes(before[:-9])
     with pytest.raises(mipvog_bake.Error) as raised:
@@ -94,7 +95,7 @@ def test_files_that_are_missing_or_there(tmp_path):
 
 def test_a_missed_gate_has_its_report(tmp_path):
     def work(out):
-        mipvog_bake.bake(open_door(), out, turntable=2, size="32x32", bits=4, require_psnr=99)
+        mipvog_bake.bake(sampled_arrays(), out, turntable=2, size="32x32", bits=4, require_psnr=99)
 
     error = failed(tmp_path, "99", 1, work)
     assert error.kind == "gate" and error.report["quality"]["passed"] is False
@@ -102,7 +103,7 @@ def test_a_missed_gate_has_its_report(tmp_path):
 
 def test_progress_grows_and_may_end_the_work(tmp_path):
     told = []
-    arrays = open_door(96)
+    arrays = sampled_arrays(96)
     mipvog_bake.bake(arrays, tmp_path / "a.mipvog", progress=lambda *now: told.append(now))
     shares = [share for _, share in told]
     assert told and shares == sorted(shares) and shares[0] >= 0 and shares[-1] <= 1
@@ -112,13 +113,13 @@ def test_progress_grows_and_may_end_the_work(tmp_path):
         raise LookupError("enough")
 
     # Long enough to be told of amid the work.
-    slow = open_door(160)
+    slow = sampled_arrays(160)
     with pytest.raises(LookupError, match="enough"):
         mipvog_bake.bake(slow, tmp_path / "a.mipvog", progress=refuse, zstd_level=19)
     assert list(tmp_path.iterdir()) == []
     # The work may have ended by then: the output is whole or not there.
     with pytest.raises(LookupError, match="enough"):
-        mipvog_bake.bake(open_door(), tmp_path / "a.mipvog", progress=refuse)
+        mipvog_bake.bake(sampled_arrays(), tmp_path / "a.mipvog", progress=refuse)
     for path in tmp_path.iterdir():
         assert path.name == "a.mipvog" and mipvog_bake.open(path).dimensions == (24, 24, 24)
     # A model has progress, too.
@@ -129,7 +130,7 @@ def test_progress_grows_and_may_end_the_work(tmp_path):
 
 
 def test_ctrl_c_ends_the_work(tmp_path):
-    arrays = open_door(200)
+    arrays = sampled_arrays(200)
     threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         for _ in range(100):
@@ -147,7 +148,7 @@ def test_other_threads_run_while_a_bake_works(tmp_path):
 
     thread = threading.Thread(target=tick)
     thread.start()
-    mipvog_bake.bake(open_door(96), tmp_path / "a.mipvog")
+    mipvog_bake.bake(sampled_arrays(96), tmp_path / "a.mipvog")
     done.set()
     thread.join()
     assert len(ticks) > 10

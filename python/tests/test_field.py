@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import BOX, ball, camera, open_door
+from scenes import BOX, ball, camera, sampled_arrays
 
 import mipvog_bake
 
@@ -18,7 +18,7 @@ TINY = Path(__file__).parents[2] / "fixtures/trained/tiny/fine_last.tar"
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory):
     path = tmp_path_factory.mktemp("baked") / "ball.mipvog"
-    mipvog_bake.bake(open_door(), path)
+    mipvog_bake.bake(sampled_arrays(), path)
     return mipvog_bake.open(path)
 
 

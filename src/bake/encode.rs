@@ -126,7 +126,12 @@ impl<'a> LevelEncoder<'a> {
                 encoder: BlockEncoder::new(encoding.clone(), channels, edge, &options.activation),
             });
             channel_groups.extend(std::iter::repeat_n(group, channels));
-            bounds.push(GroupCodes { encoding, channels, bound, everywhere: is_everywhere(group) });
+            bounds.push(GroupCodes {
+                encoding,
+                channels,
+                bound,
+                everywhere: is_quantized_outside_mask(group),
+            });
         }
         let codes = CodePlanes::new(retained, options.activation, bounds);
         let frames = groups.iter().map(|_| GroupFrames::default()).collect();
@@ -263,7 +268,7 @@ impl Importance<'_> {
 
 /// True for a group whose values count at all nodes: anisotropy would make a node visible that is
 /// not retained.
-fn is_everywhere(group: Group) -> bool {
+fn is_quantized_outside_mask(group: Group) -> bool {
     group == Group::Anisotropy
 }
 
@@ -275,7 +280,7 @@ impl GroupEncoder {
         retained: Arc<[bool]>,
         importance: Option<Importance>,
     ) -> (Frame, f64) {
-        let retained = match is_everywhere(self.group) {
+        let retained = match is_quantized_outside_mask(self.group) {
             true => source.own_nodes(self.encoder.shape().edge),
             false => retained,
         };

@@ -95,7 +95,7 @@ impl LevelSource for FilteredLevels<'_> {
 
     fn read_finest(
         &self,
-        see: &(dyn Fn(Plane, &NodeMask) + Sync),
+        visit: &(dyn Fn(Plane, &NodeMask) + Sync),
         step: Step,
         progress: &dyn Progress,
     ) -> Result<Option<ReadSummary>> {
@@ -116,7 +116,7 @@ impl LevelSource for FilteredLevels<'_> {
             let mut values = vec![0.0; ny * nz];
             for channel in 0..planes.channels() {
                 pass.read(channel, x, counted.plane(x), &mut values)?;
-                see(Plane { level: 0, x, channel, values: &mut values }, &counted);
+                visit(Plane { level: 0, x, channel, values: &mut values }, &counted);
             }
             progress.advance(step, 1);
             Ok(())

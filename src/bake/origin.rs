@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use crate::base::bytes::hex;
 use crate::base::error::Result;
 use crate::codec::unpack::Unpacked;
-use crate::input::{Companion, Source};
+use crate::input::{SideFile, Source};
 use crate::model::field::{Grid, RadianceField};
 
 /// Samples of each colour tensor in a digest, evenly spaced from its first byte to its last.
@@ -26,20 +26,20 @@ pub struct Origin {
     /// checksums of values.
     pub covers_values: bool,
     /// Role and SHA-256 of other files that were used.
-    pub companions: Vec<(&'static str, [u8; 32])>,
+    pub side_files: Vec<(&'static str, [u8; 32])>,
     /// Settings that the input lacks, and the values that were assumed.
     pub assumptions: Vec<Value>,
 }
 
 /// Roles and digests; files of one role are one digest of theirs, in their order.
-fn companions(files: &[Companion]) -> Vec<(&'static str, [u8; 32])> {
+fn side_files(files: &[SideFile]) -> Vec<(&'static str, [u8; 32])> {
     let mut roles: Vec<&'static str> = Vec::new();
-    let mut new = |file: &Companion| {
+    let mut new = |file: &SideFile| {
         let is_new = !roles.contains(&file.role);
         roles.extend(is_new.then_some(file.role));
         is_new
     };
-    let firsts: Vec<&Companion> = files.iter().filter(|file| new(file)).collect();
+    let firsts: Vec<&SideFile> = files.iter().filter(|file| new(file)).collect();
     let joined = firsts.into_iter().map(|first| {
         let same = files.iter().filter(|file| file.role == first.role);
         if same.clone().count() == 1 {
@@ -59,7 +59,7 @@ impl Origin {
             kind: "arrays".to_owned(),
             digest: [0; 32],
             covers_values: false,
-            companions: Vec::new(),
+            side_files: Vec::new(),
             assumptions: Vec::new(),
         }
     }
@@ -80,7 +80,7 @@ impl Origin {
                 Grid::Array(_) => source.field.density.has_checksum(),
                 Grid::Values(_) => source.has_checksums,
             },
-            companions: companions(&source.companions),
+            side_files: side_files(&source.side_files),
             assumptions: assumptions.map(|a| json!({ "key": a.key, "value": a.value })).collect(),
         }
     }
@@ -117,14 +117,14 @@ impl Origin {
 
     /// The container's provenance.
     pub(super) fn provenance(&self, digest: &[u8; 32], options: Value) -> Value {
-        let companions = self.companions.iter();
-        let companions =
-            companions.map(|(role, digest)| json!({ "role": role, "sha256": hex(digest) }));
+        let side_files = self.side_files.iter();
+        let side_files =
+            side_files.map(|(role, digest)| json!({ "role": role, "sha256": hex(digest) }));
         json!({
             "tool": env!("CARGO_PKG_NAME"),
             "version": env!("CARGO_PKG_VERSION"),
             "input": { "kind": self.kind, "sha256": hex(digest) },
-            "companions": companions.collect::<Vec<_>>(),
+            "companions": side_files.collect::<Vec<_>>(),
             "options": options,
             "assumptions": self.assumptions,
         })

@@ -70,7 +70,7 @@ fn require_sight(coverage: &CameraCoverage, options: &BakeOptions) -> Result<()>
     if coverage.importance.iter().all(|&importance| importance == 0.0) {
         let found = match options.seen_from.len() {
             0 => "no cameras".to_owned(),
-            count => format!("{count} cameras, none of which sees any matter"),
+            count => format!("{count} cameras, none of which sees anything"),
         };
         return Err(Error::invalid_option("seen_from", found, "cameras that see the scene"));
     }

@@ -47,13 +47,11 @@ impl Preset {
     pub const fn purpose(self) -> &'static str {
         match self {
             Self::Faithful => {
-                "What the checkpoint was trained with: the research code's levels, 8 bits"
+                "As the checkpoint was trained: the levels of the research code, 8 bits"
             }
-            Self::Web => {
-                "Levels that look right from afar, the fewest bytes that lose at most 0.1 dB"
-            }
+            Self::Web => "Looks right at a distance; the smallest file that loses at most 0.1 dB",
             Self::Archive => {
-                "Every kept value exactly as trained, and levels that look right from afar"
+                "Every stored value of level 0 exactly as trained; looks right at a distance"
             }
         }
     }

@@ -249,8 +249,8 @@ impl Error {
             ErrorKind::Io(error) => match error.kind() {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 std::io::ErrorKind::PermissionDenied => "check the permissions".into(),
-                std::io::ErrorKind::IsADirectory => "name a file instead of a folder".into(),
-                std::io::ErrorKind::NotADirectory => "name a folder that is one".into(),
+                std::io::ErrorKind::IsADirectory => "pass a file instead of a directory".into(),
+                std::io::ErrorKind::NotADirectory => "pass a directory".into(),
                 std::io::ErrorKind::AddrInUse => "choose another port; 0 takes a free one".into(),
                 std::io::ErrorKind::InvalidInput => "name a regular file".into(),
                 std::io::ErrorKind::StorageFull => "free some space and run again".into(),
@@ -375,7 +375,7 @@ impl fmt::Display for ErrorKind {
             }
             Self::Exists => write!(f, "the output exists already"),
             Self::IsInput => {
-                write!(f, "the output is also an input: found a file that is being read")
+                write!(f, "the output path is also an input")
             }
         }
     }

@@ -60,19 +60,19 @@ macro_rules! codes {
 }
 
 codes! {
-    /// The file cannot be read, or is of no kind that can be checked.
+    /// The file cannot be read, or is not of a supported kind.
     File = "file", Error,
         at "the file",
-        do "check the path and what the file is";
-    /// Signature, version or reserved bytes of the header are wrong, or the header is cut short.
+        do "check the path and the kind of the file";
+    /// The header has a wrong signature, version or reserved byte, or is truncated.
     Header = "header", Error,
         at "byte",
         do "copy the file again, or bake again";
-    /// The file needs a feature that this build does not know.
+    /// The file needs a feature that this build does not support.
     Feature = "feature", Error,
         at "byte",
         do "use a newer version of this tool";
-    /// The file's length is not what its header says: it was cut short or something was appended.
+    /// The file's length differs from its header: it was truncated, or something was appended.
     Length = "length", Error,
         at "the file, or the byte where it should end",
         do "copy the file again, or bake again";
@@ -80,22 +80,22 @@ codes! {
     Directory = "directory", Error,
         at "byte",
         do "copy the file again, or bake again";
-    /// A chunk does not start where the one before it ended, or ends outside the file.
+    /// A chunk does not start where the previous one ended, or ends outside the file.
     ChunkBounds = "chunk-bounds", Error,
         at "chunk, or the file",
         do "copy the file again, or bake again";
-    /// A critical chunk that this build does not know.
+    /// A critical chunk is unknown to this build.
     ChunkUnknown = "chunk-unknown", Error,
         at "chunk",
         do "use a newer version of this tool";
-    /// A chunk that is there twice, out of order, or not announced by the metadata.
+    /// A chunk is duplicated, out of order, or not announced by the metadata.
     ChunkUnexpected = "chunk-unexpected", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
-    /// A chunk that must be there is not.
+        do "bake again; report the bug to whoever wrote the file";
+    /// A required chunk is missing.
     ChunkMissing = "chunk-missing", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
+        do "bake again; report the bug to whoever wrote the file";
     /// A chunk's bytes do not match its checksum.
     ChunkChecksum = "chunk-checksum", Error,
         at "chunk",
@@ -104,102 +104,101 @@ codes! {
     Padding = "padding", Error,
         at "byte",
         do "copy the file again, or bake again";
-    /// The directory states a prefix after which the level does not render.
+    /// The directory states a prefix that is not sufficient to render the level.
     Prefix = "prefix", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
-    /// Metadata is not canonical JSON, lacks a key, or has an unknown one.
+        do "bake again; report the bug to whoever wrote the file";
+    /// The metadata is not canonical JSON, lacks a key, or has an unknown key.
     Metadata = "metadata", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
-    /// A value of the metadata is out of range or contradicts another one.
+        do "bake again; report the bug to whoever wrote the file";
+    /// A value of the metadata is out of range or contradicts another value.
     MetadataValue = "metadata-value", Error,
         at "key of the metadata",
-        do "bake again; tell whoever wrote the file";
-    /// Rays may take more samples than a renderer has to be ready for: the step length is too
-    /// short.
+        do "bake again; report the bug to whoever wrote the file";
+    /// Rays may take more samples than renderers must support: the step length is too short.
     RaySamples = "ray-samples", Error,
         at "key of the metadata",
         do "bake again with a longer step";
-    /// The view network's layers do not fit each other, the metadata or their chunk.
+    /// The view network's layers do not match each other, the metadata or their chunk.
     Network = "network", Error,
         at "chunk or byte",
-        do "bake again; tell whoever wrote the file";
-    /// The free-space mask is not what its chunk's header says.
+        do "bake again; report the bug to whoever wrote the file";
+    /// The free-space mask differs from the header of its chunk.
     FreeSpace = "free-space", Error,
         at "chunk or byte",
-        do "bake again; tell whoever wrote the file";
-    /// Provenance is not canonical JSON.
+        do "bake again; report the bug to whoever wrote the file";
+    /// The provenance is not canonical JSON.
     Provenance = "provenance", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
-    /// A level's table of blocks does not decode, or does not fit the metadata.
+        do "bake again; report the bug to whoever wrote the file";
+    /// A level's table of blocks does not decode, or does not match the metadata.
     Table = "table", Error,
         at "chunk",
-        do "bake again; tell whoever wrote the file";
-    /// An atlas does not decode, or does not fit the metadata.
+        do "bake again; report the bug to whoever wrote the file";
+    /// An atlas does not decode, or does not match the metadata.
     Atlas = "atlas", Error,
         at "chunk or byte",
-        do "bake again; tell whoever wrote the file";
+        do "bake again; report the bug to whoever wrote the file";
     /// The chunks of a GLB, the JSON of a glTF document, or its version cannot be read.
     Asset = "asset", Error,
         at "JSON pointer, byte, or the file",
         do "export the asset again";
-    /// Something breaks a rule of glTF 2.0; Khronos' validator says more.
+    /// The asset breaks a rule of glTF 2.0; Khronos' validator gives details.
     AssetRule = "asset-rule", Warning,
         at "JSON pointer",
-        do "see what Khronos' validator says, and mend the asset where it was made";
-    /// There are radiance fields, but extensionsUsed does not name their extension.
+        do "run Khronos' validator, and fix the asset in the program that made it";
+    /// The asset has radiance fields, but extensionsUsed does not list their extension.
     ExtensionUsed = "extension-used", Error,
         at "JSON pointer",
         do "add the extension's name to extensionsUsed";
-    /// The extension is in extensionsRequired, so that viewers refuse a file that they could show.
+    /// The extension is in extensionsRequired, so viewers refuse an asset that they could show.
     ExtensionRequired = "extension-required", Error,
         at "JSON pointer",
-        do "take the extension's name out of extensionsRequired";
-    /// A radiance field lacks a property, or one is of the wrong type or has an unknown value.
+        do "remove the extension's name from extensionsRequired";
+    /// A radiance field lacks a property, or a property has the wrong type or an unknown value.
     FieldProperty = "field-property", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
-    /// A radiance field names no container, two, bytes that are not there, or those of vertices or
-    /// indices.
+    /// A radiance field refers to no container, to two, to missing bytes, or to bytes of vertices
+    /// or indices.
     FieldSource = "field-source", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
-    /// The file that a radiance field names cannot be read.
+    /// The file that a radiance field refers to cannot be read.
     FieldMissing = "field-missing", Error,
         at "JSON pointer or byte",
-        do "put the container where the URI says";
-    /// A property of a radiance field is not what its container says.
+        do "put the container at the URI";
+    /// A property of a radiance field differs from its container.
     FieldMetadata = "field-metadata", Error,
         at "JSON pointer",
         do "detach the field and attach it again";
-    /// The digest of a radiance field is not that of its container.
+    /// The digest of a radiance field does not match its container.
     FieldHash = "field-hash", Error,
         at "JSON pointer",
-        do "put back the container that was attached, or attach this one again";
-    /// A node names a radiance field that is not there.
+        do "restore the container that was attached, or attach this one again";
+    /// A node refers to a radiance field that does not exist.
     FieldNode = "field-node", Error,
         at "JSON pointer",
-        do "name a field that is there";
-    /// No node names a radiance field, so that nothing shows it.
+        do "refer to an existing field";
+    /// No node refers to a radiance field, so it is never shown.
     FieldUnused = "field-unused", Warning,
         at "JSON pointer",
         do "put the field on a node, or detach it";
-    /// A node with a radiance field has no mesh, so that other viewers show nothing.
+    /// A node with a radiance field has no mesh, so other viewers show nothing.
     FieldFallback = "field-fallback", Warning,
         at "JSON pointer",
         do "give the node a mesh, or attach with one";
-    /// A file of tensors cannot be read: it is damaged, holds refused instructions, or asks for too
-    /// much.
+    /// A file of tensors cannot be read: it is damaged, contains refused instructions, or exceeds a
+    /// limit.
     Input = "input", Error,
         at "byte, tensor or zip entry",
-        do "save it again with a current version of what wrote it";
-    /// The tensors make no scene that can be baked.
+        do "save it again with a current version of the program that wrote it";
+    /// The tensors do not form a scene that can be baked.
     Scene = "scene", Error,
         at "key or tensor",
         do "retrain, or pass the option that the message names";
-    /// Something that a bake needs is not in the file; a default is taken.
+    /// The file lacks a setting that a bake needs; a default is used.
     Unstated = "unstated", Warning,
         at "key",
         do "pass the option that the message names";
@@ -211,16 +210,16 @@ codes! {
     ValuesNonfinite = "values-nonfinite", Error,
         at "tensor",
         do "retrain, or bake with option nonfinite: empty";
-    /// Raw values lie beyond 10,000, where no training ends that has not diverged.
+    /// Raw values exceed 10,000, which happens only if training diverged.
     ValuesRange = "values-range", Warning,
         at "tensor",
-        do "look at the scene before it is baked; retrain if it is broken";
-    /// No node's opacity over one interval is above 0.001, so that nothing is left of the scene.
+        do "check the scene before baking; retrain if it is broken";
+    /// No node has an opacity over one interval above 0.001, so the scene is empty.
     SpaceEmpty = "space-empty", Warning,
         at "tensor",
         do "retrain, or check the step length and the activation's shift";
-    /// Of 100 nodes not one has an opacity over one interval of at most 0.001: nothing can be
-    /// pruned.
+    /// Less than 1 % of the nodes have an opacity over one interval of at most 0.001: nothing can
+    /// be pruned.
     SpaceFull = "space-full", Warning,
         at "tensor",
         do "retrain with a loss that clears empty space, or check the activation's shift";
@@ -228,7 +227,7 @@ codes! {
     ChannelDead = "channel-dead", Warning,
         at "tensor",
         do "train with fewer features";
-    /// An input of the view network has no weight other than 0 in the first layer.
+    /// All weights of an input of the view network are 0 in the first layer.
     NetworkUnused = "network-unused", Warning,
         at "key",
         do "train with fewer features or octaves";

@@ -34,4 +34,4 @@ pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensor
 pub use open::{file_of, open, open_with};
 pub use options::{MlpChoice, SourceOptions, ViewChoice};
 pub use settings::SceneSettings;
-pub use source::{Assumption, Companion, Family, Source};
+pub use source::{Assumption, Family, SideFile, Source};

@@ -34,12 +34,12 @@ pub struct Source {
     /// The open file.
     pub file: Arc<SourceFile>,
     /// Other files that were used: the coarse checkpoint, the network's.
-    pub companions: Vec<Companion>,
+    pub side_files: Vec<SideFile>,
 }
 
 /// Another file that a scene was read from.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Companion {
+pub struct SideFile {
     /// `coarse`, `mlp` or `args`.
     pub role: &'static str,
     /// Its path.

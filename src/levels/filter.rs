@@ -250,12 +250,14 @@ impl Filter {
     /// Its levels, in a sentence.
     pub fn purpose(self) -> &'static str {
         match self {
-            Self::RateTent => "Colour and opacity averaged under a tent; looks right from afar",
-            Self::Isotropic => "rate-tent, alike from all sides; for readers of format 1.1",
-            Self::Coverage => "Opacity averaged under a box",
-            Self::Fit => "rate-tent, then fitted to pictures from afar; takes seconds to minutes",
-            Self::Code => "Colour averaged over 3 nodes, as the published code trains",
-            Self::Paper => "Density and colour averaged over 5 nodes, as the paper says",
+            Self::RateTent => {
+                "Tent-weighted means of colour and opacity; looks right at a distance"
+            }
+            Self::Isotropic => "rate-tent without directional terms; for readers of format 1.1",
+            Self::Coverage => "Box-filtered opacity",
+            Self::Fit => "rate-tent, then optimized on distant pictures; takes seconds to minutes",
+            Self::Code => "Means of colour over 3 nodes, as in the published training code",
+            Self::Paper => "Means of density and colour over 5 nodes, as in the paper",
             Self::Kernel(_) => "As paper, with another kernel",
         }
     }

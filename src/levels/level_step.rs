@@ -51,13 +51,13 @@ pub(super) struct LevelStep<'a, 'f> {
 }
 
 impl LevelStep<'_, '_> {
-    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels as they are, and
-    /// shows all to `show`.
-    pub fn as_they_are(
+    /// Makes planes by `make(x, channel, plane)`, filters the `rising` channels without weights,
+    /// and passes all planes to `observe`.
+    pub fn unweighted(
         &self,
         rising: &Range<usize>,
         make: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
-        show: impl Fn(usize, usize, &mut Vec<f32>) -> Result<()> + Sync + Send,
+        observe: impl Fn(usize, usize, &mut Vec<f32>) -> Result<()> + Sync + Send,
     ) -> Result<Filtered> {
         let readers = self.readers()?;
         let mut filtered = self.output_planes(rising.len());
@@ -75,7 +75,7 @@ impl LevelStep<'_, '_> {
             if let (Some(filter), Some(output)) = (self.filter, output) {
                 filter.filter_plane(&readers[i], &mut plane, output, |_, _| ());
             }
-            show(x, channel, &mut plane)?;
+            observe(x, channel, &mut plane)?;
             self.pool.give([plane]);
             Ok(())
         })?;
@@ -92,7 +92,7 @@ impl LevelStep<'_, '_> {
         make: impl Fn(usize, usize, &mut [f32]) -> Result<()> + Sync + Send,
     ) -> Result<Filtered> {
         if self.filter.is_none() {
-            return self.as_they_are(&(0..0), make, |_, _, _| Ok(()));
+            return self.unweighted(&(0..0), make, |_, _, _| Ok(()));
         }
         let alphas = if visible_colors.is_some() { 2 } else { 1 };
         let mut filtered = self.output_planes(alphas + self.channels - 1);

@@ -201,7 +201,7 @@ impl<'a> Flow<'a> {
             self.sink.plane(Plane { level: 0, x, channel, values })
         };
         let filtered = match content {
-            Content::Logits(range) => step.as_they_are(range, read, |_, _, _| Ok(()))?,
+            Content::Logits(range) => step.unweighted(range, read, |_, _, _| Ok(()))?,
             Content::Alpha(domain) => step.premultiplied(domain, None, read)?,
             Content::Colors { domain, colors, visibility, .. } => {
                 let moments = content.moments() == Some(0);
@@ -234,7 +234,7 @@ impl<'a> Flow<'a> {
                 filter.sum_planes(x, channel, values);
                 Ok(())
             };
-            let show = |x, channel, values: &mut Vec<f32>| match &self.finishers[next] {
+            let observe = |x, channel, values: &mut Vec<f32>| match &self.finishers[next] {
                 Some(finisher) => {
                     finisher.keep(x, channel, values);
                     Ok(())
@@ -243,7 +243,7 @@ impl<'a> Flow<'a> {
             };
             let all = 0..self.channels(next);
             let step = self.step(next, made..end);
-            let mut filtered = step.as_they_are(&all, sum, show)?;
+            let mut filtered = step.unweighted(&all, sum, observe)?;
             if let Some((visibility, finisher)) = self.moments_of(next) {
                 let kept: Vec<_> = (made..end).map(|x| finisher.kept(x)).collect();
                 let sums = |i: usize| std::array::from_fn(|channel| kept[i][channel].as_slice());

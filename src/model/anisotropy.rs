@@ -1,4 +1,4 @@
-//! Anisotropy: how much more or less matter a node of a coarser level shows in a direction.
+//! Anisotropy: how the density of a node on a coarser level depends on the direction.
 //!
 //! ```text
 //! optical depth over one interval  t = max(0, v + sum over m of a_m * Y_2m(d))^2

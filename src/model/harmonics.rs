@@ -105,7 +105,7 @@ impl Harmonics {
         }
     }
 
-    /// The colour of matter with these coefficients.
+    /// The colour of these coefficients.
     pub fn color(&self, basis: &Basis, coefficients: &[f32]) -> [f32; 3] {
         self.ray(self.sample(basis, coefficients))
     }

@@ -73,7 +73,7 @@ pub trait TrainedModel: Debug + Send + Sync {
     /// Optical depth per world unit at a position of the world; 0 outside.
     fn density(&self, position: [f64; 3]) -> f32;
 
-    /// The colours of the matter at a position, seen along unit directions that point into the
+    /// The colours at a position, seen along unit directions that point into the
     /// scene, before they are composited.
     fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]>;
 }

@@ -112,7 +112,7 @@ fn empty_fields_and_no_cameras_see_nothing() {
 fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
     let fast = Renderer::trained(field, None, &Limits::default()).expect("a field");
     let view = fast.view();
-    let twin = PlainField::new(view, finest_level(field));
+    let reference = PlainField::new(view, finest_level(field));
     let (nodes, extent) = (view.nodes.0, view.bounds.extent());
     let spacing = (0..3).map(|a| extent[a] / (nodes[a] - 1) as f64).fold(f64::INFINITY, f64::min);
     let step = f64::from(view.march.stepsize) * f64::from(view.march.voxel_size);
@@ -136,7 +136,7 @@ fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
         let camera = Camera { lens, ..camera.clone() };
         for point in 0..columns * rows {
             let at = [(point % columns) as f64 + 0.5, (point / columns) as f64 + 0.5];
-            let samples = twin.weights(&camera, at);
+            let samples = reference.weights(&camera, at);
             let total: f64 = samples.iter().map(|(_, weight)| weight).sum();
             for (position, weight) in samples {
                 for (node, share) in
@@ -150,7 +150,7 @@ fn plain_importance(field: &RadianceField, cameras: &[Camera]) -> Vec<f64> {
     sums
 }
 
-/// Holds importance to its twin: sums of many small numbers of f32 against f64.
+/// Holds importance to its reference: sums of many small numbers of f32 against f64.
 fn assert_as_twin(field: &RadianceField, cameras: &[Camera]) {
     let fast = coverage(field, cameras, 1e-3).importance;
     let plain = plain_importance(field, cameras);

@@ -1,5 +1,5 @@
-//! What levels show otherwise from each side, against a plain twin in float64 and against scenes
-//! whose answer is known.
+//! What levels show otherwise from each side, against a plain reference implementation in float64
+//! and against scenes whose answer is known.
 
 use crate::common::plain::{all_nodes, halved, index, next_level, sigmoid, trilinear};
 use crate::common::planes::levels;

@@ -1,5 +1,5 @@
-//! Importance of nodes to viewers nearby: a plain twin in float64, scenes whose answer is known, and
-//! bakes that move colours by it.
+//! Importance of nodes to viewers nearby: a plain reference implementation in float64, scenes whose
+//! answer is known, and bakes that move colours by it.
 
 use crate::common::plain::{all_nodes, density, index};
 use crate::common::{Random, baked_bytes, field, open_bytes, plain, unpack};

@@ -87,7 +87,7 @@ fn assert_within(field: &RadianceField, options: &BakeOptions, case: &str) -> Ve
                 let node = i % nodes.count();
                 if retained.contains([node / nz / ny, node / nz % ny, node % nz]) {
                     let error = (activated(got) - activated(want)).abs();
-                    // The twin's own functions differ in their last bits.
+                    // The reference's own functions differ in their last bits.
                     let bound = f64::from(encoding.max_error) + 1e-14;
                     assert!(
                         error <= bound,

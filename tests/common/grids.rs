@@ -72,7 +72,7 @@ pub fn lightning() -> SmallGrid {
     }
 }
 
-/// 5 x 4 x 3 nodes of the open door.
+/// 5 x 4 x 3 nodes of sampled arrays.
 pub fn sampled() -> SmallGrid {
     SmallGrid {
         arrays: vec![

@@ -90,7 +90,7 @@ impl SmallMerf {
         })
     }
 
-    /// Cells of voxels of the planes where there may be matter.
+    /// Cells of voxels of the planes that may be occupied.
     fn is_occupied(&self, cell: usize, at: [usize; 3]) -> bool {
         let finest = cell / 8;
         let count = PLANES / 8;

@@ -172,7 +172,7 @@ pub fn origin() -> Origin {
         kind: "test".to_owned(),
         digest: [7; 32],
         covers_values: true,
-        companions: Vec::new(),
+        side_files: Vec::new(),
         assumptions: Vec::new(),
     }
 }

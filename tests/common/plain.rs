@@ -1,4 +1,5 @@
-//! The slow twin: every stage as its definition says, in float64, one node at a time.
+//! The reference implementation: every stage as its definition says, in float64, one node at a
+//! time.
 
 use mipvog_bake::unstable::model::field::{Activation, DensityFunction};
 

@@ -1,5 +1,5 @@
-//! The slow twin of filtering alpha and premultiplied colours, in float64: see the module docs of
-//! `levels::alpha`.
+//! The reference implementation of filtering alpha and premultiplied colours, in float64: see the
+//! module docs of `levels::alpha`.
 
 use mipvog_bake::unstable::levels::AlphaDomain;
 use mipvog_bake::unstable::model::baked::DensityDomain;

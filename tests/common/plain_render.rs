@@ -1,5 +1,5 @@
-//! The renderer's slow twin: one pixel at a time as `formats/mipvog.md`, section 6, says it, in
-//! float64 over dense arrays. It visits every sample of every ray and skips nothing.
+//! The renderer's reference implementation: one pixel at a time as `formats/mipvog.md`, section 6,
+//! says it, in float64 over dense arrays. It visits every sample of every ray and skips nothing.
 
 use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog_bake::unstable::model::camera::Camera;
@@ -39,7 +39,7 @@ pub struct Pruned {
     pub color: Vec<f64>,
 }
 
-/// A field as the twin renders it.
+/// A field as the reference renders it.
 pub struct PlainField {
     view: View,
     levels: Vec<PlainLevel>,

@@ -1,4 +1,5 @@
-//! Fields as the renderer's slow twin takes them, and how far pictures are from the twin's.
+//! Fields as the renderer's reference implementation takes them, and how far pictures are from the
+//! reference's.
 
 use mipvog_bake::unstable::model::baked::{
     BakedField, BakedLevel, DensityDomain, Group, LevelMetadata,
@@ -157,7 +158,7 @@ fn dense(
     values
 }
 
-/// The largest differences between a picture and its twin's, beyond the doubt at thresholds.
+/// The largest differences between a picture and its reference's, beyond the doubt at thresholds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Differences {
     pub color: f64,

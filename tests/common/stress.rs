@@ -1,4 +1,4 @@
-//! Every stage's worst error against its slow twin in float64, over hard inputs.
+//! Every stage's worst error against its reference implementation in float64, over hard inputs.
 //! `formats/numerics.md` lists the errors, and `tests/numerics.rs` holds their bounds.
 
 use std::fmt::Write;

@@ -1,4 +1,5 @@
-//! The stages that make levels: filters, weighted averages, quantization, against their slow twins.
+//! The stages that make levels: filters, weighted averages, quantization, against their reference
+//! implementations.
 
 use mipvog_bake::unstable::bake::Filter;
 use mipvog_bake::unstable::base::error::Place;
@@ -70,7 +71,7 @@ fn fields(nodes: [usize; 3], seed: u64) -> Vec<(&'static str, Vec<f32>)> {
 const SIZES: [[usize; 3]; 6] =
     [[3, 2, 2], [2, 7, 33], [8, 9, 10], [2, 2, 2000], [31, 2, 4], [5, 40, 3]];
 
-/// One step against the twin's; relative to the weighted sum of magnitudes.
+/// One step against the reference's; relative to the weighted sum of magnitudes.
 fn take_step(worst: &mut Worst, nodes: [usize; 3], values: &[f32], kernel: Kernel, name: &str) {
     let weights = &kernel.weights();
     let levels = all_levels(nodes, &[values.to_vec()], weights, Content::Logits(0..1));
@@ -377,7 +378,7 @@ pub fn quantize() -> Worst {
             for (&value, back) in values.iter().zip(stored(&encoding, &values)) {
                 let (got, want) = (activate(back.into()), activate(value.into()));
                 let at = || format!("{value} as {back}, {encoding:?}");
-                // Sums of the twin are right to 1e-15.
+                // Sums of the reference are right to 1e-15.
                 let scale = f64::from(encoding.max_error) + 1e-14;
                 worst.take(got, want, scale, &at);
             }

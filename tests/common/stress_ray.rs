@@ -92,7 +92,7 @@ fn place(bounds: &Bounds, share: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Every hard ray: its name, and the results of the renderer and its twin.
+/// Every hard ray: its name, and the results of the renderer and its reference.
 fn rays(mut take: impl FnMut(&str, &Frame, usize, &Pixel)) {
     let mut look = |name: &str, scene: &RadianceField, cameras: &[Camera]| {
         let fast = Renderer::trained(scene, None, &Limits::default()).expect("a field");

@@ -1,4 +1,5 @@
-//! Single numbers and the network: the stages that take no field, against their slow twins.
+//! Single numbers and the network: the stages that take no field, against their reference
+//! implementations.
 
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::levels::AlphaDomain;

@@ -1,4 +1,5 @@
-//! Runs of frames against a plain twin that follows `formats/mipvog.md` number by number.
+//! Runs of frames against a plain reference implementation that follows `formats/mipvog.md` number
+//! by number.
 
 use crate::common::Random;
 use mipvog_bake::unstable::base::error::Place;

@@ -185,7 +185,7 @@ fn what_no_container_can_hold_is_refused_by_name() {
 }
 
 #[test]
-fn blocks_and_dense_arrays_of_the_open_door_are_the_same_scene() {
+fn sampled_blocks_and_dense_arrays_are_the_same_scene() {
     let dense = grids::sampled();
     let density = match &dense.arrays[0].2 {
         Values::F32(values) => values.clone(),

@@ -63,7 +63,7 @@ fn positions_have_the_density_of_their_sums() {
         full += usize::from(expected > 0.1);
         assert!((f64::from(found) - expected).abs() <= 1e-5 * expected, "{found} {expected}");
     }
-    assert!(full > 50, "{full} positions with matter");
+    assert!(full > 50, "{full} occupied positions");
 }
 
 #[test]
@@ -80,10 +80,10 @@ fn a_bake_is_near_its_folder() {
         let channels = own.color.into_iter().zip(seen.color);
         channels.map(|(own, seen)| (shown(own) - shown(seen)).powi(2)).sum()
     };
-    // Rays that meet matter: empty ones differ by what the network adds to the background.
+    // Rays that hit something: empty ones differ by what the network adds to the background.
     let met = own.iter().zip(&seen).filter(|(own, _)| own.transmittance < 0.02);
     let errors: Vec<f64> = met.map(off).collect();
-    assert!(errors.len() > 200, "{} rays meet matter", errors.len());
+    assert!(errors.len() > 200, "{} rays hit something", errors.len());
     let psnr = -10.0 * (errors.iter().sum::<f64>() / (3 * errors.len()) as f64).log10();
     eprintln!("baked against unbaked: {psnr:.2} dB");
     assert!(psnr > 30.0, "{psnr}");

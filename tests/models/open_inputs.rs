@@ -220,14 +220,14 @@ fn scales_and_boxes_that_no_camera_can_stand_around_name_their_setting() {
         let error = small(&tree).expect_err(key);
         assert_eq!(error.place(), &place, "{error}");
     }
-    let mut door = sampled();
-    door.array("aabb").2 = Values::F32(vec![-1e20, -1.0, -1.0, 1e20, 1.0, 1.0]);
-    let error = small(&door).expect_err("a huge box");
+    let mut arrays = sampled();
+    arrays.array("aabb").2 = Values::F32(vec![-1e20, -1.0, -1.0, 1e20, 1.0, 1.0]);
+    let error = small(&arrays).expect_err("a huge box");
     assert_eq!(error.place(), &Place::Tensor("aabb".to_owned()));
 }
 
 #[test]
-fn the_open_door_refuses_what_it_cannot_heed() {
+fn sampled_arrays_that_cannot_be_heeded_are_refused() {
     let color = || ("color", vec![5, 4, 3, 3], Values::F32(vec![0.5; 180]));
     let refused = |grid: &SmallGrid, told: &str| {
         let error = small(grid).expect_err(told).to_string();

@@ -198,7 +198,7 @@ fn nerfstudio_is_evaluated_and_sampled_in_two_passes() {
                 assert!((f64::from(found) - expected).abs() < 1e-5, "{found} for {expected}");
             }
         }
-        assert!(seen > 20, "{seen} rays meet matter");
+        assert!(seen > 20, "{seen} rays hit something");
     }
 }
 
@@ -244,7 +244,7 @@ fn a_contracted_scene_shows_its_inner_box_on_request() {
                 assert!((f64::from(found) - expected).abs() < 1e-5, "{found} for {expected}");
             }
         }
-        assert!(seen > 20 && near > 60, "{norm}: {seen} rays meet matter, {near} nodes agree");
+        assert!(seen > 20 && near > 60, "{norm}: {seen} rays hit something, {near} nodes agree");
     }
     let mut other = contracted("inf");
     *other.item("model_state_dict/scene_radius") = Item::Floats(vec![3], vec![1.0, 2.0, 1.0]);

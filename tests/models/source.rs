@@ -163,7 +163,7 @@ fn a_mip_vog_checkpoint_is_understood() {
 fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     let beside = open("old/fine_last.tar");
     assert_eq!(keys(&beside), ["stepsize"]);
-    assert_eq!(beside.companions.len(), 1);
+    assert_eq!(beside.side_files.len(), 1);
     let threshold = |source: &Source| match &source.field.free_space.as_ref().expect("mask").lookup
     {
         Lookup::Trilinear { threshold, .. } => f64::from(*threshold),
@@ -272,14 +272,14 @@ fn a_path_out_of_a_checkpoint_is_not_opened() {
     let open =
         || input::open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a scene");
     let source = open();
-    assert!(source.companions.is_empty(), "{:?}", source.companions);
+    assert!(source.side_files.is_empty(), "{:?}", source.side_files);
     assert!(keys(&source).contains(&"coarse"), "{:?}", source.assumptions);
     // The same name beside the checkpoint is taken, as if the path were of another machine.
     let beside = folder.path().join("of_training.safetensors");
     std::fs::copy(&coarse, &beside).expect("copied");
     let source = open();
-    assert_eq!(source.companions.len(), 1, "{:?}", source.assumptions);
-    assert_eq!(source.companions[0].path, beside);
+    assert_eq!(source.side_files.len(), 1, "{:?}", source.assumptions);
+    assert_eq!(source.side_files[0].path, beside);
 }
 
 #[test]

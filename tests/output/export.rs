@@ -59,7 +59,7 @@ fn flipbooks_come_closer_with_more_points_and_more_digits() {
     assert!(names(here).iter().any(|name| name.starts_with("a_") && name.ends_with(".exr")));
 }
 
-/// Programs interpolate beyond the outermost points, or clamp there: in either case matter on the
+/// Programs interpolate beyond the outermost points, or clamp there: in either case density on the
 /// faces of the box keeps its colour.
 #[test]
 fn matter_on_the_faces_of_the_box_keeps_its_colour() {
@@ -80,7 +80,7 @@ fn matter_on_the_faces_of_the_box_keeps_its_colour() {
     for (format, name) in [("vdb", "a.vdb"), ("flipbook", "a.exr"), ("flipbook", "b.png")] {
         let report = exported(here, &["full.safetensors", "--to", format, "-o", name]);
         let psnr = report["psnr"].as_f64().expect("a number");
-        // The rest is the rim by which interpolated matter is larger than the box. Black faces had
+        // The rest is the rim by which interpolated density is larger than the box. Black faces had
         // 7.6 and 5.8 dB.
         assert!(psnr > 16.0, "{name}: {psnr}");
     }
@@ -101,7 +101,7 @@ fn an_empty_field_is_an_empty_volume_and_no_splats() {
     let (code, _, errors) = export(here, &["empty.safetensors", "--to", "splat", "-o", "a.ply"]);
     assert_eq!(code, Some(2), "{errors}");
     assert!(errors.contains("shows nothing"), "{errors}");
-    // OpenVDB takes such small voxels for none.
+    // OpenVDB treats voxels this small as zero.
     let tiny = Values::F32(vec![-1e-7, -1e-7, -1e-7, 1e-7, 1e-7, 1e-7]);
     *empty.array("aabb") = ("aabb", vec![2, 3], tiny);
     std::fs::write(here.join("tiny.safetensors"), empty.to_bytes()).expect("written");

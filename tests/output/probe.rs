@@ -98,7 +98,7 @@ fn rays_see_what_pictures_show_and_points_hold_what_samples_do() {
         near(&colors, frame.color.as_flattened());
         near(&found("transmittance").1, &frame.transmittance);
         near(&found("depth").1, &frame.distance);
-        assert!(frame.transmittance.iter().any(|&left| left < 0.5), "the camera misses the matter");
+        assert!(frame.transmittance.iter().any(|&left| left < 0.5), "the camera misses the scene");
 
         let (shape, colors) = found("color");
         assert_eq!(shape, [90, 2, 3]);

@@ -1,4 +1,5 @@
-//! The renderer against its slow twin, which visits every sample: random scenes, dense and baked.
+//! The renderer against its reference implementation, which visits every sample: random scenes,
+//! dense and baked.
 
 use crate::common;
 use crate::common::plain_render::PlainField;
@@ -218,7 +219,7 @@ fn cameras(random: &mut Random, bounds: &Bounds) -> [Camera; 3] {
     [random_camera(random, bounds), random_camera(random, bounds), straight_camera(random, bounds)]
 }
 
-/// Renders and holds every pixel to the twin's.
+/// Renders and holds every pixel to the reference's.
 fn assert_same(
     field: &Renderer,
     plain: &PlainField,

@@ -150,7 +150,7 @@ fn a_scene_by_its_number_has_its_own_exit_code() {
 }
 
 #[test]
-fn farms_tell_the_number_of_their_task() {
+fn schedulers_set_the_number_of_a_task() {
     let folder = folder();
     let here = folder.path();
     catalogue(here);

@@ -32,7 +32,7 @@ after(() => {
   folder.remove();
 });
 
-/** A thick wavy shell in grainy colours, by the rules of the program's open door. */
+/** A thick wavy shell in grainy colours, in the format of the program's sampled arrays. */
 function scene(): Buffer {
   const count = NODES ** 3;
   const values = { aabb: Float32Array.of(-1, -1, -1, 1, 1, 1), density: new Float32Array(count), color: new Float32Array(3 * count) };

@@ -129,8 +129,8 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
     let mut root = match serde_json::from_value::<Root>(document) {
         Ok(root) => root,
         Err(error) => {
-            let found = format!("what does not fit the properties of glTF: {error}");
-            return broken(String::new(), found, "a document of glTF 2.0", report);
+            let found = format!("invalid properties: {error}");
+            return broken(String::new(), found, "valid glTF 2.0 JSON", report);
         }
     };
     positions(&mut root, report)?;
@@ -143,9 +143,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
             RuleError::Unsupported => return,
             RuleError::Missing if may_be_missing(&pointer) => return,
             RuleError::Missing => ("no value", "one"),
-            RuleError::IndexOutOfBounds => {
-                ("the number of something that is not there", "one of what is there")
-            }
+            RuleError::IndexOutOfBounds => ("an index out of range", "an index in range"),
             _ => ("a value that glTF 2.0 does not know", "one of those in its specification"),
         };
         if reported.is_ok() {

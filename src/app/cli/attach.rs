@@ -16,7 +16,7 @@ use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::{AttachOptions, NodeChoice, attach, companions};
 
-/// Put a container into a glTF asset as a radiance field; all else stays as it is
+/// Add a container to a glTF asset as a radiance field; everything else stays as it is
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -29,11 +29,11 @@ pub struct Arguments {
     /// The asset to write, of the same kind
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The node that shows the field, by number or name; other viewers show its mesh [default: a
-    /// new node in the default scene]
+    /// Number or name of the node that shows the field; other viewers show its mesh [default: a new
+    /// node in the default scene]
     #[arg(long, value_name = "INDEX|NAME", value_parser = parse_node)]
     node: Option<NodeChoice>,
-    /// Name the container by a URI in a .glb too, instead of embedding it
+    /// Link a .glb to the container by URI instead of embedding it
     #[arg(long)]
     external: bool,
     /// Overwrite the output if it exists

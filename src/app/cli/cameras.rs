@@ -24,7 +24,7 @@ pub struct CameraArguments {
     /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Instead of a camera file, N cameras on a circle around the box
+    /// Instead of a camera file: N cameras on a circle around the box
     #[arg(long, value_name = "N", conflicts_with = "cameras",
           value_parser = clap::value_parser!(u16).range(1..))]
     turntable: Option<u16>,
@@ -32,7 +32,7 @@ pub struct CameraArguments {
     /// pictures', else 800x800]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<Size>,
-    /// Frames, by name or index [default: all]
+    /// Frames by name, path or number [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     frames: Vec<String>,
     /// Set once the warnings of the file are told: a verb may ask for the cameras again.

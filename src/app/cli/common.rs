@@ -12,31 +12,31 @@ use crate::base::limits::{LimitName, Limits};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "General")]
 pub(super) struct Common {
-    /// Format of reports; sarif is for the findings of validate alone
+    /// Report format; sarif is for the findings of validate only
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
-    /// Threads to use; 0 is one for each processor
+    /// Number of threads; 0 means one per processor
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     pub(super) threads: u16,
-    /// Raise or lower a limit on the sizes that files may ask for, such as memory=1000000000; can
-    /// be given again. An unknown name lists all
+    /// Set a limit on what files may request, such as memory=1000000000; repeatable. An unknown
+    /// name lists all limits
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(LimitName, u64)>,
-    /// Fetch inputs that are https:// addresses, by ranges; nothing is fetched otherwise
+    /// Allow https:// inputs, which are read by ranges; without this, the network is not used
     #[cfg(feature = "network")]
     #[arg(long, global = true)]
     pub(super) allow_network: bool,
-    /// Print no report, no progress and no warnings
+    /// Print no report, progress or warnings
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
-    /// Print more, such as the time of every stage
+    /// Print more, such as the time of each stage
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     pub(super) verbose: bool,
-    /// Colour in error messages
+    /// Colours in error messages
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     pub(super) color: When,
-    /// Progress bars on stderr; auto is on a terminal only
+    /// Progress on stderr; auto means on terminals only
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     pub(super) progress: When,
     /// The program that holds this library and watches the work.

@@ -30,40 +30,39 @@ use crate::view::render::{LevelChoice, Renderer};
 /// An error of this much is white in heat maps.
 const FULL_HEAT: f32 = 0.25;
 
-/// Measure a field against another one, or against a folder of pictures, at every scale
+/// Measure the error of a field at every scale, against another field or a folder of pictures
 ///
-/// The reference is rendered at full size and averaged down to each scale. The field has one ray a
-/// pixel at each scale, as in a viewer that is far away. So the error at smaller scales is mostly
-/// aliasing; --difference measures what two fields differ by instead.
+/// The reference is rendered at full size and averaged down to each scale. The field is rendered
+/// with one ray per pixel at each scale, as in a distant viewer, so the error at smaller scales is
+/// mostly aliasing. --difference renders both at the same size and compares those.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake compare fine_last.tar scene.mipvog --stepsize 0.5 --cameras transforms.json
   mipvog-bake compare old.mipvog new.mipvog --turntable 8 --difference
   mipvog-bake compare test/ scene.mipvog --cameras transforms.json --scales 1 -o errors/")]
 pub struct Arguments {
-    /// The right pictures: a container, a glTF asset, a trained input, or a folder of pictures
+    /// The reference: a container, a glTF asset, a trained input, or a folder of pictures
     reference: PathBuf,
     /// The field to measure: a container, a glTF asset or a trained input
     field: PathBuf,
-    /// Write heat maps of the error into this folder: black is none, white 0.25 or more
+    /// Write heat maps of the error to this folder: black is no error, white 0.25 or more
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Render both sides alike at each scale, and measure their difference alone
+    /// Render both at the same size at each scale and compare those
     #[arg(long)]
     difference: bool,
     /// Scales to measure: full size, a half, a quarter and so on
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
-    /// Rays along each side of a pixel of the reference; of both sides with --difference
+    /// Rays along each side of a pixel of the reference; with --difference, of both
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=16))]
     supersample: u8,
-    /// Which level samples of the field read: auto (the file's rule), off (level 0), or a level's
-    /// number
+    /// The level to read of the field: auto (the file's rule), off (level 0), or a number
     #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
     level_of_detail: LevelChoice,
-    /// Coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
+    /// Make coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
     #[command(flatten)]

@@ -171,7 +171,7 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
     if let Some(moved) = moved.reduce(f32::max) {
         writeln!(
             text,
-            "  inside matter, where little shows, colours were moved farther than the largest error: \
+            "  at nodes of low importance, colours were moved farther than the largest error: \
              by up to {moved:.2}"
         )
         .ok();

@@ -16,18 +16,18 @@ use crate::base::error::Result;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::detach;
 
-/// Take the radiance fields out of a glTF asset; all else stays as it is
+/// Remove the radiance fields from a glTF asset; everything else stays as it is
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
   mipvog-bake detach scene.glb -o mesh.glb")]
 pub struct Arguments {
-    /// The asset, .glb or .gltf; - is the standard input
+    /// The asset, .glb or .gltf; - means standard input
     asset: PathBuf,
     /// The asset to write, of the same kind
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The field to take out, by number [default: all]
+    /// Number of the field to remove [default: all]
     #[arg(long, value_name = "I")]
     field: Option<usize>,
     /// Overwrite the output if it exists

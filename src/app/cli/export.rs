@@ -33,10 +33,10 @@ use crate::view::overview;
 /// Pixels along a side of the picture that is measured where no camera is given.
 const SIZE: usize = 400;
 
-/// Write a field as a format of other programs, and measure what that loses
+/// Write a field in another program's format, and measure the loss
 ///
-/// The written bytes are read back and rendered as programs of the format render them. The report
-/// states the PSNR against the field's own pictures, and what the format cannot hold.
+/// The written bytes are read back and rendered by the rules of the format's programs. The report
+/// states the PSNR against the field's own pictures, and what the format cannot represent.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -44,51 +44,49 @@ Examples:
   mipvog-bake export scene.mipvog --to usd -o scene.usda --up y
   mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
 pub struct Arguments {
-    /// A container, a glTF asset with one, or anything that can be baked; - is the standard input
+    /// A container, a glTF asset with one, or anything that can be baked; - means standard input
     field: PathBuf,
     /// The format
     #[arg(long, value_name = "FORMAT",
           value_parser = PossibleValuesParser::new(FORMATS.map(|format| format.name())))]
     to: String,
-    /// The file to write; others of the same export stand beside it
+    /// The file to write; other files of the export go beside it
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The level to export, 0 being the finest
+    /// The level to export; 0 is the finest
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: usize,
-    /// Points for each node along an axis: values between nodes are interpolated as the field does,
-    /// and then activated [default: as the format says]
+    /// Points per node along each axis, interpolated as the field does and then activated [default:
+    /// the format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
     /// Leave out everything outside this box, in world coordinates
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
           value_parser = parse_box)]
     crop: Option<Bounds>,
-    /// Write coarser levels too, as Mip-VoG's viewer reads them
+    /// Also write coarser levels, for Mip-VoG's viewer
     #[arg(long, help_heading = "SNeRG")]
     mips: bool,
-    /// The axis that is up in the written file; y turns positions from (x, y, z) to (x, z, -y)
-    /// [default: z]
+    /// The up axis of the written file; y maps positions from (x, y, z) to (x, z, -y) [default: z]
     #[arg(long, value_enum, value_name = "z|y", help_heading = "OpenVDB and USD")]
     up: Option<Up>,
-    /// Values as float32 instead of half floats
+    /// Write float32 values instead of half floats
     #[arg(long, help_heading = "OpenVDB and USD")]
     float32: bool,
-    /// Divide densities by the largest one, which the grid's metadata keeps
+    /// Divide densities by the largest one, and store it in the grid's metadata
     #[arg(long, help_heading = "OpenVDB and USD")]
     normalize_density: bool,
-    /// Write features of a view network, or harmonics, as grids feature_0 and on
+    /// Also write the features of a view network, or harmonics, as grids feature_0, feature_1, ...
     #[arg(long, help_heading = "OpenVDB and USD")]
     features: bool,
-    /// Gaussian splats, at most: those that show most stay [default: 100000]
+    /// Maximum number of Gaussian splats; the most visible ones are kept [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Splats")]
     splats: Option<usize>,
-    /// Write nothing and exit with 1 if the PSNR against the field, as the mean over the cameras,
-    /// is below this
+    /// Write nothing and exit with 1 if the PSNR against the field is below this, over the pixels
+    /// of all cameras
     #[arg(long, value_name = "DB")]
     require_psnr: Option<f64>,
-    /// Take no more memory for values than this, such as 500MB or 2GiB [default: the limit on
-    /// memory]
+    /// Memory limit for values, such as 500MB or 2GiB [default: --limit memory]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     #[command(flatten)]
@@ -104,9 +102,9 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Up {
-    /// As in training.
+    /// As in training
     Z,
-    /// As in Houdini and most programs for films.
+    /// As in Houdini and most film tools
     Y,
 }
 

@@ -26,7 +26,7 @@ use crate::view::render::{Renderer, TrainedLevels};
 /// The choice of one of several fields.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct FieldArguments {
-    /// Of a glTF asset, the field of this number [default: 0]
+    /// Select a field of a glTF asset [default: 0]
     #[arg(long = "field", value_name = "I")]
     number: Option<usize>,
 }

@@ -17,20 +17,19 @@ use crate::view::compare::shared_photograph;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Fit")]
 pub struct FitArguments {
-    /// Steps of `--filter fit`, at most, each of which moves all levels [default: 130, or 1500 with
-    /// --photographs]
+    /// Maximum number of steps of `--filter fit` [default: 130, or 1500 with --photographs]
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
     fit_steps: Option<u32>,
-    /// Seconds of `--filter fit` in all, at most. Pictures of level 0 come first. The same bytes do
-    /// not come out again [default: no bound]
+    /// Time limit of `--filter fit` in seconds, including its reference pictures. The output then
+    /// depends on the machine [default: unlimited]
     #[arg(long, value_name = "SECONDS")]
     fit_seconds: Option<f64>,
-    /// Cameras that `--filter fit` takes pictures from, which no gate may use again [default:
-    /// spheres around the box]
+    /// Camera file for the reference pictures of `--filter fit`; a gate must use other cameras
+    /// [default: spheres around the box]
     #[arg(long, value_name = "FILE")]
     fit_cameras: Option<PathBuf>,
-    /// Photographs that `--filter fit` fits coarser levels to, instead of pictures of level 0, of
-    /// --fit-cameras or else of --cameras. One in eight is held out
+    /// Folder of photographs for `--filter fit` to fit coarser levels to, instead of renders of
+    /// level 0; taken from --fit-cameras or else --cameras. One in eight is held out
     #[arg(long, value_name = "DIR")]
     photographs: Option<PathBuf>,
 }
@@ -118,10 +117,10 @@ impl FitArguments {
 pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
     for FittedLevel { level, steps, psnr_before, psnr_after, kept } in &fitted.levels {
         if *steps == 0 {
-            let message = "took no step before the fit was ended, and is as rate-tent makes it";
+            let message = "took no step before the fit ended, and is kept from rate-tent";
             warn(&format!("level {level} {message}"), common);
         } else if !kept {
-            let message = "is as rate-tent makes it, because a scale would look worse else";
+            let message = "is kept from rate-tent: the fitted version was worse at some scale";
             warn(&format!("level {level} {message}"), common);
         } else if let (Some(before), Some(after)) = (psnr_before, psnr_after)
             && after <= before

@@ -23,12 +23,12 @@ const SCALES: [usize; 4] = [1, 2, 4, 8];
 pub struct GateArguments {
     #[command(flatten, next_help_heading = "Cameras")]
     cameras: CameraArguments,
-    /// Write nothing and exit with 1 if the PSNR against the unbaked scene, at full size and over the
-    /// pixels of all cameras, is below this
+    /// Write nothing and exit with 1 if the PSNR against the unbaked scene is below this, at full
+    /// size over the pixels of all cameras
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_psnr: Option<f64>,
-    /// Write nothing and exit with 1 if fitted colours, along directions that no fit has seen, are
-    /// farther from the model's than this PSNR
+    /// Write nothing and exit with 1 if the PSNR of fitted colours against the model's is below
+    /// this, along held-out directions
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_view_psnr: Option<f64>,
 }

@@ -18,16 +18,18 @@ use crate::output::gltf::mesh::{FEWEST_TRIANGLES, meshes};
 /// Kind of asset, and quality of the mesh for other viewers.
 #[derive(Debug, Args)]
 pub struct GltfArguments {
-    /// Write a glTF asset too, .glb or .gltf: the field, and a mesh for viewers that do not know it
+    /// Also write a glTF asset, .glb or .gltf: the field, and a mesh for viewers without the
+    /// extension
     #[arg(long, value_name = "OUT.glb|OUT.gltf")]
     gltf: Option<PathBuf>,
-    /// Name the container by a URI in a .glb too, instead of embedding it
+    /// Link a .glb to the container by URI instead of embedding it
     #[arg(long, requires = "gltf")]
     external: bool,
-    /// Triangles of the mesh, at most
+    /// Maximum number of triangles in the mesh
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "gltf")]
     fallback_triangles: usize,
-    /// Coarser meshes beside it, each of a quarter of the triangles, as levels of detail (MSFT_lod)
+    /// Number of coarser meshes, each with a quarter of the triangles, as levels of detail
+    /// (MSFT_lod)
     #[arg(long, value_name = "N", default_value_t = 0, requires = "gltf",
         value_parser = value_parser!(u8).range(0..=8))]
     fallback_lods: u8,

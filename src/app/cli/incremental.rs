@@ -24,11 +24,11 @@ const COMPARED: u64 = 1 << 20;
 /// Conditions of a bake, and outputs for build systems.
 #[derive(Debug, Args)]
 pub struct IncrementalArguments {
-    /// Bake only if input, options or version differ from those of the container that is there,
-    /// which is then replaced
+    /// Bake only if the input, the options or the version differ from those of the existing
+    /// container, and replace it
     #[arg(long)]
     if_changed: bool,
-    /// Write a dependency file for Make or Ninja: the container, and all files that it was made
+    /// Write a dependency file for Make or Ninja: the container, and every file that it was made
     /// from
     #[arg(long, value_name = "FILE.d")]
     depfile: Option<PathBuf>,

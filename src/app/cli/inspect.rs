@@ -22,7 +22,7 @@ use crate::input::Inspection;
 use crate::input::SourceOptions;
 use crate::output::gltf::asset::{Asset, Fields, is_asset};
 
-/// Show the contents of containers, glTF assets and checkpoints, without decoding them
+/// Show what containers, glTF assets and checkpoints contain, without decoding them
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -30,7 +30,7 @@ Examples:
   mipvog-bake inspect fine_last.tar --format json
   mipvog-bake inspect *.mipvog")]
 pub struct Arguments {
-    /// Containers, glTF assets, or anything that can be baked; - is the standard input
+    /// Containers, glTF assets, or anything that can be baked; - means standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 }

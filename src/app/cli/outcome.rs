@@ -35,8 +35,8 @@ impl Outcome {
         Ok(Self { text, json: json.into(), sarif: None, failure: None })
     }
 
-    /// Of a verb that has printed all it has to tell.
-    pub(super) fn told(failure: Option<String>) -> Self {
+    /// Of a verb that has already printed its report.
+    pub(super) fn reported(failure: Option<String>) -> Self {
         Self { text: String::new(), json: serde_json::Value::Null, sarif: None, failure }
     }
 }

@@ -29,31 +29,31 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// Points whose colours a thread finds at once.
 const CHUNK: usize = 64;
 
-/// Write the colours of given rays, and the values at given points
+/// Compute the colours of given rays, and the values at given points
 ///
-/// The file of rays holds `origins` and `directions`, float32 of n x 3; directions have unit length
-/// and point into the scene. With --positions it also holds `positions`, m x 3, and
-/// `view_directions`, d x 3. The output holds `rgb`, n x 3, over the background and not clamped, and
-/// `transmittance` and `depth` of each ray; with --positions also `density`, optical depth per
-/// world unit of each position, and `color`, m x d x 3.
+/// The input file has float32 arrays `origins` and `directions`, n x 3; directions have unit length
+/// and point into the scene. With --positions it also has `positions`, m x 3, and
+/// `view_directions`, d x 3. The output has `rgb`, n x 3, over the background and not clamped, and
+/// `transmittance` and `depth` of each ray; with --positions also `density` of each position, in
+/// optical depth per world unit, and `color`, m x d x 3.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   mipvog-bake probe scene.mipvog --rays rays.safetensors -o colors.safetensors
   mipvog-bake probe fine_last.tar --rays rays.safetensors --positions -o values.safetensors")]
 pub struct Arguments {
-    /// A container, a glTF asset with one, or anything that can be baked; - is the standard input
+    /// A container, a glTF asset with one, or anything that can be baked; - means standard input
     field: PathBuf,
     /// The file of rays, .safetensors or .npz
     #[arg(long, value_name = "FILE")]
     rays: PathBuf,
-    /// The .safetensors file to write; - is the standard output
+    /// The .safetensors file to write; - means standard output
     #[arg(short, long, value_name = "OUT.safetensors")]
     output: PathBuf,
-    /// Write the density and colours of the file's positions too
+    /// Also compute density and colours at the file's positions
     #[arg(long)]
     positions: bool,
-    /// The level that samples read: off (level 0) or a level's number
+    /// The level to read: off (level 0) or a number
     #[arg(long, value_name = "off|K", default_value = "off", value_parser = parse_level)]
     level_of_detail: usize,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
 use super::failure::{exit_code, message, remedy};
 use super::inputs::guards;
-use super::manifest::{Many, OptionKind};
+use super::manifest::{BatchOptions, OptionKind};
 use super::outcome::{Outcome, print, say};
 use super::output::{OUTPUTS, STANDARD_STREAM, refuse_address, refuse_unread_address};
 use super::paint::{error_label, is_colored};
@@ -27,7 +27,7 @@ use crate::base::text::printable;
 /// What opens a field, which is no verb.
 const OPEN: &str = "open";
 
-/// Bakes trained radiance fields into sparse, quantized, coarse-to-fine assets.
+/// Bake trained radiance fields into small files that stream coarse to fine
 #[derive(Debug, Parser)]
 #[command(name = "mipvog-bake", version, about, max_term_width = 100)]
 #[command(after_help = "\
@@ -65,7 +65,7 @@ enum Verb {
     #[command(visible_alias = "serve")]
     View(view::Arguments),
     Completions(document::CompletionArguments),
-    /// Print the manual page, of the program and of each verb
+    /// Print the manual page of the program and of every verb
     Man,
     /// Print the version
     Version,
@@ -179,7 +179,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
                 let scene = |words| bake_scene(words, common);
                 let command = RefCell::new(command());
                 let check = |words| check_scene(words, &mut command.borrow_mut());
-                let many = Many {
+                let batch = BatchOptions {
                     manifest,
                     arguments: &arguments.many,
                     given: &arguments.given,
@@ -187,7 +187,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
                     force: arguments.force,
                     check: &check,
                 };
-                manifest::run(&many, &bake_options(), common, &scene).map(Some)
+                manifest::run(&batch, &bake_options(), common, &scene).map(Some)
             }
         },
         Verb::Transcode(arguments) => transcode::run(arguments, common).map(Some),

@@ -26,9 +26,9 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, Statistics, rende
 
 /// Render a container or a trained scene with the reference renderer
 ///
-/// The output's name says what it is: a folder of pictures, one picture (.png, .exr), or a film
-/// (.gif, .webp; .mp4, .webm and .mov by way of ffmpeg). Without cameras there is one picture of
-/// the whole scene. A run that does not end well leaves no new file behind.
+/// The name of the output decides its kind: a folder of pictures, one picture (.png, .exr), or a
+/// film (.gif, .webp; .mp4, .webm and .mov need ffmpeg). Without cameras, one picture of the whole
+/// scene is rendered. A failed run leaves no new files.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake render scene.mipvog -o scene.png --alpha
@@ -40,10 +40,10 @@ pub struct Arguments {
     /// A folder, or a file: .png, .exr, .gif, .webp, .mp4, .webm, .mov
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Leave the background out: pictures with alpha
+    /// Transparent background
     #[arg(long)]
     alpha: bool,
-    /// Picture sizes: full, a half, a quarter and so on, with one ray a pixel
+    /// Scales to render: full size, a half, a quarter and so on, with one ray per pixel
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
@@ -51,19 +51,19 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=16))]
     supersample: u8,
-    /// Frames a second of a film [default: 25]
+    /// Frames per second of a film [default: 25]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=120))]
     fps: Option<u8>,
-    /// Write float32 EXR files too: R, G, B, A, Z (distance), L (level)
+    /// Also write float32 EXR files: R, G, B, A, Z (distance), L (level)
     #[arg(long)]
     exr: bool,
-    /// Write a contact sheet of all scales for each frame
+    /// Also write a contact sheet of all scales for each frame
     #[arg(long)]
     sheet: bool,
-    /// Which level samples read: auto (the file's rule), off (level 0), or a level's number
+    /// The level to read: auto (the file's rule), off (level 0), or a number
     #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
     level_of_detail: LevelChoice,
-    /// Coarser levels for a trained input, as `bake --filter` [default: level 0 alone]
+    /// Make coarser levels for a trained input, as `bake --filter` [default: level 0 alone]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
     #[command(flatten)]

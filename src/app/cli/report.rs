@@ -12,10 +12,10 @@ use super::manifest::{Lines, SceneResult, Status};
 use super::outcome::{Outcome, counted, readable};
 use crate::base::error::{Error, Place, Result};
 
-/// Merge the results of many scenes: what was baked, what failed, and why
+/// Merge the results of a batch: what was baked, what failed, and why
 ///
-/// Files are read in their order. Of several results of one output the last counts, so the results
-/// of another try come after those of the first. The exit code is 1 if a scene failed.
+/// Files are read in order. If an output has several results, the last one counts, so pass the
+/// results of a retry after those of the first run. The exit code is 1 if a scene failed.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake report results-0.jsonl results-1.jsonl

@@ -22,43 +22,43 @@ use crate::model::camera::{self, Camera};
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Scene")]
 pub struct SceneArguments {
-    /// Step length in voxels [default: the container's; else as scene.toml, scene.json or the
-    /// camera file says; else the checkpoint's; else 0.5, with a warning]
+    /// Step length in voxels [default: the container's; else from scene.toml, scene.json, the
+    /// camera file or the checkpoint; else 0.5, with a warning]
     #[arg(long, value_name = "VOXELS")]
     pub stepsize: Option<f32>,
-    /// Weight up to which a sample adds no colour [default: likewise, else 0.0001]
+    /// Largest weight at which a sample's colour is skipped [default: likewise, else 0.0001]
     #[arg(long, value_name = "WEIGHT")]
     pub color_threshold: Option<f32>,
-    /// Start of rays [default: likewise, else 0]
+    /// Smallest t at which sampling may start [default: likewise, else 0]
     #[arg(long, value_name = "T")]
     pub near: Option<f32>,
-    /// Farthest entry of rays into the box [default: likewise, else without bound]
+    /// Largest t at which sampling may start [default: likewise, else unlimited]
     #[arg(long, value_name = "T")]
     pub far: Option<f32>,
     /// Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
     /// likewise, else white]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     pub background: Option<Background>,
-    /// The view network of a checkpoint: auto, none, or the file that holds it
+    /// The view network: auto (the checkpoint's), none, or a file
     #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
     pub mlp: MlpChoice,
     /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
     #[arg(long, value_name = "FILE")]
     pub coarse: Option<std::path::PathBuf>,
-    /// The input's world is the scene's times this: Plenoxels scale cameras by 2/3 [default: as the
-    /// input or a file beside it says, else 1]
+    /// Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
+    /// from the input or a file beside it, else 1]
     #[arg(long, value_name = "F")]
     pub scene_scale: Option<f32>,
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Leave out surroundings that no container can hold: Plenoxels' spheres behind the box,
-    /// DirectVoxGO's contracted space, all beyond the unit cube of Instant-NGP
+    /// Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    /// contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
-    /// Nodes along the longest axis at which a model without nodes is sampled (Instant-NGP,
-    /// torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels, which state
-    /// none; of an export, cubic cells along the longest axis instead of nodes
+    /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
+    /// torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels; for export,
+    /// cubic cells along the longest axis instead of nodes
     #[arg(long, value_name = "N")]
     pub resolution: Option<usize>,
 }

@@ -11,31 +11,31 @@ use crate::model::field::Nonfinite;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Size and error")]
 pub struct StoredArguments {
-    /// Filter of coarser levels [default: rate-tent]
+    /// Filter for coarser levels [default: rate-tent]
     #[arg(long, value_name = "NAME", help_heading = "Levels")]
     pub filter: Option<Filter>,
-    /// Levels in all, at most [default: down to 4 nodes along the longest axis]
+    /// Maximum number of levels [default: down to 4 nodes along the longest axis]
     #[arg(long, value_name = "N", help_heading = "Levels")]
     pub levels: Option<usize>,
-    /// Bits of a stored value: 4 to 16, f16 or f32 [default: 8]
+    /// Bits per stored value: 4 to 16, f16 or f32 [default: 8]
     #[arg(long, value_name = "BITS")]
     pub bits: Option<Bits>,
-    /// Instead of bits: the largest error of decoded colour (0 to 1) and of opacity over one
-    /// interval, 1e-6 to 0.25; each group of each level gets the fewest bits that keep it. Three
-    /// with colons between: of opacity, diffuse colour and features
+    /// Instead of --bits: the largest error of decoded colour (0 to 1) and of opacity over one
+    /// interval, 1e-6 to 0.25; each group of each level gets the fewest bits that satisfy it. Or
+    /// three bounds with colons: opacity, diffuse colour and features
     #[arg(long, value_name = "ERROR", conflicts_with = "bits")]
     pub max_error: Option<MaxErrors>,
-    /// Instead of bits or an error: how much pictures may lose, 1 to 100; 75 is as --preset web, 25
-    /// less doubles the errors. With --cameras or --turntable also instead of --min-weight,
+    /// Instead of --bits or --max-error: the quality of pictures, 1 to 100; 75 equals --preset web;
+    /// every 25 less doubles the errors. With --cameras or --turntable, also sets --min-weight,
     /// --coarseness and --fill-error
     #[arg(long, value_name = "QUALITY", conflicts_with_all = ["bits", "max_error"])]
     pub quality: Option<Quality>,
-    /// Instead of bits or an error: the best quality that fits into so many bytes, such as 3MB or
-    /// 500KiB; finest levels are dropped where even the largest error does not fit
+    /// Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
+    /// 500KiB; if even the largest error does not fit, finest levels are dropped
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
           conflicts_with_all = ["bits", "max_error", "quality", "dry_run"])]
     pub max_bytes: Option<u64>,
-    /// Opacity over one step of the level up to which blocks are dropped [default: 0.001]
+    /// Drop blocks whose opacity over one step of the level never exceeds this [default: 0.001]
     #[arg(long, value_name = "OPACITY")]
     pub alpha_threshold: Option<f32>,
     /// Nodes along a block's edge [default: 8]
@@ -44,40 +44,40 @@ pub struct StoredArguments {
     /// Compression level of zstd, 1 to 22 [default: 1]
     #[arg(long, value_name = "LEVEL")]
     pub zstd_level: Option<i32>,
-    /// Which level a sample reads: a published rule in place of the filter's own [default: the
-    /// filter's]
+    /// Rule that picks the level of a sample: a published rule instead of the filter's [default:
+    /// the filter's]
     #[arg(long, value_name = "RULE", help_heading = "Levels")]
     pub lod_rule: Option<LevelRule>,
-    /// Multiplies the rule's level-of-detail factor [default: 1]
+    /// Factor on the slope of the level rule [default: 1]
     #[arg(long, value_name = "FACTOR", help_heading = "Levels")]
     pub lod_scale: Option<f32>,
-    /// Drop nodes that weigh less in every pixel of --cameras than this, above 0 to 1: other
-    /// cameras may miss parts [default: keep all]
+    /// Drop nodes whose weight is below this in every pixel of --cameras, above 0 to 1; other
+    /// viewpoints may miss parts [default: keep all]
     #[arg(long, value_name = "WEIGHT")]
     pub min_weight: Option<f32>,
-    /// Let colours err more the less they add to the pictures of --cameras: by so many codes at the
-    /// mean of their level, 0 to 64 [default: 0]
+    /// Allow larger colour errors where cameras see less: N quantization steps at a node of average
+    /// importance, 0 to 64 [default: 0]
     #[arg(long, value_name = "CODES")]
     pub coarseness: Option<f32>,
-    /// Let blocks inherit their colours from the next coarser level within this error, above 0 to
-    /// 1, at every retained node; with --min-weight or --coarseness larger at nodes that --cameras
-    /// cover less [default: keep all]
+    /// Let blocks inherit their colours from the next coarser level if no retained node changes by
+    /// more than this, above 0 to 1; with --min-weight or --coarseness, by more where --cameras see
+    /// less [default: store all]
     #[arg(long, value_name = "ERROR")]
     pub fill_error: Option<f32>,
-    /// Take no more memory than this, such as 500MB or 2GiB: slower where it is little; the output
-    /// is the same [default: no bound]
+    /// Memory limit, such as 500MB or 2GiB; a small bound is slower, the output is the same
+    /// [default: unlimited]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
-    /// Treatment of values that are not finite
+    /// What to do with values that are not finite
     #[arg(long, value_enum, default_value_t = NonfiniteChoice::Refuse)]
     nonfinite: NonfiniteChoice,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum NonfiniteChoice {
-    /// Refuse the input, with their count and the first one's place.
+    /// Refuse the input, and report their count and the location of the first
     Refuse,
-    /// Treat their nodes as empty, with a warning.
+    /// Treat their nodes as empty, with a warning
     Empty,
 }
 

@@ -24,12 +24,12 @@ use crate::codec::quantize::Bits;
 use crate::input;
 use crate::input::tensor;
 
-/// Bake over settings; measure time, size and error; show which are worth having
+/// Bake with many settings, measure time, size and error, and plot the best ones
 ///
-/// Lists have commas between; every value of each is combined with every value of the others.
-/// Without any list, four depths are tried with each of the usual filters. A setting that a former
-/// sweep finished in the same folder, from the same input and cameras, is not baked again. The exit
-/// code is 1 if a setting could not be baked; the others are measured all the same.
+/// Every combination of the given lists is baked; separate values with commas. By default, four bit
+/// depths are tried with three filters. Settings that an earlier sweep finished in the same folder,
+/// from the same input and cameras, are not baked again. If a setting fails, the others are still
+/// measured, and the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
@@ -41,14 +41,13 @@ use crate::input::tensor;
 pub struct Arguments {
     /// A checkpoint, or a .safetensors or .npz file of the same names
     input: PathBuf,
-    /// The folder for containers, their results, and sweep.html, sweep.csv and sweep.json
+    /// Folder for the containers, their results, and sweep.html, sweep.csv and sweep.json
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Forecast the size and the bake time of each setting from parts of the scene, and write
-    /// nothing
+    /// Forecast size and bake time of each setting from parts of the scene, and write nothing
     #[arg(long)]
     dry_run: bool,
-    /// Presets to try beside the combinations
+    /// Presets to try in addition to the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     preset: Vec<Preset>,
     /// Scales to measure: full size, a half, a quarter and so on
@@ -59,14 +58,14 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 3,
           value_parser = clap::value_parser!(u8).range(1..))]
     repeat: u8,
-    /// Bake part I of N parts of the settings, counted from 0, and write no report: machines that
-    /// share the folder share the sweep
+    /// Bake every Nth setting, starting with setting I, counted from 0, and write no report:
+    /// machines with a common folder can share a sweep
     #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "dry_run"])]
     shard: Option<Shard>,
-    /// Bake nothing: write the reports of the results that shards left in the folder
+    /// Bake nothing; write the reports from the results of all shards in the folder
     #[arg(long, conflicts_with = "dry_run")]
     merge: bool,
-    /// Overwrite files that no sweep wrote
+    /// Overwrite files that were not written by a sweep
     #[arg(long)]
     force: bool,
     /// Filters to try, as `bake --filter`
@@ -75,10 +74,10 @@ pub struct Arguments {
     /// Bits to try: 4 to 16, f16 or f32
     #[arg(long, value_name = "BITS,...", value_delimiter = ',', help_heading = "Size and error")]
     bits: Vec<Bits>,
-    /// Errors to try beside the bits, as `bake --max-error`
+    /// Errors to try in addition to the bits, as `bake --max-error`
     #[arg(long, value_name = "ERROR,...", value_delimiter = ',', help_heading = "Size and error")]
     max_error: Vec<MaxErrors>,
-    /// Opacities to try, over one interval up to which blocks are dropped
+    /// Opacity thresholds to try, as `bake --alpha-threshold`
     #[arg(
         long,
         value_name = "OPACITY,...",
@@ -89,16 +88,16 @@ pub struct Arguments {
     /// Numbers of levels to try
     #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Levels")]
     levels: Vec<usize>,
-    /// Nodes along a block's edge to try
+    /// Block sizes to try: nodes along an edge
     #[arg(long, value_name = "NODES,...", value_delimiter = ',', help_heading = "Size and error")]
     block_size: Vec<usize>,
     /// Compression levels of zstd to try, 1 to 22
     #[arg(long, value_name = "LEVEL,...", value_delimiter = ',', help_heading = "Size and error")]
     zstd_level: Vec<i32>,
-    /// Least weights in a pixel of the cameras to try, as `bake --min-weight`; 0 keeps all
+    /// Minimum weights to try, as `bake --min-weight`; 0 keeps all
     #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',', help_heading = "Size and error")]
     min_weight: Vec<f32>,
-    /// Coarseness of colours to try, as `bake --coarseness`
+    /// Values of coarseness to try, as `bake --coarseness`
     #[arg(long, value_name = "CODES,...", value_delimiter = ',', help_heading = "Size and error")]
     coarseness: Vec<f32>,
     /// Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all

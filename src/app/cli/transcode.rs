@@ -19,7 +19,7 @@ use crate::codec::quantize::Bits;
 use crate::codec::unpack::Unpacked;
 use crate::model::grid::Bounds;
 
-/// Turn a container into another one, without the checkpoint: other bits, fewer levels, a part
+/// Change a container without the checkpoint: other bits, fewer levels, a part of the scene
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -27,43 +27,43 @@ Examples:
   mipvog-bake transcode scene.mipvog -o far.mipvog --without-finest 1
   mipvog-bake transcode scene.mipvog -o clean.mipvog --drop-islands 100")]
 pub struct Arguments {
-    /// The container, or a glTF asset with one; - is the standard input
+    /// The container, or a glTF asset with one; - means standard input
     file: PathBuf,
-    /// The container to write; - is the standard output
+    /// The container to write; - means standard output
     #[arg(short, long, value_name = "OUT.mipvog")]
     output: PathBuf,
     /// Overwrite the output if it exists
     #[arg(long)]
     force: bool,
-    /// Empty everything outside this box, in world coordinates: widened to nodes of level 0, or of
-    /// the free-space mask where there is one
+    /// Remove everything outside this box, in world coordinates, widened to nodes of level 0 or of
+    /// the free-space mask if there is one
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
           value_parser = parse_box)]
     crop: Option<Bounds>,
-    /// Empty connected parts of level 0 with fewer visible nodes than this: floaters
+    /// Remove floaters: connected parts of level 0 with fewer visible nodes than this
     #[arg(long, value_name = "NODES")]
     drop_islands: Option<u64>,
     #[command(flatten)]
     which: FieldArguments,
-    /// Drop this many of the finest levels: the next one becomes level 0
+    /// Number of finest levels to drop; the next one becomes level 0
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
     without_finest: usize,
-    /// Levels that stay, at most: the coarsest are dropped [default: all]
+    /// Maximum number of levels to keep; the coarsest are dropped [default: all]
     #[arg(long, value_name = "N", help_heading = "Levels")]
     levels: Option<usize>,
-    /// Bits of a stored value: 4 to 16, f16 or f32 [default: as they are]
+    /// Bits per stored value: 4 to 16, f16 or f32 [default: unchanged]
     #[arg(long, value_name = "BITS", help_heading = "Size and error")]
     bits: Option<Bits>,
-    /// Instead of bits: the largest error of the container's values, as `bake --max-error`; values
-    /// that have no more bits already stay
+    /// Instead of --bits: the largest error, relative to the container's values, as
+    /// `bake --max-error`; values that already have no more bits are not changed
     #[arg(long, value_name = "ERROR", conflicts_with = "bits", help_heading = "Size and error")]
     max_error: Option<MaxErrors>,
-    /// Instead of bits or an error: the best quality that fits into so many bytes, such as 3MB or
-    /// 500KiB; finest levels are dropped where even the largest error does not fit
+    /// Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
+    /// 500KiB; if even the largest error does not fit, finest levels are dropped
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
           conflicts_with_all = ["bits", "max_error"], help_heading = "Size and error")]
     max_bytes: Option<u64>,
-    /// Compression level of zstd, 1 to 22 [default: as it was]
+    /// Compression level of zstd, 1 to 22 [default: unchanged]
     #[arg(long, value_name = "LEVEL", help_heading = "Size and error",
           value_parser = clap::value_parser!(i32).range(1..=22))]
     zstd_level: Option<i32>,

@@ -23,16 +23,16 @@ Examples:
   mipvog-bake unpack scene.mipvog -o scene.npz --levels 1
   mipvog-bake unpack scene.mipvog -o slices/ --slices png")]
 pub struct Arguments {
-    /// The container, or a glTF asset with one; - is the standard input
+    /// The container, or a glTF asset with one; - means standard input
     file: PathBuf,
-    /// The file to write, .safetensors or .npz, or a folder (existing, or ending in a slash) for
-    /// slices; - is the standard output and gets safetensors
+    /// The .safetensors or .npz file to write, or a folder for slices (existing, or ending in a
+    /// slash); - means standard output, as safetensors
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Levels to unpack, 0 being the finest [default: all]
+    /// Levels to unpack; 0 is the finest [default: all]
     #[arg(long, value_name = "K,...", value_delimiter = ',')]
     levels: Vec<usize>,
-    /// Contents of slices in a folder
+    /// Format of slices in a folder
     #[arg(long, value_enum, default_value_t = Slices::Exr)]
     slices: Slices,
     #[command(flatten)]
@@ -44,9 +44,9 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Slices {
-    /// Stored values as float32, one file a plane.
+    /// Stored values as float32, one file per plane
     Exr,
-    /// Opacity and diffuse colour as 8-bit pictures.
+    /// Opacity and diffuse colour as 8-bit pictures
     Png,
 }
 

@@ -19,7 +19,7 @@ use crate::base::finding::Severity;
 use crate::base::limits::Limits;
 use crate::input::tensor::is_tensors;
 
-/// Report everything that is wrong with files
+/// List every problem in files
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -29,11 +29,11 @@ Examples:
 
 The exit code is 1 if a finding is an error, with --quiet too.")]
 pub struct Arguments {
-    /// Containers, glTF assets with radiance fields, or anything that can be baked; - is the
+    /// Containers, glTF assets with radiance fields, or anything that can be baked; - means
     /// standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Findings to list of a file, at most; the number of further ones is told. 0 lists none
+    /// Maximum findings to list per file (0: none); the rest are counted
     #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
     max_findings: usize,
     #[command(flatten)]

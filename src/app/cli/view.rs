@@ -18,7 +18,7 @@ use crate::codec::container::Container;
 use crate::output::gltf::asset::Asset;
 use crate::output::gltf::attach::companions;
 
-/// Show a container or an asset in the browser: serves the viewer and the file to this machine
+/// Open a container or an asset in the browser, and serve it to this machine
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -28,13 +28,13 @@ Examples:
 
 Ctrl-C ends it.")]
 pub struct Arguments {
-    /// A container, or a binary glTF asset that holds one; - is the standard input
+    /// A container, or a binary glTF asset with one; - means standard input
     file: PathBuf,
-    /// The port to listen on; 0 takes a free one
+    /// Port to listen on; 0 picks a free one
     #[arg(long, value_name = "PORT", default_value_t = 0)]
     port: u16,
-    /// The address to listen on, such as 0.0.0.0 for all of this machine's: others in the network
-    /// then see the file
+    /// Address to listen on. With 0.0.0.0 (all addresses of this machine), everyone on the network
+    /// can read the file
     #[arg(long, value_name = "ADDRESS", default_value_t = Ipv4Addr::LOCALHOST.into())]
     host: IpAddr,
     /// Do not open the browser

@@ -14,25 +14,25 @@ use crate::view::render::Renderer;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct ViewpointArguments {
-    /// Instead of a camera file, N cameras on a spiral that rises over the upper half of a sphere
+    /// Instead of a camera file: N cameras on a spiral over the upper half of a sphere
     #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "turntable"],
           value_parser = clap::value_parser!(u16).range(1..))]
     spiral: Option<u16>,
-    /// N frames on a smooth way through the cameras of --cameras, in their order
+    /// N frames along a smooth path through the cameras of --cameras, in order
     #[arg(long, value_name = "N", requires = "cameras",
           value_parser = clap::value_parser!(u16).range(2..))]
     path: Option<u16>,
-    /// Angle of a turntable above the box's middle, above -90 and below 90 [default: 30]
+    /// Angle of a turntable above the centre of the box, above -90 and below 90 [default: 30]
     #[arg(long, value_name = "DEG", requires = "turntable", allow_negative_numbers = true)]
     elevation: Option<f64>,
-    /// Distance of a turntable or spiral from the box's middle, in radii of the sphere around the
-    /// box [default: so far that the sphere fills the picture]
+    /// Distance of a turntable or spiral from the centre of the box, in radii of the sphere around
+    /// it [default: the sphere just fits the picture]
     #[arg(long, value_name = "R", conflicts_with = "cameras")]
     radius: Option<f64>,
     /// Field of view of a turntable or spiral along the shorter side, 1 to 170 [default: 40.1]
     #[arg(long, value_name = "DEG", conflicts_with = "cameras")]
     fov: Option<f64>,
-    /// Angle of a turntable's or spiral's first camera, from x towards y [default: 0]
+    /// Angle of the first camera of a turntable or spiral, from x towards y [default: 0]
     #[arg(long, value_name = "DEG", conflicts_with = "cameras", allow_negative_numbers = true)]
     start: Option<f64>,
 }

@@ -126,9 +126,9 @@ impl Basis {
         if !source.field.density.has_checksum() {
             basis.add_file(&source.file)?;
         }
-        for companion in &source.companions {
-            basis.add(companion.role.as_bytes());
-            basis.add(&companion.digest);
+        for side_file in &source.side_files {
+            basis.add(side_file.role.as_bytes());
+            basis.add(&side_file.digest);
         }
         let field = &source.field;
         // Debug text names every value of these, to the last bit, and fields that will be added.

@@ -28,7 +28,7 @@ pub struct FittedLevel {
     pub psnr_before: Option<f64>,
     /// The same after the fit.
     pub psnr_after: Option<f64>,
-    /// False where the level is as `rate-tent` makes it, because a scale would look worse else.
+    /// False where the level is kept from `rate-tent`: the fitted version was worse at some scale.
     pub kept: bool,
 }
 

@@ -31,7 +31,7 @@ const TOLERANCE: f64 = 0.01;
 /// Nodes of each level that are looked at.
 const LOOKED_AT: usize = 12;
 
-/// Half-transparent matter with waves of colour, so that every node has derivatives.
+/// A half-transparent volume with waves of colour, so that every node has derivatives.
 fn field(is_linear: bool) -> RadianceField {
     let count = NODES.iter().product();
     let wave = |at: usize, by: f32| libm::sinf(at as f32 * by);

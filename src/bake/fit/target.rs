@@ -8,8 +8,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::morton_pixels::{EMPTY, MortonPixels, code};
 use super::options::FitOptions;
-use super::shown::{NOTHING, Shown, code};
 use super::summed_area::SummedArea;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -52,7 +52,7 @@ struct Picture {
 struct Series {
     pictures: Vec<Picture>,
     /// Pixels that show anything, for steps and for validation.
-    shown: [Shown; 2],
+    shown: [MortonPixels; 2],
     /// Pixels of the finest series along one of this.
     reduction: usize,
 }
@@ -125,7 +125,7 @@ impl Targets {
         }
         let mut budget = Budget::new(limits);
         let mut spend = |lens: &Lens| {
-            let bytes = size_of::<[f32; 3]>() + Shown::BYTES;
+            let bytes = size_of::<[f32; 3]>() + MortonPixels::BYTES;
             let bytes = (lens.width * lens.height * bytes) as u64;
             budget.spend(bytes, "bytes of pictures", &Place::File)
         };
@@ -154,14 +154,14 @@ impl Targets {
                     spend(&shot.camera.lens)?;
                 }
                 let Shot { camera, color, places } = shot;
-                let pixels = (0u32..).zip(places).filter(|(_, place)| *place != NOTHING);
+                let pixels = (0u32..).zip(places).filter(|(_, place)| *place != EMPTY);
                 let pixels = pixels.map(|(pixel, place)| [place, number as u32, pixel]);
                 shown[usize::from(is_held_out(number))].extend(pixels);
                 let color = SummedArea::new(&color, camera.lens.width, largest);
                 pictures.push(Picture { number: place, color, camera });
                 progress.advance(Step::Targets, 1);
             }
-            Ok(Series { pictures, shown: shown.map(Shown::new), reduction })
+            Ok(Series { pictures, shown: shown.map(MortonPixels::new), reduction })
         };
         let series: Vec<Series> =
             series.into_iter().map(&mut render_series).collect::<Result<_>>()?;
@@ -227,7 +227,7 @@ impl Targets {
 
 impl Series {
     /// Pixels to draw from; where none are for validation, those of steps.
-    fn shown(&self, validates: bool) -> Option<&Shown> {
+    fn shown(&self, validates: bool) -> Option<&MortonPixels> {
         let [steps, validation] = &self.shown;
         let shown = if validates && !validation.is_empty() { validation } else { steps };
         Some(shown).filter(|shown| !shown.is_empty())
@@ -244,7 +244,7 @@ struct Shot {
     camera: Camera,
     /// Colour over the background.
     color: Vec<[f32; 3]>,
-    /// Codes of the places that pixels show; [`NOTHING`] for the background.
+    /// Codes of the places that pixels show; [`EMPTY`] for the background.
     places: Vec<u32>,
 }
 
@@ -257,7 +257,7 @@ impl Shot {
         let place = |pixel: usize| {
             let left = frame.transmittance[pixel];
             if left >= 0.9999 {
-                return NOTHING;
+                return EMPTY;
             }
             // Light that passes the field counts at its far end.
             let passed = left * view.march.far.unwrap_or(0.0);
@@ -281,7 +281,7 @@ impl Shot {
     ) -> Result<Self> {
         let background = field.view().background;
         let (camera, picture) = photograph(folder, camera, side, background, limits)?;
-        let place = |opacity: &f32| if *opacity > 0.0 { 0 } else { NOTHING };
+        let place = |opacity: &f32| if *opacity > 0.0 { 0 } else { EMPTY };
         let places = match picture.opacity {
             Some(opacity) => opacity.iter().map(place).collect(),
             None => vec![0; picture.color.len()],

@@ -178,7 +178,7 @@ impl<'a, const C: usize> Rays<'a, C> {
         Some(traced)
     }
 
-    /// Reads, composites and empties a packet. Samples behind opaque matter are left out.
+    /// Reads, composites and empties a packet. Samples behind opaque ones are left out.
     #[inline(always)]
     fn composite(
         &self,

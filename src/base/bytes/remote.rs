@@ -117,7 +117,7 @@ impl RemoteFile {
     /// `Usage` unless fetching is allowed, `Io` where the server does not answer with the file.
     pub fn open(address: &str) -> Result<Self> {
         if PERMITS.load(Ordering::Relaxed) == 0 {
-            let message = "the input is an address, and nothing is fetched unasked: pass \
+            let message = "the input is an address, but network access is off: pass \
                            --allow-network";
             return Err(Error::usage(message).in_file(&shown(address)));
         }

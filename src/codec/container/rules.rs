@@ -66,8 +66,8 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
             let error = Error::unsupported(entry.place(), found, expected).advise(NEWER);
             report(Finding { code: Code::ChunkUnknown, error })?;
         }
-        let twin = |other: &&Entry| other.kind == entry.kind && other.level == entry.level;
-        if is_known(entry.kind) && entries.iter().take(i).any(|other| twin(&other)) {
+        let same = |other: &&Entry| other.kind == entry.kind && other.level == entry.level;
+        if is_known(entry.kind) && entries.iter().take(i).any(|other| same(&other)) {
             let error = Error::malformed(entry.place(), "the chunk a second time", "it once");
             report(Finding { code: Code::ChunkUnexpected, error })?;
         }

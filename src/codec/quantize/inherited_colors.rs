@@ -34,7 +34,7 @@ pub struct InheritedColors<'a> {
 
 /// A node of an axis between two of the coarser level's: the lower one, and the share of the upper
 /// one.
-type Between = (usize, f64);
+type Tap = (usize, f64);
 
 impl<'a> InheritedColors<'a> {
     /// Of blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none where a
@@ -95,10 +95,10 @@ impl<'a> InheritedColors<'a> {
                             let row =
                                 (low_x - first[0] + up_x) * sides[1] + low_y - first[1] + up_y;
                             let at = row * sides[2] + low_z - first[2];
-                            between(around[at], around[at + 1], share_z)
+                            interpolate(around[at], around[at + 1], share_z)
                         };
-                        let along_y = |up| between(along_z(up, 0), along_z(up, 1), share_y);
-                        let value = between(along_y(0), along_y(1), share_x);
+                        let along_y = |up| interpolate(along_z(up, 0), along_z(up, 1), share_y);
+                        let value = interpolate(along_y(0), along_y(1), share_x);
                         let code = self.borders.partition_point(|&border| border <= value);
                         codes[(x * edge + y) * edge + z] = code as u32;
                     }
@@ -109,15 +109,15 @@ impl<'a> InheritedColors<'a> {
     }
 
     /// Positions of the block's nodes of an axis in the coarser level.
-    fn axis(&self, axis: usize, block: usize) -> Vec<Between> {
+    fn axis(&self, axis: usize, block: usize) -> Vec<Tap> {
         let [nodes, coarser] = [self.grid, self.coarser].map(|grid| grid.nodes.0[axis]);
         let start = block * self.grid.edge;
-        let between = |node: usize| {
+        let tap = |node: usize| {
             let at = node * (coarser - 1);
             let low = (at / (nodes - 1)).min(coarser - 2);
             (low, (at - low * (nodes - 1)) as f64 / (nodes - 1) as f64)
         };
-        (start..nodes.min(start + self.grid.edge)).map(between).collect()
+        (start..nodes.min(start + self.grid.edge)).map(tap).collect()
     }
 
     /// A decoded value of the coarser level.
@@ -168,6 +168,6 @@ fn is_integer(encoding: &&Encoding) -> bool {
 }
 
 /// Between two values, each operation rounded.
-fn between(low: f64, high: f64, share: f64) -> f64 {
+fn interpolate(low: f64, high: f64, share: f64) -> f64 {
     low + share * (high - low)
 }

@@ -17,7 +17,7 @@ use super::value_range::ValueRange;
 use crate::model::baked::{Decode, Encoding};
 use crate::model::field::Activation;
 
-/// Step of opacity around empty space at 8 bits. Errors of faint matter add up along a ray: steps
+/// Step of opacity around empty space at 8 bits. Errors of low densities add up along a ray: steps
 /// three times as long cost 11 dB in pictures, and save 1 % of the bytes.
 const DENSITY_STEP: f64 = 0.3 * OPACITY_ERROR;
 /// Step of a colour at 8 bits.

@@ -92,8 +92,8 @@ impl<'a> Search<'a> {
     /// The best encoding of so many bits, if any keeps the error.
     fn with_bits(&self, bits: u32) -> Option<Encoding> {
         // No code can stand for more than twice the error.
-        let reach = f64::from(1u32 << bits) * 2.0 * f64::from(self.max_error);
-        if self.activations[1] - self.activations[0] > reach {
+        let covered = f64::from(1u32 << bits) * 2.0 * f64::from(self.max_error);
+        if self.activations[1] - self.activations[0] > covered {
             return None;
         }
         let mut ways: Vec<(f64, Encoding)> = self.ways(bits);

@@ -12,7 +12,7 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::input::options::{MlpChoice, SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, Companion, Family, Source};
+use crate::input::source::{Assumption, Family, SideFile, Source};
 use crate::input::tensor::{self, TensorFile};
 use crate::model::field::{ColorDomain, RadianceField, Scene};
 use crate::model::view_dependence::ViewDependence;
@@ -67,7 +67,7 @@ fn assemble<'a>(
     };
     let path = file.file.path();
     let names = NamedValues::new(file);
-    let (mut assumptions, mut companions) = (Vec::new(), Vec::new());
+    let (mut assumptions, mut side_files) = (Vec::new(), Vec::new());
     grids::refuse_others(&names)?;
     let inner = Inner::find(&names, options)?;
     let (density, mut color) = grids::find(&names, limits)?;
@@ -94,7 +94,7 @@ fn assemble<'a>(
             let found = mlp::find(&names, Family::MipVog, features, limits, &mut assumptions)
                 .map_err(|error| error.in_file(path))?;
             let digest = other.digest;
-            companions.push(Companion { role: "mlp", path: path.clone(), digest });
+            side_files.push(SideFile { role: "mlp", path: path.clone(), digest });
             Some(found.ok_or_else(|| {
                 Error::invalid_option(
                     "mlp",
@@ -125,11 +125,11 @@ fn assemble<'a>(
         mask.inner = inner;
     }
     let coarse = mask.as_ref().and_then(|mask| mask.coarse.as_ref()?.file.clone());
-    companions.extend(coarse.map(|(path, digest)| Companion { role: "coarse", path, digest }));
+    side_files.extend(coarse.map(|(path, digest)| SideFile { role: "coarse", path, digest }));
     if let Some(path) = options
         .coarse
         .as_ref()
-        .filter(|_| companions.iter().all(|companion: &Companion| companion.role != "coarse"))
+        .filter(|_| side_files.iter().all(|side_file: &SideFile| side_file.role != "coarse"))
     {
         // A file that was named must be there, even where this scene does without it.
         SourceFile::open(path)?;
@@ -163,7 +163,7 @@ fn assemble<'a>(
         recorded: recorded.names(),
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions,
+        side_files,
     };
     Ok((source, mask))
 }

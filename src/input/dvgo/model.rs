@@ -13,7 +13,7 @@ use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::input::checkpoint::{Inner, StoredGrid};
-use crate::input::factors::{Between, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
 use crate::model::field::RadianceField;
@@ -21,7 +21,7 @@ use crate::model::grid::{Bounds, Nodes};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
 
 /// Transmittance below which a ray ends.
-const ENDS: f64 = 1e-3;
+const MIN_TRANSMITTANCE: f64 = 1e-3;
 /// Samples no farther beyond a face than this, in nodes, lie on it.
 const ON_FACE: f64 = 1e-6;
 
@@ -105,12 +105,12 @@ impl Values {
 
     /// Interpolated values at a position in nodes.
     fn at(&self, [nx, ny, nz]: [usize; 3], [x, y, z]: [f64; 3]) -> Vec<f64> {
-        let at = [Between::at(x, nx), Between::at(y, ny), Between::at(z, nz)];
+        let at = [Tap::at(x, nx), Tap::at(y, ny), Tap::at(z, nz)];
         let (values, channels) = match self {
             Self::Factors(factors) => return factors.values(&at, &mut Scratch::default()),
             Self::Dense { values, channels } => (values, *channels),
         };
-        let [xs, ys, zs] = at.map(Between::corners);
+        let [xs, ys, zs] = at.map(Tap::corners);
         let mut sums = vec![0.0; channels];
         for (x, of_x) in xs {
             for (y, of_y) in ys {
@@ -190,9 +190,9 @@ impl TrainedModel for Dvgo {
             Some(step) => ((enters / step - 0.5).ceil() * step + 0.5 * step, step),
             None => (enters, self.step()),
         };
-        let (mut passes, mut sum, mut distance, mut number) = (1.0, [0.0; 3], 0.0, 0.0);
+        let (mut transmittance, mut sum, mut distance, mut number) = (1.0, [0.0; 3], 0.0, 0.0);
         let mut samples = Samples::new(start.max(enters), step, progress);
-        while passes >= ENDS && samples.take() {
+        while transmittance >= MIN_TRANSMITTANCE && samples.take() {
             let t = start + number * step;
             if t > leaves + ON_FACE {
                 break;
@@ -204,8 +204,8 @@ impl TrainedModel for Dvgo {
             if alpha <= f64::from(march.alpha_threshold) {
                 continue;
             }
-            let weight = alpha * passes;
-            passes *= 1.0 - alpha;
+            let weight = alpha * transmittance;
+            transmittance *= 1.0 - alpha;
             distance += weight * t;
             if weight > f64::from(march.color_threshold) {
                 let seen = self.color(world, &[direction]);
@@ -215,10 +215,10 @@ impl TrainedModel for Dvgo {
         }
         let mut color = rules.background;
         for (value, sum) in color.iter_mut().zip(sum) {
-            *value = (sum + passes * f64::from(*value)) as f32;
+            *value = (sum + transmittance * f64::from(*value)) as f32;
         }
-        let distance = (distance + passes * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: passes as f32, distance }
+        let distance = (distance + transmittance * rules.far.map_or(0.0, f64::from)) as f32;
+        RayColor { color, transmittance: transmittance as f32, distance }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

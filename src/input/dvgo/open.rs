@@ -70,10 +70,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     source.assumptions.push(fit_assumption(degree, false, &options.cameras));
     source.family = Family::Dvgo;
     let field = source.field.clone();
-    let matter = RadianceField { color: Vec::new(), ..field.clone() };
+    let geometry = RadianceField { color: Vec::new(), ..field.clone() };
     let (features, cameras) = (color.clone().into_grid(), &options.cameras);
     let features = StoredFeatures::new(features, network.clone(), limits);
-    let colors = FittedColors::new(features, harmonics, matter, cameras, limits);
+    let colors = FittedColors::new(features, harmonics, geometry, cameras, limits);
     let model = Arc::new(DvgoFile { field, density, color, network, inner });
     source.field.color = vec![Grid::Values(Arc::new(colors))];
     source.field.color_domain = ColorDomain::Linear;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::mix::{FactorArrays, Scratch};
-use super::product::Between;
+use super::product::Tap;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
@@ -52,7 +52,7 @@ impl NodeValues for FactorGrid {
         2 * self.arrays.bytes() + self.planes.bytes(self.nodes(), self.channels)
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut piece = vec![0; PIECE];
         for tensor in self.arrays.tensors() {
             let storage = tensor.storage(&mut Budget::new(&self.limits))?;
@@ -61,7 +61,7 @@ impl NodeValues for FactorGrid {
                 let left = usize::try_from(storage.length() - at).unwrap_or(PIECE);
                 let piece = piece.get_mut(..left.min(PIECE)).unwrap_or_default();
                 storage.read_into(at, piece)?;
-                see(piece);
+                hash(piece);
                 at += piece.len() as u64;
             }
         }
@@ -81,7 +81,7 @@ impl NodeValues for FactorGrid {
         self.planes.read(self.nodes(), x, channels, region, out, |region, values| {
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
-                let found = grid.values(&[x, y, z].map(Between::on), &mut scratch);
+                let found = grid.values(&[x, y, z].map(Tap::on), &mut scratch);
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);
                 out.zip(found).for_each(|(out, value)| *out = value as f32);
             });

@@ -1,7 +1,7 @@
 //! From products of factors to the channels of a grid.
 
 use super::parts::{Terms, components};
-use super::product::{Between, Factors};
+use super::product::{Factors, Tap};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Budget;
 use crate::input::tensor::Tensor;
@@ -113,7 +113,7 @@ impl FactorArrays {
 
 impl Mixed {
     /// All channels at a position.
-    pub fn values(&self, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f64> {
+    pub fn values(&self, at: &[Tap; 3], scratch: &mut Scratch) -> Vec<f64> {
         self.factors.products(at, &mut scratch.sums, &mut scratch.products);
         let Some(weights) = &self.weights else {
             return vec![scratch.products.iter().sum()];
@@ -128,7 +128,7 @@ impl Mixed {
     }
 
     /// The sum of all products at a position.
-    pub fn sum(&self, at: &[Between; 3], scratch: &mut Scratch) -> f64 {
+    pub fn sum(&self, at: &[Tap; 3], scratch: &mut Scratch) -> f64 {
         self.factors.products(at, &mut scratch.sums, &mut scratch.products);
         scratch.products.iter().sum()
     }

@@ -15,4 +15,4 @@ mod product;
 pub use grid::FactorGrid;
 pub use mix::{FactorArrays, Mix, Mixed, Scratch};
 pub use parts::{Part, Terms, components};
-pub use product::Between;
+pub use product::Tap;

@@ -6,14 +6,14 @@ use crate::base::limits::Budget;
 
 /// A position along an axis, between two nodes or on one.
 #[derive(Debug, Clone, Copy)]
-pub struct Between {
+pub struct Tap {
     low: usize,
     high: usize,
     /// The share of `high`, 0 to 1.
     share: f64,
 }
 
-impl Between {
+impl Tap {
     /// On a node.
     pub const fn on(node: usize) -> Self {
         Self { low: node, high: node, share: 0.0 }
@@ -76,9 +76,9 @@ impl Table {
     }
 
     /// Multiplies `product` by the components at a position.
-    fn multiply(&self, at: &[Between; 3], scratch: &mut Vec<f64>, product: &mut [f64]) {
-        let place = |axis: usize| at.iter().copied().nth(axis).unwrap_or(Between::on(0));
-        let (rows, columns) = (place(self.axes.0), self.axes.1.map_or(Between::on(0), place));
+    fn multiply(&self, at: &[Tap; 3], scratch: &mut Vec<f64>, product: &mut [f64]) {
+        let place = |axis: usize| at.iter().copied().nth(axis).unwrap_or(Tap::on(0));
+        let (rows, columns) = (place(self.axes.0), self.axes.1.map_or(Tap::on(0), place));
         scratch.clear();
         scratch.resize(self.width, 0.0);
         for (row, share) in rows.corners() {
@@ -114,7 +114,7 @@ impl Factors {
     }
 
     /// The products of all components at a position, term by term.
-    pub fn products(&self, at: &[Between; 3], scratch: &mut Vec<f64>, out: &mut Vec<f64>) {
+    pub fn products(&self, at: &[Tap; 3], scratch: &mut Vec<f64>, out: &mut Vec<f64>) {
         out.clear();
         for term in &self.terms {
             let first = out.len();

@@ -8,7 +8,7 @@ use crate::base::bytes::{ByteReader, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::picture::{self, Rgba};
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 
 /// The first bytes of a PNG.
 const SIGNATURE: [u8; 8] = [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a];
@@ -39,10 +39,10 @@ impl Folder {
         name: String,
         size: [usize; 2],
         types: &[u8],
-    ) -> Result<Companion> {
+    ) -> Result<SideFile> {
         let path = self.0.join(name);
         let digest = look_at(&path, size, types).map_err(|error| error.in_file(&path))?;
-        Ok(Companion { role, path, digest })
+        Ok(SideFile { role, path, digest })
     }
 
     /// Reads a picture of a size that was looked at.

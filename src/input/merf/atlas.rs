@@ -7,7 +7,7 @@ use super::texel::{Texel, pair};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::input::folder::{Folder, RGB, RGBA, whole};
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 use crate::model::snerg::EMPTY;
 
 /// The number of a block that shows nothing.
@@ -24,7 +24,7 @@ pub(super) struct Atlas {
 }
 
 /// Looks at the pictures.
-pub(super) fn look(folder: &Folder, names: Names, sparse: &Sparse) -> Result<Vec<Companion>> {
+pub(super) fn look(folder: &Folder, names: Names, sparse: &Sparse) -> Result<Vec<SideFile>> {
     let count = sparse.blocks();
     let indices = names.indices().to_owned();
     let mut found = vec![folder.look("indices", indices, [count, count * count], &[RGB, RGBA])?];

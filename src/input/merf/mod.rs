@@ -13,7 +13,7 @@
 //! **The field** has a node in the middle of each voxel of the finer of both grids, and the next one
 //! beyond each face. Colours and features are sums of logits, as they are. Densities become those
 //! of a softplus, which is the viewer's exponential while little light is lost in a voxel, and
-//! differs from it between nodes of much matter. Nodes more than a voxel away from occupied space
+//! differs from it between nodes of high density. Nodes more than a voxel away from occupied space
 //! are empty.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]

@@ -1,10 +1,10 @@
-//! Grids that tell where there may be matter.
+//! Grids of possibly occupied space.
 
 use super::parameters::{LOW, SPAN};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::input::folder::{Folder, RGB, RGBA, whole};
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 
 /// Voxels along an edge of a cell, of the coarsest grid first, as the viewer asks them.
 pub(super) const CELLS: [usize; 5] = [128, 64, 32, 16, 8];
@@ -42,7 +42,7 @@ pub(super) struct Occupancy {
 }
 
 /// Looks at the pictures for a grid of `resolution` voxels.
-pub(super) fn look(folder: &Folder, resolution: usize) -> Result<Vec<Companion>> {
+pub(super) fn look(folder: &Folder, resolution: usize) -> Result<Vec<SideFile>> {
     let pictures = CELLS.into_iter().map(|cell| {
         let count = resolution.div_ceil(cell);
         folder.look("occupancy", name(cell), [count, count * count], &[RGB, RGBA])

@@ -41,7 +41,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let place = Place::Key("resolution".to_owned());
     let scene = folder::scene(&parameters.cells(), options, &place)?;
     let of = Folder::of(file.file.path());
-    let (assets, companions) = Assets::find(of, parameters, limits)?;
+    let (assets, side_files) = Assets::find(of, parameters, limits)?;
     let assets = Arc::new(assets);
     let channels = if network.is_some() { 3 + FEATURES } else { 3 };
     let colors = ColorValues::new(Arc::clone(&assets), channels);
@@ -65,6 +65,6 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions,
+        side_files,
     })
 }

@@ -5,7 +5,7 @@ use crate::base::error::Place;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::input::folder::{Folder, RGBA, whole};
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 
 /// The axes of each plane, the picture's columns first.
 const AXES: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
@@ -24,7 +24,7 @@ pub(super) struct Planes {
 }
 
 /// Looks at the pictures.
-pub(super) fn look(folder: &Folder, edge: usize) -> Result<Vec<Companion>> {
+pub(super) fn look(folder: &Folder, edge: usize) -> Result<Vec<SideFile>> {
     let names = [0, 1, 2].into_iter().flat_map(names);
     names.map(|name| folder.look("planes", name, [edge; 2], &[RGBA])).collect()
 }

@@ -11,7 +11,7 @@ use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::input::folder::Folder;
 use crate::input::lazy::Lazy;
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 
 /// A folder, ready to be loaded.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ impl Assets {
         folder: Folder,
         parameters: Parameters,
         limits: &Limits,
-    ) -> Result<(Self, Vec<Companion>)> {
+    ) -> Result<(Self, Vec<SideFile>)> {
         let mut found = occupancy::look(&folder, parameters.resolution())?;
         if let Some(sparse) = &parameters.sparse {
             found.extend(atlas::look(&folder, parameters.names, sparse)?);

@@ -21,7 +21,7 @@ impl Assets {
     }
 }
 
-/// Sums at node `node`, if there may be matter.
+/// Sums at node `node`, if it may be occupied.
 fn at_node(sums: &Sums, node: [usize; 3]) -> Option<[f64; 8]> {
     let (parameters, Nodes(counts)) = (&sums.parameters, sums.parameters.cells().nodes());
     let mut voxel = [0; 3];
@@ -56,9 +56,9 @@ impl NodeValues for DensityValues {
         self.0.memory_bytes()
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         // The digests of pictures have the checksums of all values.
-        see(&[]);
+        hash(&[]);
         Ok(())
     }
 
@@ -108,8 +108,8 @@ impl NodeValues for ColorValues {
         self.planes.bytes(self.nodes(), self.channels)
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        see(&[]);
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        hash(&[]);
         Ok(())
     }
 

@@ -1,8 +1,8 @@
-//! The directions that colours of a cell's nodes are fitted along, or judged along.
+//! The directions that colours of a cell's nodes are fitted along, or held out along.
 
+use super::cell_visibility::CellVisibility;
 use super::fit::Fit;
-use super::seen::Seen;
-use super::views::{Views, judging_eyes};
+use super::views::{Views, held_out_eyes};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
@@ -23,40 +23,40 @@ pub const fn most(degree: usize) -> usize {
 /// The directions along which each cell of a field is seen.
 #[derive(Debug)]
 pub struct CellViews {
-    seen: Seen,
+    seen: CellVisibility,
     views: Views,
     /// Directions of a cell, at most.
     most: usize,
 }
 
 impl CellViews {
-    /// Of the cameras that a fit of a degree uses; from all around if they are few. `matter` is the
-    /// field, whose colours do not count.
+    /// Of the cameras that a fit of a degree uses; from all around if they are few. `geometry` is
+    /// the field, whose colours do not count.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub fn of_fit(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         degree: usize,
         cameras: &[[f64; 3]],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::find(matter, Views::new(cameras), degree, limits, progress)
+        Self::find(geometry, Views::new(cameras), degree, limits, progress)
     }
 
-    /// Of the eyes that judge a fit to these cameras.
+    /// Of the eyes held out of a fit to these cameras.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
-    pub fn of_judges(
-        matter: &RadianceField,
+    pub fn of_held_out(
+        geometry: &RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let eyes = judging_eyes(cameras, &matter.scene.bounds);
-        Self::find(matter, Views::Cameras(eyes), 0, limits, progress)
+        let eyes = held_out_eyes(cameras, &geometry.scene.bounds);
+        Self::find(geometry, Views::Cameras(eyes), 0, limits, progress)
     }
 
     /// Of all views that see a cell, as many as a fit of a degree takes.
@@ -64,18 +64,22 @@ impl CellViews {
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub(super) fn find(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         views: Views,
         degree: usize,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Ok(Self { seen: Seen::find(matter, &views, limits, progress)?, views, most: most(degree) })
+        Ok(Self {
+            seen: CellVisibility::find(geometry, &views, limits, progress)?,
+            views,
+            most: most(degree),
+        })
     }
 
     /// Bytes that it takes while it is found, at most.
     pub(super) fn memory_bytes(views: &Views) -> u64 {
-        Seen::memory_bytes(views)
+        CellVisibility::memory_bytes(views)
     }
 
     /// The cell of a node.

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use super::cell_views::{CellViews, most};
 use super::fit::Fit;
 use super::planes::{PlaneCache, visit};
-use super::shaded::Shaded;
 use super::views::Views;
+use super::visible_nodes::VisibleNodes;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Silent};
@@ -30,7 +30,7 @@ pub type Colors = [Vec<f64>; 3];
 pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
 
 /// Sees a node `(y, z)` of a plane.
-pub type SeeNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
+pub type OnNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
 
 /// Colours that a network gives the nodes of a grid.
 pub trait NodeColors: Debug + Send + Sync {
@@ -49,7 +49,7 @@ pub trait NodeColors: Debug + Send + Sync {
     ///
     /// # Errors
     /// Those of reading.
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
     /// Reads the network, and prepares its inputs.
     ///
@@ -70,7 +70,7 @@ pub trait NodeColors: Debug + Send + Sync {
         network: &Self::Network,
         x: usize,
         region: &[u64],
-        see: SeeNode<'_, Self::Along>,
+        on_node: OnNode<'_, Self::Along>,
     ) -> Result<()>;
 }
 
@@ -82,12 +82,12 @@ pub struct FittedColors<N: NodeColors> {
     harmonics: Harmonics,
     /// True for band 0 alone, as colours.
     is_plain: bool,
-    /// The matter that hides nodes from views.
-    matter: RadianceField,
+    /// The field that hides nodes from views.
+    geometry: RadianceField,
     views: Views,
     limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
-    shaded: Shaded,
+    visible: VisibleNodes,
     planes: PlaneCache,
 }
 
@@ -107,18 +107,28 @@ struct Cell<Along> {
 
 impl<N: NodeColors> FittedColors<N> {
     /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
-    /// `matter` is the field without its colours.
+    /// `geometry` is the field without its colours.
     pub fn new(
         colors: N,
         harmonics: Harmonics,
-        matter: RadianceField,
+        geometry: RadianceField,
         cameras: &[[f64; 3]],
         limits: &Limits,
     ) -> Self {
         let (views, limits) = (Views::new(cameras), limits.clone());
-        let (prepared, shaded, planes) =
-            (Lazy::default(), Shaded::default(), PlaneCache::with_archive());
-        Self { colors, harmonics, is_plain: false, matter, views, limits, prepared, shaded, planes }
+        let (prepared, visible, planes) =
+            (Lazy::default(), VisibleNodes::default(), PlaneCache::with_archive());
+        Self {
+            colors,
+            harmonics,
+            is_plain: false,
+            geometry,
+            views,
+            limits,
+            prepared,
+            visible,
+            planes,
+        }
     }
 
     /// The same as colours that do not depend on the view.
@@ -129,9 +139,10 @@ impl<N: NodeColors> FittedColors<N> {
 
     fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
         self.prepared.get(|| {
-            let Self { colors, harmonics, matter, views, limits, .. } = self;
+            let Self { colors, harmonics, geometry, views, limits, .. } = self;
             let network = colors.load(progress)?;
-            let cells = CellViews::find(matter, views.clone(), harmonics.degree, limits, progress)?;
+            let cells =
+                CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
             Ok(Prepared { network, cells })
         })
     }
@@ -149,16 +160,16 @@ impl<N: NodeColors> FittedColors<N> {
         let prepared = self.prepared(&Silent)?;
         let Nodes([_, ny, nz]) = self.nodes();
         let offset = f64::from(self.harmonics.offset);
-        let shaded = self.shaded.within(&self.matter, x, region)?;
+        let visible = self.visible.within(&self.geometry, x, region)?;
         let black = if self.is_plain { 0.0 } else { -self.harmonics.offset / BAND_0 };
-        visit(self.nodes(), &without(region, &shaded), |[y, z]| {
+        visit(self.nodes(), &without(region, &visible), |[y, z]| {
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
             out.take(3).for_each(|value| *value = black);
         });
         // Nodes come row by row: the cells of one row are in use at a time.
         let mut cells: Vec<Cell<N::Along>> = Vec::new();
         let mut colors = [(); 3].map(|()| Vec::new());
-        self.colors.visit(&prepared.network, x, &shaded, &mut |[y, z], find| {
+        self.colors.visit(&prepared.network, x, &visible, &mut |[y, z], find| {
             let at = prepared.cells.cell([x, y, z]);
             if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
                 cells.clear();
@@ -203,14 +214,14 @@ impl<N: NodeColors> NodeValues for FittedColors<N> {
         let planes = self.planes.bytes(self.nodes(), self.channels());
         let [plane, all] = self.colors.memory_bytes(most(self.harmonics.degree));
         let cells = CellViews::memory_bytes(&self.views);
-        planes + self.shaded.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
+        planes + self.visible.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         if let Views::Cameras(places) = &self.views {
-            places.iter().flatten().for_each(|value| see(&value.to_le_bytes()));
+            places.iter().flatten().for_each(|value| hash(&value.to_le_bytes()));
         }
-        self.colors.digest(see)
+        self.colors.digest(hash)
     }
 
     fn prepare(&self, progress: &dyn Progress) -> Result<()> {

@@ -6,20 +6,20 @@
 mod assumption;
 mod batch;
 mod cell_views;
+mod cell_visibility;
 mod fit;
 mod fitted;
 mod planes;
 mod run;
-mod seen;
-mod shaded;
 mod stored;
 mod views;
+mod visible_nodes;
 
 pub use assumption::fit_assumption;
 pub use cell_views::CellViews;
 pub use fit::Fit;
-pub use fitted::{Colors, FindColors, FittedColors, NodeColors, SeeNode};
+pub use fitted::{Colors, FindColors, FittedColors, NodeColors, OnNode};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
 pub use stored::StoredFeatures;
-pub use views::judging_eyes;
+pub use views::held_out_eyes;

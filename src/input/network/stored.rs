@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::batch::{Batch, BatchNetwork, Scratch};
-use super::fitted::{NodeColors, SeeNode};
+use super::fitted::{NodeColors, OnNode};
 use super::planes::visit;
 use super::run::{Network, NetworkFile};
 use crate::base::error::{Place, Result};
@@ -67,14 +67,14 @@ impl NodeColors for StoredFeatures {
         [stored + cells, features]
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         match &self.features {
-            Grid::Values(values) => values.digest(see),
+            Grid::Values(values) => values.digest(hash),
             Grid::Array(_) => {
                 // The checksums of an archive, if there are any, stand for all values.
                 let Nodes([nx, ny, nz]) = self.nodes();
                 let mut plane = vec![0.0; ny * nz];
-                self.features.read_plane(0, nx / 2, &mut plane, see)
+                self.features.read_plane(0, nx / 2, &mut plane, hash)
             }
         }
     }
@@ -95,7 +95,7 @@ impl NodeColors for StoredFeatures {
         (network, batches): &Self::Network,
         x: usize,
         region: &[u64],
-        see: SeeNode<'_, Batch>,
+        on_node: OnNode<'_, Batch>,
     ) -> Result<()> {
         let Nodes([nx, ny, nz]) = self.nodes();
         let stored = self.plane(x, region)?;
@@ -106,7 +106,7 @@ impl NodeColors for StoredFeatures {
             features.clear();
             features.extend(own.map(|value| f64::from(*value)));
             let at = [place(x, nx), place(y, ny), place(z, nz)];
-            see([y, z], &mut |batch, colors| {
+            on_node([y, z], &mut |batch, colors| {
                 batches.colors(network, batch, &features, at, &mut scratch, colors);
             });
         });

@@ -1,8 +1,8 @@
-//! Directions that a scene is seen along: those that a fit uses, and those that judge it.
+//! Viewing directions of a scene: those that a fit uses, and those held out of it.
 //!
 //! Given cameras are places, from which each position is seen along another direction. Without
 //! enough of them the scene is seen from all around, along the directions of a spiral. One in
-//! [`JUDGES_EVERY`] cameras is kept from every fit, and so is a second spiral.
+//! [`HELD_OUT_EVERY`] cameras is kept from every fit, and so is a second spiral.
 
 use sha2::{Digest, Sha256};
 
@@ -11,15 +11,15 @@ use crate::model::grid::Bounds;
 
 /// Cameras that are too few to be fitted to.
 const LEAST_CAMERAS: usize = 16;
-/// Each camera of this many judges fits.
-const JUDGES_EVERY: usize = 8;
+/// One camera in so many is held out of fits.
+const HELD_OUT_EVERY: usize = 8;
 /// Directions of a scene without cameras.
 const AROUND: u32 = 64;
-/// Directions all around that judge its fits.
-const JUDGES_AROUND: u32 = 16;
+/// Directions all around that are held out of its fits.
+const HELD_OUT_AROUND: u32 = 16;
 /// The turn from one spiral to the other, in radians.
 const TURN: f64 = 1.0;
-/// Distance of judges' eyes from the middle of the box, in half diagonals.
+/// Distance of held-out eyes from the middle of the box, in half diagonals.
 const EYE: f64 = 3.0;
 
 /// Directions that a fit uses.
@@ -37,7 +37,7 @@ impl Views {
         if cameras.len() < LEAST_CAMERAS {
             return Self::Around(spiral(AROUND, 0.0));
         }
-        let fits = (0..).zip(cameras).filter(|(number, _)| !judges(*number));
+        let fits = (0..).zip(cameras).filter(|(number, _)| !is_held_out(*number));
         Self::Cameras(fits.map(|(_, place)| *place).collect())
     }
 
@@ -73,11 +73,11 @@ impl Views {
     }
 }
 
-/// The eyes that judge a fit to these cameras, or to views from all around if they are few.
-pub fn judging_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
+/// Camera positions held out of a fit to these cameras, or positions all around if they are few.
+pub fn held_out_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
     if cameras.len() >= LEAST_CAMERAS {
-        let judging = (0..).zip(cameras).filter(|(number, _)| judges(*number));
-        return judging.map(|(_, place)| *place).collect();
+        let held_out = (0..).zip(cameras).filter(|(number, _)| is_held_out(*number));
+        return held_out.map(|(_, place)| *place).collect();
     }
     let extent = bounds.extent();
     let radius = EYE * 0.5 * extent.iter().map(|edge| edge * edge).sum::<f64>().sqrt();
@@ -89,12 +89,12 @@ pub fn judging_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
         }
         eye
     };
-    spiral(JUDGES_AROUND, TURN).into_iter().map(eye).collect()
+    spiral(HELD_OUT_AROUND, TURN).into_iter().map(eye).collect()
 }
 
 /// True for cameras that no fit uses.
-fn judges(number: usize) -> bool {
-    number % JUDGES_EVERY == JUDGES_EVERY - 1
+fn is_held_out(number: usize) -> bool {
+    number % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
 }
 
 /// Points of a spiral on the sphere, at equal steps of height.
@@ -113,11 +113,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_camera_both_fits_and_judges() {
+    fn no_camera_both_fits_and_is_held_out() {
         let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
         for count in [0, 15, 16, 100] {
             let cameras: Vec<[f64; 3]> = (0..count).map(|at| [f64::from(at), 3.0, 4.0]).collect();
-            let (views, eyes) = (Views::new(&cameras), judging_eyes(&cameras, &bounds));
+            let (views, eyes) = (Views::new(&cameras), held_out_eyes(&cameras, &bounds));
             assert!(!eyes.is_empty());
             match views {
                 Views::Cameras(places) => {

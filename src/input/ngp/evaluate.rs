@@ -45,7 +45,7 @@ impl Ngp {
         raw.map(|raw| (self.per_edge * libm::exp(raw.into())).min(DENSEST))
     }
 
-    /// Colours, lane by lane, of matter of a geometry that is seen along directions.
+    /// Colours, lane by lane, of a geometry seen along directions.
     pub(super) fn colors(
         &self,
         geometry: &[Lanes],

@@ -70,7 +70,7 @@ pub(super) struct Rules {
     /// Length of a step, in edges of the unit cube.
     pub(super) step: f64,
     /// Transmittance below which a ray ends.
-    pub(super) ends: f64,
+    pub(super) min_transmittance: f64,
     /// True if the colour is divided by the opacity there.
     pub(super) divides: bool,
 }
@@ -132,7 +132,7 @@ impl NgpFile {
     }
 
     /// Shows the bytes of the parameters.
-    pub(super) fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let matrices = self.density.iter().chain(&self.color).map(|matrix| &matrix.values);
         let mut bytes = vec![0; PIECE];
         for values in matrices.chain([&self.table]) {
@@ -143,7 +143,7 @@ impl NgpFile {
                 let count = usize::try_from(end - at).unwrap_or(PIECE).min(PIECE);
                 let Some(bytes) = bytes.get_mut(..count) else { break };
                 storage.read_into(at, bytes)?;
-                see(bytes);
+                hash(bytes);
                 at += count as u64;
             }
         }

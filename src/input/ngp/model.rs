@@ -71,7 +71,7 @@ impl TrainedModel for Loaded {
         let start = enters.min(far).max(f64::from(rules.near) * frame.scale);
         let mut path = Path { origin, direction, t: start, end: leaves };
         let seen = harmonics(&[unit; LANES]);
-        let (mut passes, mut sums, mut distance) = (1.0, [0.0; 3], 0.0);
+        let (mut transmittance, mut sums, mut distance) = (1.0, [0.0; 3], 0.0);
         let mut left = Samples::new(enters.max(start), own.step, progress);
         'ray: loop {
             let samples = self.next(&mut path, &mut left);
@@ -85,15 +85,15 @@ impl TrainedModel for Loaded {
             let lanes = densities.into_iter().zip(colors.unwrap_or([[0.0; 3]; LANES]));
             for ((t, _), (density, color)) in samples.into_iter().zip(lanes) {
                 let alpha = -libm::expm1(-density * own.step);
-                let weight = alpha * passes;
-                passes *= 1.0 - alpha;
+                let weight = alpha * transmittance;
+                transmittance *= 1.0 - alpha;
                 sums.iter_mut().zip(color).for_each(|(sum, value)| *sum += weight * value);
                 distance += weight * t / frame.scale;
-                if passes < own.ends {
+                if transmittance < own.min_transmittance {
                     if own.divides {
-                        let whole = 1.0 - passes;
+                        let whole = 1.0 - transmittance;
                         sums = sums.map(|sum| sum / whole);
-                        (distance, passes) = (distance / whole, 0.0);
+                        (distance, transmittance) = (distance / whole, 0.0);
                     }
                     break 'ray;
                 }
@@ -101,10 +101,10 @@ impl TrainedModel for Loaded {
         }
         let mut color = rules.background;
         for (value, sum) in color.iter_mut().zip(sums) {
-            *value = (sum + passes * f64::from(*value)) as f32;
+            *value = (sum + transmittance * f64::from(*value)) as f32;
         }
-        let distance = (distance + passes * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: passes as f32, distance }
+        let distance = (distance + transmittance * rules.far.map_or(0.0, f64::from)) as f32;
+        RayColor { color, transmittance: transmittance as f32, distance }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

@@ -152,7 +152,7 @@ fn source(
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions: Vec::new(),
+        side_files: Vec::new(),
     })
 }
 

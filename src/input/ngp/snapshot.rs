@@ -171,7 +171,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         per_edge: 1.0,
         frame: frame(&keys)?,
         occupancy: occupancy(&keys, cascades(aabb), crop(&keys)?, limits)?,
-        rules: Rules { step, ends: 0.01, divides: true },
+        rules: Rules { step, min_transmittance: 0.01, divides: true },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })

@@ -104,7 +104,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         per_edge: 2.0 * half,
         frame,
         occupancy: occupancy(required(file, "density_bitfield")?, limits)?,
-        rules: Rules { step, ends: 1e-4, divides: false },
+        rules: Rules { step, min_transmittance: 1e-4, divides: false },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })

@@ -8,7 +8,7 @@ use super::frame::Frame;
 use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
-use crate::input::network::{NodeColors, SeeNode, visit};
+use crate::input::network::{NodeColors, OnNode, visit};
 use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
 use crate::model::grid::Nodes;
@@ -30,19 +30,19 @@ impl Samples {
         1.0 / (self.side - 1) as f64
     }
 
-    /// Calls `see` with up to [`LANES`] nodes of a region at a time, and what the density network
+    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and what the density network
     /// makes of them. Nodes that touch no occupied cell are left out.
     fn for_each(
         &self,
         model: &Ngp,
         x: usize,
         region: &[u64],
-        mut see: impl FnMut(&[[usize; 2]], &[Lanes]),
+        mut on_nodes: impl FnMut(&[[usize; 2]], &[Lanes]),
     ) {
         let (mut nodes, mut positions) = (Vec::new(), Vec::new());
         let spacing = self.spacing();
         let mut found = |nodes: &mut Vec<[usize; 2]>, positions: &mut Vec<[f64; 3]>| {
-            see(nodes, &model.geometry(positions));
+            on_nodes(nodes, &model.geometry(positions));
             nodes.clear();
             positions.clear();
         };
@@ -80,8 +80,8 @@ impl NodeValues for DensityValues {
         self.0.file.memory_bytes()
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        self.0.file.digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.0.file.digest(hash)
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {
@@ -120,8 +120,8 @@ impl NodeColors for Samples {
         [0; 2]
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        self.file.digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.file.digest(hash)
     }
 
     fn load(&self, _: &dyn Progress) -> Result<Arc<Ngp>> {
@@ -137,11 +137,11 @@ impl NodeColors for Samples {
         model: &Ngp,
         x: usize,
         region: &[u64],
-        see: SeeNode<'_, Self::Along>,
+        on_node: OnNode<'_, Self::Along>,
     ) -> Result<()> {
         self.for_each(model, x, region, |nodes, geometry| {
             for (lane, &node) in nodes.iter().enumerate() {
-                see(node, &mut |(count, directions), colors| {
+                on_node(node, &mut |(count, directions), colors| {
                     colors.iter_mut().for_each(Vec::clear);
                     for color in model.colors_along(geometry, lane, directions).iter().take(*count)
                     {

@@ -9,7 +9,7 @@ use super::model::PlenoxelsFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
 use crate::input::options::{SourceOptions, ViewChoice};
-use crate::input::source::{Assumption, Companion, Family, Source};
+use crate::input::source::{Assumption, Family, SideFile, Source};
 use crate::input::sparse::{CellBox, Channel, RowGrid};
 use crate::input::tensor::TensorFile;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
@@ -28,11 +28,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let arrays = find(file, options, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;
     let mut assumptions = Vec::new();
-    let (mut companions, mut recorded) = (Vec::new(), Vec::new());
+    let (mut side_files, mut recorded) = (Vec::new(), Vec::new());
     let mut run = RunArguments::default();
     match beside {
         Some(ArgumentsFile { path, digest, arguments }) => {
-            companions.push(Companion { role: "args", path, digest });
+            side_files.push(SideFile { role: "args", path, digest });
             recorded = vec!["stepsize", "near", "background"];
             if arguments.scene_scale.is_none() && options.scene_scale.is_none() {
                 assumptions.push(data_set_scale(&arguments.dataset_type));
@@ -123,7 +123,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         recorded,
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions,
+        side_files,
     })
 }
 

@@ -23,7 +23,7 @@ pub(super) struct Arrays {
     pub(super) bounds: Bounds,
 }
 
-/// True for a file with the arrays of the open door. A box that is missing is told when it opens.
+/// True for a file of sampled arrays. A missing box is reported when the file is opened.
 pub fn knows(file: &TensorFile) -> bool {
     let is_tensor = |key: &str| file.root.get(key).is_some_and(|value| value.tensor().is_some());
     is_tensor("density") && (is_tensor("sh") || is_tensor("color"))

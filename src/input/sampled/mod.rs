@@ -1,4 +1,4 @@
-//! The open door: arrays of density and colour that anybody's own code sampled.
+//! Sampled arrays: density and colour from anybody's own code.
 //!
 //! | key | shape | meaning |
 //! |---|---|---|

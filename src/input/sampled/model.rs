@@ -1,4 +1,4 @@
-//! A file of the open door by its own rules: samples from the face of the box on, colours clamped
+//! A file of sampled arrays by its own rules: samples from the face of the box on, colours clamped
 //! at each.
 
 use super::keys::Arrays;

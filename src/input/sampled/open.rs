@@ -1,4 +1,4 @@
-//! Opens a file of the open door as a field, and as a model with its own rules.
+//! Opens a file of sampled arrays as a field, and as a model with its own rules.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ const BRIGHTEST: f32 = 2.0;
 /// Step length in voxels of files that state none.
 const STEPSIZE: f32 = 0.5;
 
-/// Opens a file of the open door. Values stay in the file.
+/// Opens a file of sampled arrays. Values stay in the file.
 ///
 /// # Errors
 /// `Malformed` where arrays are missing or do not fit.
@@ -83,7 +83,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         recorded,
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions: Vec::new(),
+        side_files: Vec::new(),
     })
 }
 

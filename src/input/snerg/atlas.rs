@@ -154,8 +154,8 @@ impl Atlas {
         self.blocks.get(self.places.number(at)).and_then(Option::as_deref)
     }
 
-    /// Calls `see` with all voxels of some opacity in a plane.
-    pub(super) fn plane(&self, axis: usize, at: usize, mut see: impl FnMut([usize; 3], Texel)) {
+    /// Calls `visit` with all voxels of some opacity in a plane.
+    pub(super) fn plane(&self, axis: usize, at: usize, mut visit: impl FnMut([usize; 3], Texel)) {
         let [nx, ny, nz] = self.places.counts;
         for z in 0..nz {
             for y in 0..ny {
@@ -175,7 +175,7 @@ impl Atlas {
                             let texel = texels.texel([i, j, k].map(|at| at + APRON));
                             if texel != [0; 8] {
                                 let [x, y, z] = block.map(|at| at * self.block);
-                                see([x + i, y + j, z + k], texel);
+                                visit([x + i, y + j, z + k], texel);
                             }
                         }
                     }

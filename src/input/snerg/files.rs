@@ -3,7 +3,7 @@
 use super::parameters::Parameters;
 use crate::base::error::Result;
 use crate::input::folder::{Folder, RGB, RGBA};
-use crate::input::source::Companion;
+use crate::input::source::SideFile;
 use crate::model::snerg::{INDICES, PLANES, feature_name, rgba_name};
 
 /// The pictures of a folder, each looked at.
@@ -20,7 +20,7 @@ impl Pictures {
         folder: Folder,
         parameters: &Parameters,
         features: bool,
-    ) -> Result<(Self, Vec<Companion>)> {
+    ) -> Result<(Self, Vec<SideFile>)> {
         let [x, y, z] = parameters.blocks();
         let mut found =
             vec![folder.look("indices", INDICES.to_owned(), [x, y * z], &[RGB, RGBA])?];

@@ -33,7 +33,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let parameters = Parameters::read(file, limits)?;
     let stored = read_network(file, &mut Budget::new(limits))?;
     let folder = folder::Folder::of(file.file.path());
-    let (pictures, companions) = Pictures::find(folder, &parameters, stored.is_some())?;
+    let (pictures, side_files) = Pictures::find(folder, &parameters, stored.is_some())?;
     let places = Places::read(&pictures, &parameters, limits)?;
     let network = stored.filter(|_| !folder::drops_network(options));
     let assumptions = network.iter().map(|_| folder::assumption("SNeRG")).collect();
@@ -62,6 +62,6 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions,
+        side_files,
     })
 }

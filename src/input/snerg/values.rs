@@ -90,9 +90,9 @@ impl Folder {
     }
 }
 
-fn digest(see: &mut dyn FnMut(&[u8])) -> Result<()> {
+fn digest(hash: &mut dyn FnMut(&[u8])) -> Result<()> {
     // The digests of pictures have the checksums of all values.
-    see(&[]);
+    hash(&[]);
     Ok(())
 }
 
@@ -113,8 +113,8 @@ impl NodeValues for DensityValues {
         self.0.memory_bytes()
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        digest(hash)
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {
@@ -157,8 +157,8 @@ impl NodeValues for ColorValues {
         self.planes.bytes(self.nodes(), self.channels)
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        digest(see)
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        digest(hash)
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {

@@ -149,11 +149,11 @@ impl RowArray {
         Ok(values)
     }
 
-    /// Calls `see` with all rows in order, some at a time.
+    /// Calls `visit` with all rows in order, some at a time.
     ///
     /// # Errors
     /// Those of reading.
-    pub fn for_each_piece(&self, mut see: impl FnMut(&[f32])) -> Result<()> {
+    pub fn for_each_piece(&self, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
             values.resize(bytes.len() / self.row_bytes() * self.width, 0.0);
@@ -162,12 +162,12 @@ impl RowArray {
             {
                 self.decode(0, bytes, row);
             }
-            see(&values);
+            visit(&values);
         })
     }
 
-    /// Calls `see` with the bytes of all rows in order, some rows at a time.
-    fn for_each_stored(&self, mut see: impl FnMut(&[u8])) -> Result<()> {
+    /// Calls `visit` with the bytes of all rows in order, some rows at a time.
+    fn for_each_stored(&self, mut visit: impl FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let at_once = (READ_BYTES / self.row_bytes().max(1) as u64).max(1);
         let (mut bytes, mut first) = (Vec::new(), 0);
@@ -176,7 +176,7 @@ impl RowArray {
             let rows = limits::product(&[count], "rows", &self.place)?;
             bytes.resize(rows * self.row_bytes(), 0);
             storage.read_into(first * self.row_bytes() as u64, &mut bytes)?;
-            see(&bytes);
+            visit(&bytes);
             first += count;
         }
         Ok(())
@@ -246,15 +246,15 @@ impl RowArray {
         }
     }
 
-    /// Calls `see` with one column of all rows, in pieces.
+    /// Calls `visit` with one column of all rows, in pieces.
     ///
     /// # Errors
     /// Those of reading.
-    pub fn column(&self, column: usize, mut see: impl FnMut(&[f32])) -> Result<()> {
+    pub fn column(&self, column: usize, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
             self.decode_column(column, bytes, &mut values);
-            see(&values);
+            visit(&values);
         })
     }
 
@@ -262,13 +262,13 @@ impl RowArray {
     ///
     /// # Errors
     /// Those of reading.
-    pub fn sample(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    pub fn sample(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let size = storage.length().min(SAMPLE_BYTES);
         let mut piece = vec![0; limits::product(&[size], "sample", &self.place)?];
         for sample in 0..SAMPLES {
             storage.read_into((storage.length() - size) * sample / (SAMPLES - 1), &mut piece)?;
-            see(&piece);
+            hash(&piece);
         }
         Ok(())
     }

@@ -123,11 +123,11 @@ impl NodeValues for RowGrid {
         self.slabs.memory_bytes(&self.index) + inflated
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         if !self.unchecked.is_empty() {
-            self.index.digest(see)?;
+            self.index.digest(hash)?;
         }
-        self.unchecked.iter().try_for_each(|array| array.sample(see))
+        self.unchecked.iter().try_for_each(|array| array.sample(hash))
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {

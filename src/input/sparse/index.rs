@@ -194,9 +194,9 @@ impl Index {
     ///
     /// # Errors
     /// None of its own.
-    pub(super) fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         if let Rule::Blocks { table, .. } = &self.rule {
-            table.iter().for_each(|number| see(&number.to_le_bytes()));
+            table.iter().for_each(|number| hash(&number.to_le_bytes()));
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! Grids whose nodes are rows of arrays, behind an index: Plenoxels' links, blocks of an open-door
-//! file, or the nodes in their own order.
+//! Grids whose nodes are rows of arrays, behind an index: Plenoxels' links, blocks of sampled
+//! arrays, or the nodes in their own order.
 //!
 //! [`Index`] says which row a node has, if any. [`RowArray`] reads rows from their file. Both serve
 //! two readers: [`RowGrid`] feeds a bake slab by slab and keeps a few slabs, so that no dense grid

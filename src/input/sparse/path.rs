@@ -130,7 +130,7 @@ pub struct Light {
 }
 
 impl Light {
-    /// Adds matter of an optical depth at a distance, which shows a colour.
+    /// Adds a sample of an optical depth and a colour at a distance.
     pub fn add(&mut self, depth: f64, at: f64, seen: [f64; 3]) {
         let weight = -libm::exp(-self.depth) * libm::expm1(-depth);
         self.color.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);

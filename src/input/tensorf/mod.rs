@@ -21,7 +21,7 @@
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of
 //! TensoRF's renderer: samples from the face of the box on, the last one without a length, colours
 //! where a weight is over a threshold, a picture limited to 0 to 1. nerfstudio samples in two passes:
-//! evenly, then where the first pass found matter.
+//! evenly, then where the first pass found density.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

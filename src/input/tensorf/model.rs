@@ -15,7 +15,7 @@ use super::two_passes;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::factors::{Between, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::model::activate;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
@@ -67,21 +67,21 @@ impl Tensorf {
         share
     }
 
-    fn between(&self, share: [f64; 3]) -> [Between; 3] {
-        let mut at = [Between::on(0); 3];
+    fn taps(&self, share: [f64; 3]) -> [Tap; 3] {
+        let mut at = [Tap::on(0); 3];
         for ((at, share), count) in at.iter_mut().zip(share).zip(self.settings.nodes.0) {
-            *at = Between::at(share * (count - 1) as f64, count);
+            *at = Tap::at(share * (count - 1) as f64, count);
         }
         at
     }
 
-    /// Optical depth of a world unit at a position, 0 where no matter is.
+    /// Optical depth of a world unit at a position, 0 in empty space.
     fn sigma(&self, world: [f64; 3], share: [f64; 3], scratch: &mut Scratch) -> f64 {
         let inside = share.into_iter().all(|at| (0.0..=1.0).contains(&at));
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
             return 0.0;
         }
-        let raw = self.density.sum(&self.between(share), scratch);
+        let raw = self.density.sum(&self.taps(share), scratch);
         let density = match self.settings.shift {
             Some(shift) => activate::softplus(raw + shift),
             None => raw.max(0.0),
@@ -95,7 +95,7 @@ impl Tensorf {
         directions: &[[f64; 3]],
         scratch: &mut Scratch,
     ) -> Vec<[f64; 3]> {
-        let features = self.features.values(&self.between(share), scratch);
+        let features = self.features.values(&self.taps(share), scratch);
         let at = share.map(|at| 2.0 * at - 1.0);
         directions.iter().map(|&along| self.shading.color(&features, at, along)).collect()
     }

@@ -75,11 +75,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     let colors: Arc<dyn NodeValues> = match (&arrays.shading, harmonics) {
         (ShadingFile::Network(network), Some(rules)) => {
-            let (features, matter) = (arrays.features.clone(), field.clone());
+            let (features, geometry) = (arrays.features.clone(), field.clone());
             let channels = features.channels;
             let features = Grid::Values(Arc::new(FactorGrid::new(features, channels, limits)));
             let features = StoredFeatures::new(features, network.clone(), limits);
-            let fitted = FittedColors::new(features, rules, matter, &options.cameras, limits);
+            let fitted = FittedColors::new(features, rules, geometry, &options.cameras, limits);
             Arc::new(if plain { fitted.plain() } else { fitted })
         }
         _ => Arc::new(ColorValues::new(&arrays, harmonics, plain, limits)),
@@ -100,7 +100,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         },
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions: Vec::new(),
+        side_files: Vec::new(),
     })
 }
 

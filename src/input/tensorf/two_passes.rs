@@ -1,5 +1,5 @@
 //! The samples of nerfstudio: evenly spaced ones, then as many as the second pass has, where the
-//! first one found matter.
+//! first one found density.
 //!
 //! A sample is the middle of an interval, and stands for all of it.
 

@@ -7,7 +7,7 @@ use super::shading::STORED_FUNCTIONS;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::factors::{Between, Mixed, Scratch};
+use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::input::lazy::Lazy;
 use crate::input::network::{PlaneCache, visit};
 use crate::model::field::NodeValues;
@@ -47,7 +47,7 @@ impl ColorValues {
 
     /// All channels of a node.
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn node(&self, features: &Mixed, at: &[Between; 3], scratch: &mut Scratch) -> Vec<f32> {
+    fn node(&self, features: &Mixed, at: &[Tap; 3], scratch: &mut Scratch) -> Vec<f32> {
         let features = features.values(at, scratch);
         let Some(rules) = self.harmonics else {
             return features.into_iter().map(|value| value as f32).collect();
@@ -101,7 +101,7 @@ impl NodeValues for ColorValues {
             let mut scratch = Scratch::default();
             visit(self.nodes(), region, |[y, z]| {
                 let out = values.iter_mut().skip(y * nz + z).step_by(plane);
-                let found = self.node(&features, &[x, y, z].map(Between::on), &mut scratch);
+                let found = self.node(&features, &[x, y, z].map(Tap::on), &mut scratch);
                 out.zip(found).for_each(|(out, value)| *out = value);
             });
             Ok(())

@@ -156,9 +156,9 @@ impl NodeValues for GridValues {
         values + self.places.len() as u64 * 48
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         // The file's digest is that of all its bytes.
-        see(&[]);
+        hash(&[]);
         Ok(())
     }
 
@@ -210,8 +210,8 @@ impl NodeValues for White {
         0
     }
 
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()> {
-        see(&[]);
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        hash(&[]);
         Ok(())
     }
 

@@ -99,7 +99,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         recorded: Vec::new(),
         digest: file.digest,
         file: Arc::clone(&file.file),
-        companions: Vec::new(),
+        side_files: Vec::new(),
     })
 }
 

@@ -120,7 +120,7 @@ impl Group {
         }
     }
 
-    /// True for one of [`Self::COLORS`]: else the values say where matter is.
+    /// True for one of [`Self::COLORS`]: otherwise the values are densities.
     pub const fn is_color(self) -> bool {
         !matches!(self, Self::Density | Self::Anisotropy)
     }

@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::base::error::{Error, Place, Result};
 use crate::base::text::{is_quoted_number, quoted_numbers};
 
-/// Names of values that matter, in a file and in its frames. All others may be anything.
+/// Names of values that are read, in a file and in its frames. All others may be anything.
 const NAMES: [&str; 45] = [
     "file_path",
     "transform_matrix",

@@ -25,7 +25,7 @@ pub trait NodeValues: Debug + Send + Sync {
     ///
     /// # Errors
     /// Those of reading.
-    fn digest(&self, see: &mut dyn FnMut(&[u8])) -> Result<()>;
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
     /// Loads and finds what all planes need. Called before the loops that read planes, so that it
     /// may run in parallel itself.
@@ -93,7 +93,7 @@ impl Grid {
         self.array().is_some_and(|volume| volume.storage.crc32().is_some())
     }
 
-    /// Fills all nodes of plane `x` of a channel. `see` is shown the bytes of arrays as stored.
+    /// Fills all nodes of plane `x` of a channel. `hash` gets the bytes of arrays as stored.
     ///
     /// # Errors
     /// Those of reading.
@@ -102,14 +102,14 @@ impl Grid {
         channel: usize,
         x: usize,
         out: &mut [f32],
-        mut see: impl FnMut(&[u8]),
+        mut hash: impl FnMut(&[u8]),
     ) -> Result<()> {
         match self {
             Self::Array(volume) => {
                 let mut scratch = Vec::new();
                 let row = if volume.rows_are_contiguous() { out.len() } else { volume.nodes.0[2] };
                 for (y, row) in out.chunks_exact_mut(row).enumerate() {
-                    volume.read_run(channel, [x, y, 0], row, &mut scratch, &mut see)?;
+                    volume.read_run(channel, [x, y, 0], row, &mut scratch, &mut hash)?;
                 }
             }
             Self::Values(values) => {

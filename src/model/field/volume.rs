@@ -54,14 +54,14 @@ impl Volume {
 
     /// Reads `out.len()` consecutive values that start at node `(x, y, z)` of `channel`. They may
     /// run on over rows where rows follow each other ([`Volume::rows_are_contiguous`]).
-    /// `see` is shown the bytes as stored; `scratch` holds them where they are no float32.
+    /// `hash` gets the bytes as stored; `scratch` holds them where they are no float32.
     pub fn read_run(
         &self,
         channel: usize,
         [x, y, z]: [usize; 3],
         out: &mut [f32],
         scratch: &mut Vec<u8>,
-        see: impl FnOnce(&[u8]),
+        hash: impl FnOnce(&[u8]),
     ) -> Result<()> {
         let size = self.element.size();
         let first = (self.row(channel, x, y) + z as u64) * size as u64;
@@ -69,12 +69,12 @@ impl Volume {
         if self.element == Element::F32 && cfg!(target_endian = "little") {
             let bytes = bytemuck::cast_slice_mut(out);
             self.storage.read_into(first, bytes)?;
-            see(bytes);
+            hash(bytes);
             return Ok(());
         }
         scratch.resize(out.len() * size, 0);
         self.storage.read_into(first, scratch)?;
-        see(scratch);
+        hash(scratch);
         self.element.decode(scratch, out);
         Ok(())
     }

@@ -86,7 +86,7 @@ pub fn check_volume(source: &ExportSource, options: &ExportOptions) -> Result<()
         return Ok(());
     }
     let found = format!("points {spacing:?} apart");
-    let expected = "a larger box: OpenVDB takes voxels of such a volume for none";
+    let expected = "a larger box: OpenVDB treats voxels this small as zero";
     Err(Error::unsupported(Place::File, found, expected))
 }
 
@@ -106,7 +106,7 @@ pub fn write_volume(
     let scale = if options.normalize_density && largest > 0.0 { largest } else { 1.0 };
     let density = |leaf: &Leaf, point: usize| [leaf.density[point] / scale, 0.0, 0.0];
     let color = |leaf: &Leaf, point: usize| leaf.color[point];
-    let matter = |leaf: &Leaf| leaf.matter;
+    let occupied = |leaf: &Leaf| leaf.occupied;
     let colored = |leaf: &Leaf| leaf.colored;
     let features: Vec<_> = (0..volume.features)
         .map(|channel| {
@@ -121,7 +121,7 @@ pub fn write_volume(
         GridPlan {
             name: "density".to_owned(),
             class: "fog volume",
-            content: GridContent { width: 1, half, active: &matter, value: &density },
+            content: GridContent { width: 1, half, active: &occupied, value: &density },
             metadata: density_metadata,
         },
         GridPlan {
@@ -135,7 +135,7 @@ pub fn write_volume(
         grids.push(GridPlan {
             name: format!("feature_{channel}"),
             class: "unknown",
-            content: GridContent { width: 1, half, active: &matter, value },
+            content: GridContent { width: 1, half, active: &occupied, value },
             metadata: Vec::new(),
         });
     }

@@ -13,24 +13,24 @@ pub type LeafMask = [u64; POINTS / 64];
 pub struct Leaf {
     /// Number of the leaf along each axis: its first point's, divided by [`SIDE`].
     pub at: [i32; 3],
-    /// Points that hold matter.
-    pub matter: LeafMask,
-    /// Optical depth per world unit; 0 where there is no matter.
+    /// Occupied points.
+    pub occupied: LeafMask,
+    /// Optical depth per world unit; 0 in empty points.
     pub density: Vec<f32>,
-    /// Points that have a colour: those with matter, and their neighbours.
+    /// Points that have a colour: occupied ones, and their neighbours.
     pub colored: LeafMask,
     /// Linear light, red, green, blue; 0 where there is no colour. Empty before colours are found.
     pub color: Vec<[f32; 3]>,
-    /// Channels of features, one after the other; 0 without matter.
+    /// Channels of features, one after the other; 0 in empty points.
     pub features: Vec<f32>,
 }
 
 impl Leaf {
-    /// Without matter and colours.
+    /// Without density and colours.
     pub fn empty(at: [i32; 3]) -> Self {
         let none = [0; POINTS / 64];
         let (density, color) = (vec![0.0; POINTS], Vec::new());
-        Self { at, matter: none, density, colored: none, color, features: Vec::new() }
+        Self { at, occupied: none, density, colored: none, color, features: Vec::new() }
     }
 
     /// Bytes of a leaf with so many channels of features, once it has colours.

@@ -1,7 +1,7 @@
 //! Mean colours at the nodes of a level, and between them.
 //!
 //! A view network takes a millisecond for all directions of a point. So it is asked at nodes that
-//! have matter or a neighbour with matter, and colours between nodes are interpolated.
+//! are occupied or have an occupied neighbour, and colours between nodes are interpolated.
 
 use std::collections::HashMap;
 
@@ -59,11 +59,11 @@ impl MeanColors {
             }
             let mut block = vec![[0.0; 4]; EDGE.pow(3)];
             let sides: [usize; 3] = std::array::from_fn(|axis| end[axis] - around[axis]);
-            let mut matter = vec![false; sides.iter().product()];
-            for (i, matter) in matter.iter_mut().enumerate() {
+            let mut occupied = vec![false; sides.iter().product()];
+            for (i, occupied) in occupied.iter_mut().enumerate() {
                 let inside = [i / sides[2] / sides[1], i / sides[2] % sides[1], i % sides[2]];
                 let node = std::array::from_fn(|axis| around[axis] + inside[axis]);
-                *matter = field.density_at(share(node), level) > LEAST_DENSITY;
+                *occupied = field.density_at(share(node), level) > LEAST_DENSITY;
             }
             let is_near = |node: [usize; 3]| {
                 (0..27usize).any(|step| {
@@ -71,7 +71,7 @@ impl MeanColors {
                     let at: [usize; 3] = std::array::from_fn(|axis| node[axis] + steps[axis]);
                     (0..3).all(|axis| at[axis] > around[axis] && at[axis] <= end[axis]) && {
                         let [x, y, z] = std::array::from_fn(|axis| at[axis] - 1 - around[axis]);
-                        matter[(x * sides[1] + y) * sides[2] + z]
+                        occupied[(x * sides[1] + y) * sides[2] + z]
                     }
                 })
             };

@@ -1,8 +1,8 @@
 //! A field's level as a sparse volume of activated values.
 //!
-//! 1. Densities at the points of a lattice, leaf by leaf; a leaf without matter goes.
-//! 2. Colours where there is matter: the mean over directions, turned to linear light.
-//! 3. Points beside matter get the colour of their nearest neighbour with matter. Programs
+//! 1. Densities at the points of a lattice, leaf by leaf; empty leaves are dropped.
+//! 2. Colours of occupied points: the mean over directions, turned to linear light.
+//! 3. Points beside occupied ones get the colour of their nearest occupied neighbour. Programs
 //!    interpolate colours without regard to density: without these points colours would fade to
 //!    black at every surface.
 
@@ -20,8 +20,8 @@ use crate::model::grid::Nodes;
 use crate::view::Lattice;
 use crate::view::render::{Directions, Renderer};
 
-/// Matter that takes less than this share of light over the distance of two points is none: a ray
-/// through 30 such points loses a hundredth.
+/// Points that absorb less than this share of light over the distance of two points are empty:
+/// a ray through 30 such points loses a hundredth.
 const LEAST_OPACITY: f64 = 3e-4;
 /// Directions that a colour is averaged over.
 const DIRECTIONS: usize = 32;
@@ -45,7 +45,7 @@ pub struct VolumeOptions {
     pub beyond: bool,
 }
 
-/// Leaves with matter or colours, by their numbers: x slowest.
+/// Leaves with density or colours, by their numbers: x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SparseVolume {
     /// The points.
@@ -94,9 +94,10 @@ impl SparseVolume {
         Ok(volume)
     }
 
-    /// Points with matter.
-    pub fn matter(&self) -> u64 {
-        let bits = |leaf: &Leaf| leaf.matter.iter().map(|word| u64::from(word.count_ones())).sum();
+    /// Occupied points.
+    pub fn occupied(&self) -> u64 {
+        let bits =
+            |leaf: &Leaf| leaf.occupied.iter().map(|word| u64::from(word.count_ones())).sum();
         self.leaves.iter().map(|leaf| -> u64 { bits(leaf) }).sum()
     }
 
@@ -127,9 +128,9 @@ impl SparseVolume {
                 return Err(Error::cancelled());
             }
             leaf.color = vec![[0.0; 3]; POINTS];
-            leaf.colored = leaf.matter;
+            leaf.colored = leaf.occupied;
             leaf.features = vec![0.0; features * POINTS];
-            for point in points(&leaf.matter) {
+            for point in points(&leaf.occupied) {
                 let share = lattice.share(place(leaf.at, point));
                 let color = match &means {
                     Some(means) => means.at(share),
@@ -153,7 +154,7 @@ impl SparseVolume {
         .map(|_| ())
     }
 
-    /// Gives points beside matter the colour of their nearest neighbour that has matter. Of equally
+    /// Gives points beside occupied ones the colour of their nearest occupied neighbour. Of equally
     /// near ones it is one along z, whose value is stored beside: such bytes compress.
     fn color_neighbours(&mut self, beyond: bool, budget: &mut Budget) -> Result<()> {
         let by_place: HashMap<[i32; 3], usize> =
@@ -163,7 +164,7 @@ impl SparseVolume {
         let margin = i32::from(beyond);
         let ends = self.lattice.counts().map(|count| count as i32 + margin);
         for leaf in &self.leaves {
-            for point in points(&leaf.matter) {
+            for point in points(&leaf.occupied) {
                 let own = place(leaf.at, point).map(|at| at as i32);
                 for (rank, step) in (0..).zip(&steps) {
                     let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + step[axis]);
@@ -172,7 +173,7 @@ impl SparseVolume {
                     }
                     let (home, inside) = home(at);
                     let there = by_place.get(&home).map(|&number| &self.leaves[number]);
-                    if there.is_some_and(|leaf| contains(&leaf.matter, inside)) {
+                    if there.is_some_and(|leaf| contains(&leaf.occupied, inside)) {
                         continue;
                     }
                     let places = match nearest.entry(home) {
@@ -244,7 +245,7 @@ fn home(at: [i32; 3]) -> ([i32; 3], usize) {
     (at.map(|at| at.div_euclid(SIDE as i32)), (x * SIDE + y) * SIDE + z)
 }
 
-/// The densities of a leaf; none without matter.
+/// The densities of a leaf; none if it is empty.
 fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) -> Option<Leaf> {
     let counts = lattice.counts();
     let first = at.map(|at| at * SIDE);
@@ -264,7 +265,7 @@ fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) ->
         }
         let density = field.density_at(lattice.share(place), level);
         if density >= least {
-            insert(&mut leaf.matter, point);
+            insert(&mut leaf.occupied, point);
             leaf.density[point] = density;
             any = true;
         }

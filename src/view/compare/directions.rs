@@ -1,4 +1,4 @@
-//! Colours of visible matter along directions, against those of the model that they were made of.
+//! Visible colours along directions, against those of the model that they were made of.
 //!
 //! Rays start at given eyes. A sample counts by its share of its ray's light, so the figures are
 //! of what pictures show, and not of the inside of walls.

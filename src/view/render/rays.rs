@@ -38,7 +38,7 @@ impl Renderer {
         }
     }
 
-    /// The colours of the matter at a `position` seen along unit `directions`, 0 to 1 and more
+    /// The colours at a `position` seen along unit `directions`, 0 to 1 and more
     /// where the view network adds light.
     ///
     /// # Errors

@@ -16,9 +16,9 @@ use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::RAYS;
 use crate::view::sample::{Macro, Sample as Values};
 
-/// Voxels before a point that are looked at for matter that hides it.
+/// Voxels before a point that are searched for what hides it.
 const BEFORE: u32 = 4;
-/// A point that is seen less than this from everywhere lies in matter.
+/// A point that is seen less than this from everywhere lies inside a solid.
 const HIDDEN: f64 = 1e-3;
 /// Directions with less than this share of the freest one's light do not count.
 const FAINTEST: f64 = 1e-2;
@@ -146,8 +146,8 @@ impl Renderer {
 
     /// The mean of a place's colours over directions, each limited to 0 to 1; its diffuse colour
     /// where no colour depends on the direction. A direction counts as far as light passes the
-    /// nearest matter towards the eye: nobody has trained what walls look like from inside. `share`
-    /// is a place in shares of the box.
+    /// nearest density towards the eye: nobody has trained what walls look like from inside.
+    /// `share` is a place in shares of the box.
     pub(crate) fn mean_color(
         &self,
         share: [f64; 3],
@@ -234,7 +234,7 @@ impl Directions {
     }
 
     /// The directions along which a place is seen, by their numbers, and the share of light that
-    /// passes the matter before it. All of them count the same where none is free.
+    /// passes what is before it. All of them count the same where none is free.
     fn seen_from(&self, field: &Renderer, share: [f64; 3], level: usize) -> Vec<(usize, f64)> {
         let extent = field.view().bounds.extent();
         let step = f64::from(field.view().march.voxel_size);

@@ -11,7 +11,7 @@ use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
 use super::super::incremental::IncrementalArguments;
-use super::super::manifest::{Given, ManifestArguments};
+use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
 use super::super::stdin;
 use super::super::stored::StoredArguments;
@@ -23,7 +23,7 @@ use crate::base::limits::Limits;
 use crate::codec::unpack::Unpacked;
 use crate::input::tensor::{self, TensorFile};
 
-/// Bake a trained scene into a container, or a container into another one
+/// Convert a trained scene to a container, or a container to another one
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("source").required(true).args(["input", "manifest"])))]
 #[command(after_help = "\
@@ -36,21 +36,21 @@ Examples:
 pub struct Arguments {
     // First: the others take their values out of the matches.
     #[command(flatten)]
-    pub given: Given,
-    /// A trained model of any known system (a file, or a folder of SNeRG or MERF), a container
-    /// (unpacked or not), or a glTF asset with one; - is the standard input
+    pub given: ExplicitOptions,
+    /// A trained model (a file, or a folder of SNeRG or MERF), a container (unpacked or not), or a
+    /// glTF asset with one; - means standard input
     #[arg(requires = "output", default_value = ".", hide_default_value = true)]
     pub input: PathBuf,
-    /// The container to write; - is the standard output. With --manifest the folder of outputs
+    /// The container to write; - means standard output. With --manifest, the output folder
     #[arg(short, long, value_name = "OUT.mipvog", default_value = ".", hide_default_value = true)]
     pub output: PathBuf,
-    /// Forecast time, memory and bytes from a part of the scene, and write nothing
+    /// Forecast time, memory and size from parts of the scene, and write nothing
     #[arg(long)]
     pub dry_run: bool,
     /// Overwrite the output if it exists
     #[arg(long)]
     pub force: bool,
-    /// A set of options; explicit ones override it
+    /// A set of options, which explicit options override
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
     #[command(flatten)]
@@ -67,7 +67,7 @@ pub struct Arguments {
     pub gltf: GltfArguments,
     #[command(flatten, next_help_heading = "Incremental builds")]
     pub incremental: IncrementalArguments,
-    #[command(flatten, next_help_heading = "Many scenes")]
+    #[command(flatten, next_help_heading = "Batches")]
     pub many: ManifestArguments,
     /// The input, where it is no file.
     #[arg(skip)]

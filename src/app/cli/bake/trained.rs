@@ -22,7 +22,7 @@ use crate::base::error::Result;
 use crate::codec::container::Container;
 use crate::input;
 use crate::input::Source;
-use crate::input::network::judging_eyes;
+use crate::input::network::held_out_eyes;
 use crate::input::tensor::TensorFile;
 use crate::model::camera::turntable;
 use crate::model::field::RadianceField;
@@ -47,7 +47,7 @@ pub fn bake_trained(
     let (source, settings) = open(arguments, file, options, common)?;
     let mut inputs = vec![input::file_of(&arguments.input)];
     inputs.extend(settings.files.iter().cloned());
-    inputs.extend(source.companions.iter().map(|companion| companion.path.clone()));
+    inputs.extend(source.side_files.iter().map(|side_file| side_file.path.clone()));
     let outputs = [arguments.gltf.path(), arguments.incremental.depfile()];
     refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
     let origin = Origin::of_source(&source);
@@ -89,7 +89,7 @@ pub fn bake_trained(
         let unbaked = Renderer::of_source(&source, None, limits)?;
         if looks_along {
             let bounds = &source.field.scene.bounds;
-            let eyes = judging_eyes(&settings.options.cameras, bounds);
+            let eyes = held_out_eyes(&settings.options.cameras, bounds);
             let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
             view.measured(errors);
         }

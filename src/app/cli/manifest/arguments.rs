@@ -11,39 +11,39 @@ use crate::base::shard::Shard;
 /// Many scenes.
 #[derive(Debug, Args)]
 pub struct ManifestArguments {
-    /// Bake the scenes of a file with a JSON object a line: {"input", "output", "options"}. Paths
-    /// are relative to the file's folder, outputs to --output where it is given. Options of the
-    /// command line count for every scene, and those of a line override them. Results are JSON
+    /// Bake many scenes: a file with one JSON object per line, {"input", "output", "options"}.
+    /// Paths are relative to the file's folder; outputs are relative to --output, if given. Options
+    /// on the command line apply to every scene; options of a line override them. Results are JSON
     /// lines on stdout
     #[arg(long, value_name = "FILE")]
     pub manifest: Option<PathBuf>,
-    /// Bake the scene of one line, counted from 0
+    /// Bake only this line, counted from 0
     #[arg(long, value_name = "N", conflicts_with_all = ["input", "index_from_env", "shard"])]
     pub index: Option<u64>,
-    /// Bake the scene whose number the farm put into the environment: Slurm, AWS Batch, PBS, SGE,
+    /// Bake only the line of the task number that the scheduler sets: Slurm, AWS Batch, PBS, SGE,
     /// LSF, Cloud Run or Kubernetes
     #[arg(long, conflicts_with_all = ["input", "shard"])]
     pub index_from_env: bool,
-    /// Bake part I of N parts: every Nth scene, from scene I on, counted from 0
+    /// Bake every Nth line, starting with line I, counted from 0
     #[arg(long, value_name = "I/N", conflicts_with = "input")]
     pub shard: Option<Shard>,
-    /// Write the results to a file too, once all scenes have ended; former results are replaced
+    /// Also write the results to a file, once all scenes have ended; existing results are replaced
     #[arg(long, value_name = "FILE.jsonl", conflicts_with = "input")]
     pub results: Option<PathBuf>,
 }
 
 /// The options that the command line gives, by their names in it: a scene's line may override them.
 #[derive(Debug, Default)]
-pub struct Given(pub Vec<(String, Vec<OsString>)>);
+pub struct ExplicitOptions(pub Vec<(String, Vec<OsString>)>);
 
-impl Given {
+impl ExplicitOptions {
     /// True if the option of this name is among them.
     pub fn has(&self, name: &str) -> bool {
         self.0.iter().any(|(own, _)| own == name)
     }
 }
 
-impl FromArgMatches for Given {
+impl FromArgMatches for ExplicitOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let mut given = Self::default();
         given.update_from_arg_matches(matches)?;
@@ -68,7 +68,7 @@ impl FromArgMatches for Given {
     }
 }
 
-impl Args for Given {
+impl Args for ExplicitOptions {
     fn augment_args(command: Command) -> Command {
         command
     }

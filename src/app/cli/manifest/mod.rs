@@ -2,8 +2,8 @@
 //!
 //! 1. **Check** ([`read`]): every line is read and held to its form before any scene is baked. Only
 //!    the names of the outputs stay in memory.
-//! 2. **Choose** ([`part`]): the line of an index, which farms put into the environment, the lines
-//!    of a shard, or all.
+//! 2. **Choose** ([`part`]): the line of an index, which schedulers put into the environment, the
+//!    lines of a shard, or all.
 //! 3. **Bake** (`run`): a line becomes words of the command line ([`words`]), which the program's
 //!    own parser reads. A scene that fails does not stop the others.
 //! 4. **Tell** ([`result`]): a line of JSON as each scene ends.
@@ -17,8 +17,8 @@ mod result;
 mod run;
 mod words;
 
-pub use arguments::{Given, ManifestArguments};
+pub use arguments::{ExplicitOptions, ManifestArguments};
 pub use options::OptionKind;
 pub use read::Lines;
 pub use result::{SceneResult, Status};
-pub use run::{Many, run};
+pub use run::{BatchOptions, run};

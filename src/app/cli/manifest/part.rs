@@ -4,8 +4,8 @@ use super::arguments::ManifestArguments;
 use crate::base::error::{Error, Result};
 use crate::base::shard::Shard;
 
-/// Variables in which farms put the number of a task of an array, and the number of the first task.
-/// Slurm, PBS and Kubernetes count as the user asks, whose first scene is 0.
+/// Variables in which schedulers put the number of a task of an array, and the number of the first
+/// task. Slurm, PBS and Kubernetes count as the user asks, whose first scene is 0.
 const VARIABLES: [(&str, &str, u64); 7] = [
     ("Slurm", "SLURM_ARRAY_TASK_ID", 0),
     ("AWS Batch", "AWS_BATCH_JOB_ARRAY_INDEX", 0),
@@ -54,7 +54,7 @@ impl Part {
 }
 
 fn of_environment() -> Result<Part> {
-    for (farm, variable, first) in VARIABLES {
+    for (scheduler, variable, first) in VARIABLES {
         let Some(value) = std::env::var_os(variable) else { continue };
         let value = value.to_string_lossy();
         if value.is_empty() || value == UNDEFINED {
@@ -63,7 +63,7 @@ fn of_environment() -> Result<Part> {
         let number = value.parse::<u64>().ok().and_then(|number| number.checked_sub(first));
         return number.map(Part::Scene).ok_or_else(|| {
             let message = format!(
-                "--index-from-env: found {variable}={value} of {farm}, expected a number from \
+                "--index-from-env: found {variable}={value} of {scheduler}, expected a number from \
                  {first} on: submit an array of tasks"
             );
             Error::usage(message)

@@ -77,7 +77,7 @@ pub struct Manifest<'a> {
 /// Refuses the words of a scene's command line whose values no bake takes.
 pub type CheckScene<'a> = &'a dyn Fn(Vec<OsString>) -> Result<()>;
 
-/// The one name of a file that is there or will be, as far as links do not matter.
+/// The one name of a file that is there or will be, ignoring links.
 fn place(base: &Path, path: &Path) -> Result<PathBuf> {
     let joined = base.join(path);
     let absolute = std::path::absolute(&joined).map_err(|error| Error::io(error, &joined))?;

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::super::common::Common;
 use super::super::outcome::{Outcome, say, write_stdout};
 use super::super::output::{create, refuse_stdout};
-use super::arguments::{Given, ManifestArguments};
+use super::arguments::{ExplicitOptions, ManifestArguments};
 use super::options::OptionKind;
 use super::part::Part;
 use super::read::{CheckScene, Lines, Manifest};
@@ -17,13 +17,13 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
 
 /// Settings of the command line that hold for all scenes.
-pub struct Many<'a> {
+pub struct BatchOptions<'a> {
     /// The manifest.
     pub manifest: &'a Path,
     /// The scenes of it.
     pub arguments: &'a ManifestArguments,
     /// Options of every scene.
-    pub given: &'a Given,
+    pub given: &'a ExplicitOptions,
     /// The folder of the outputs, if `given` has one; else it is the manifest's.
     pub outputs: &'a Path,
     /// True if a file that holds no results may be replaced by results.
@@ -34,17 +34,17 @@ pub struct Many<'a> {
 
 /// Bakes the part of a manifest that the arguments choose. `scene` runs the words of one bake.
 ///
-/// A single scene's error is that of the program, so that farms see its exit code.
+/// A single scene's error is that of the program, so that schedulers see its exit code.
 ///
 /// # Errors
 /// Those of the manifest and of the results' file; a scene's only if it was chosen by its number.
 pub fn run(
-    many: &Many,
+    batch: &BatchOptions,
     known: &[OptionKind],
     common: &Common,
     scene: &dyn Fn(Vec<OsString>) -> Result<Outcome>,
 ) -> Result<Outcome> {
-    let &Many { manifest, arguments, given, outputs, force, check } = many;
+    let &BatchOptions { manifest, arguments, given, outputs, force, check } = batch;
     refuse_stdout(outputs, "--output is a folder beside --manifest")?;
     let part = Part::of(arguments)?;
     let outputs = match given.has("output") {
@@ -86,7 +86,7 @@ pub fn run(
         failed += u64::from(result.status == Status::Failed);
         if let Part::Scene(_) = part {
             results.finish()?;
-            return outcome.map(|outcome| Outcome::told(outcome.failure));
+            return outcome.map(|outcome| Outcome::reported(outcome.failure));
         }
         if let Some(reason) = result.error.filter(|_| !common.quiet) {
             say(&format!("{} line {at}: {reason}", manifest.display()));
@@ -94,7 +94,7 @@ pub fn run(
     }
     results.finish()?;
     let failure = format!("{failed} of {done} scenes could not be baked");
-    Ok(Outcome::told((failed > 0).then_some(failure)))
+    Ok(Outcome::reported((failed > 0).then_some(failure)))
 }
 
 /// A path that does not depend on the working folder.

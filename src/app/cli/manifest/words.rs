@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::arguments::Given;
+use super::arguments::ExplicitOptions;
 use super::line::SceneLine;
 use super::options::{OF_ALL, OptionKind};
 
@@ -13,7 +13,7 @@ use super::options::{OF_ALL, OptionKind};
 #[derive(Debug, Clone, Copy)]
 pub struct Words<'a> {
     /// The options that the command line gives for all scenes.
-    pub given: &'a Given,
+    pub given: &'a ExplicitOptions,
     /// All options of `bake`.
     pub known: &'a [OptionKind],
     /// The folder that outputs of lines are relative to.

@@ -84,13 +84,13 @@ impl<'a> Node<'a> {
     ///
     /// # Errors
     /// Objects and arrays that nest too deeply.
-    pub fn visit(&self, see: &mut dyn FnMut(&str, &Node<'a>)) -> Result<()> {
+    pub fn visit(&self, visit: &mut dyn FnMut(&str, &Node<'a>)) -> Result<()> {
         match self.raw.get().as_bytes().first() {
             Some(b'{') => self.members()?.iter().try_for_each(|(name, value)| {
-                see(name, value);
-                value.visit(see)
+                visit(name, value);
+                value.visit(visit)
             }),
-            Some(b'[') => self.elements()?.iter().try_for_each(|element| element.visit(see)),
+            Some(b'[') => self.elements()?.iter().try_for_each(|element| element.visit(visit)),
             _ => Ok(()),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Rays end at a vertex and start a few cells outside of it, one along its normal and three tilted by
 //! 45 degrees. A vertex gets the mean of their light without background, over the mean of the
-//! light that they lose. So the network, harmonics and faint matter before a surface count as they
+//! light that they lose. So the network, harmonics and low density before a surface count as they
 //! do in pictures. Vertices whose rays meet hardly anything keep the colour of their nodes.
 
 use glam::DVec3;

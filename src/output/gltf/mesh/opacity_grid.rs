@@ -9,7 +9,7 @@ use crate::model::field::FreeSpace;
 /// Opacity over the thickness of a surface from which on a node is inside.
 pub const INSIDE: f64 = 0.5;
 /// The thickness of a surface is a cell of the grid, and at least this share of the box's longest
-/// edge. So matter that hides what is behind it only over several fine cells counts as well.
+/// edge. So density that becomes opaque only over several fine cells counts as well.
 const LEAST_THICKNESS: f64 = 1.0 / 64.0;
 
 /// A grid of nodes with one layer of empty nodes around it, z fastest.

@@ -1,8 +1,9 @@
 //! The nodes whose colour a picture can show.
 //!
 //! A sample is coloured if its weight is above the colour threshold of the march. Its weight is at
-//! most its opacity, and that is at most the largest one of its cell's corners. A node none of whose
-//! cells has such a corner is black in the model's own pictures, so no network is asked there.
+//! most its opacity, and that is at most the largest one of its cell's corners. A node none of
+//! whose cells has such a corner is black in the model's own pictures, so no network is asked
+//! there.
 
 use super::planes::PlaneCache;
 use crate::base::error::Result;
@@ -14,35 +15,35 @@ const SLACK: f64 = 0.999;
 
 /// The densities of a field that were read last.
 #[derive(Debug, Default)]
-pub(super) struct Shaded {
+pub(super) struct VisibleNodes {
     densities: PlaneCache,
 }
 
-impl Shaded {
+impl VisibleNodes {
     /// Bytes of the densities that are kept.
     pub(super) fn memory_bytes(&self, nodes: Nodes) -> u64 {
         self.densities.bytes(nodes, 1)
     }
 
-    /// The nodes of a region of plane `x` that are a corner of a cell of `matter` with a corner
+    /// The nodes of a region of plane `x` that are a corner of a cell of `geometry` with a corner
     /// above its colour threshold.
     ///
     /// # Errors
     /// Those of reading density.
     pub(super) fn within(
         &self,
-        matter: &RadianceField,
+        geometry: &RadianceField,
         x: usize,
         region: &[u64],
     ) -> Result<Vec<u64>> {
-        let scene = &matter.scene;
+        let scene = &geometry.scene;
         let threshold = f64::from(scene.march.color_threshold) * SLACK;
         if threshold <= 0.0 {
             return Ok(region.to_vec());
         }
         #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
         let least = scene.activation.raw_at_opacity(threshold) as f32;
-        let planes = Planes::new(matter, None, Nonfinite::Empty);
+        let planes = Planes::new(geometry, None, Nonfinite::Empty);
         let Nodes([nx, ny, nz]) = scene.nodes;
         let near = with_neighbours(scene.nodes, region);
         let (mut above, mut values) = (vec![0; region.len()], vec![0.0; ny * nz]);
@@ -98,7 +99,7 @@ mod tests {
             let field = RadianceField::builder(nodes, density, vec![0.0; 3 * count]);
             let field = field.build().expect("a field");
             assert!(field.scene.march.color_threshold > 0.0);
-            let shaded = Shaded::default();
+            let shaded = VisibleNodes::default();
             let (full, near) = (NodeMask::full(Nodes(nodes)), |at: usize, end: usize| {
                 at.saturating_sub(1)..(at + 2).min(end)
             });
@@ -120,7 +121,7 @@ mod tests {
         let builder = RadianceField::builder([3; 3], vec![-20.0; 27], vec![0.0; 81]);
         let mut field = builder.build().expect("a field");
         field.scene.march.color_threshold = 0.0;
-        let found = Shaded::default().within(&field, 1, &[5, 7, 2]).expect("no densities");
+        let found = VisibleNodes::default().within(&field, 1, &[5, 7, 2]).expect("no densities");
         assert_eq!(found, [5, 7, 2]);
     }
 }

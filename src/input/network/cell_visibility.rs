@@ -6,7 +6,7 @@
 //!                   from START cells on, is above HIDDEN
 //! ```
 //!
-//! The cells around the node itself do not count: matter does not hide its own surface.
+//! The cells around the node itself do not count: a surface does not hide itself.
 
 use super::views::Views;
 use crate::base::error::{Error, Place, Result};
@@ -31,7 +31,7 @@ const HIDDEN: f64 = std::f64::consts::LN_10;
 
 /// Equal parts of a box, with the views of each.
 #[derive(Debug)]
-pub(super) struct Seen {
+pub(super) struct CellVisibility {
     grid: CellGrid,
     /// Words of bits a cell, one bit for each view.
     words: usize,
@@ -48,20 +48,20 @@ struct CellGrid {
     edges: [f64; 3],
 }
 
-impl Seen {
-    /// Of the matter of a field: its density within its free-space mask.
+impl CellVisibility {
+    /// Of the density of a field within its free-space mask.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
     pub(super) fn find(
-        matter: &RadianceField,
+        geometry: &RadianceField,
         views: &Views,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        matter.density.prepare(progress)?;
-        let grid = CellGrid::new(matter);
-        let depths = grid.depths(matter, limits)?;
+        geometry.density.prepare(progress)?;
+        let grid = CellGrid::new(geometry);
+        let depths = grid.depths(geometry, limits)?;
         let words = views.count().div_ceil(64);
         let [nx, ny, nz] = grid.cells;
         let place = Place::Key("views".to_owned());
@@ -140,20 +140,20 @@ impl CellGrid {
     }
 
     /// Mean optical depth per world unit of each cell, over a part of its nodes.
-    fn depths(&self, matter: &RadianceField, limits: &Limits) -> Result<Vec<f64>> {
-        let ([nx, ny, nz], scene) = (self.nodes, &matter.scene);
+    fn depths(&self, geometry: &RadianceField, limits: &Limits) -> Result<Vec<f64>> {
+        let ([nx, ny, nz], scene) = (self.nodes, &geometry.scene);
         let mut sums = vec![0.0; self.cells.iter().product()];
         let mut counts = vec![0.0; sums.len()];
         let place = Place::Key("density".to_owned());
         let mut plane: Vec<f32> =
             Budget::new(limits).zeroed(ny * nz, "bytes of a plane", &place)?;
-        let planes = Planes::new(matter, None, Nonfinite::Empty);
+        let planes = Planes::new(geometry, None, Nonfinite::Empty);
         let least = scene.activation.raw_at_opacity(FAINT);
         let depth_of_interval =
             f64::from(scene.activation.interval) / scene.march.interval_length();
         let [by_x, by_y, by_z] = self.nodes.map(|count| (count / SAMPLED).max(1));
         for x in (0..nx).step_by(by_x) {
-            let region = self.region(matter, x, [by_y, by_z]);
+            let region = self.region(geometry, x, [by_y, by_z]);
             planes.read(0, x, &region, &mut plane, false)?;
             for y in (0..ny).step_by(by_y) {
                 for z in (0..nz).step_by(by_z) {
@@ -178,16 +178,16 @@ impl CellGrid {
     }
 
     /// Some nodes of a plane that are within the free-space mask.
-    fn region(&self, matter: &RadianceField, x: usize, [by_y, by_z]: [usize; 2]) -> Vec<u64> {
+    fn region(&self, geometry: &RadianceField, x: usize, [by_y, by_z]: [usize; 2]) -> Vec<u64> {
         let [_, ny, nz] = self.nodes;
-        let spacing = matter.scene.nodes.spacing(&matter.scene.bounds);
+        let spacing = geometry.scene.nodes.spacing(&geometry.scene.bounds);
         let mut bits = vec![0; ny * nz.div_ceil(64)];
         for (y, bits) in bits.chunks_exact_mut(nz.div_ceil(64)).enumerate().step_by(by_y) {
             for z in (0..nz).step_by(by_z) {
                 let mut world = self.min;
                 let axes = world.iter_mut().zip([x, y, z]).zip(spacing);
                 axes.for_each(|((at, node), by)| *at += node as f64 * by);
-                if matter.free_space.as_ref().is_none_or(|mask| mask.contains(world)) {
+                if geometry.free_space.as_ref().is_none_or(|mask| mask.contains(world)) {
                     row::set(bits, z);
                 }
             }
@@ -195,7 +195,7 @@ impl CellGrid {
         bits
     }
 
-    /// Sets the bits of the views that see a cell, of those near matter.
+    /// Sets the bits of the views that see a cell, of those near occupied space.
     fn note_views(&self, depths: &[f64], cell: [usize; 3], views: &Views, bits: &mut [u64]) {
         if !self.is_near_matter(depths, cell) {
             return;
@@ -288,7 +288,8 @@ mod tests {
             let far = |at: f64| [8.0 * libm::cos(at), 8.0 * libm::sin(at), 0.0];
             let cameras: Vec<[f64; 3]> = (0..32).map(|at| far(f64::from(at) * 0.2)).collect();
             for views in [Views::new(&[]), Views::new(&cameras)] {
-                let seen = Seen::find(&field, &views, &limits, &Silent).expect("densities");
+                let seen =
+                    CellVisibility::find(&field, &views, &limits, &Silent).expect("densities");
                 // The node of the surface on the side of positive x.
                 let node = [(size - 1) * 5 / 6, size / 2, size / 2];
                 let found = seen.views(seen.cell(node));

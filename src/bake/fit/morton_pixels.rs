@@ -9,18 +9,18 @@ use glam::DVec3;
 use crate::model::grid::Bounds;
 
 /// The code of a pixel that shows nothing.
-pub const NOTHING: u32 = u32::MAX;
+pub const EMPTY: u32 = u32::MAX;
 /// Bits of a place's code along each axis.
 const BITS: u32 = 10;
 
 /// Pixels that show anything.
 #[derive(Debug)]
-pub struct Shown {
+pub struct MortonPixels {
     /// `[picture, pixel]`.
     pixels: Vec<[u32; 2]>,
 }
 
-impl Shown {
+impl MortonPixels {
     /// Bytes of a pixel while pixels are collected.
     pub const BYTES: usize = size_of::<[u32; 3]>();
 
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn parts_of_the_order_hold_all_pixels_once() {
-        let shown = Shown::new((0..10).rev().map(|i| [i, 0, 10 * i]).collect());
+        let shown = MortonPixels::new((0..10).rev().map(|i| [i, 0, 10 * i]).collect());
         let drawn = |part: usize, parts: usize| -> Vec<u32> {
             let mut pixels: Vec<u32> =
                 (0..64).map(|random| shown.draw(random, [part, parts])[1]).collect();
