@@ -10,6 +10,7 @@ pub mod field;
 pub mod generated;
 pub mod grid;
 pub mod harmonics;
+pub mod ray_march;
 pub mod snerg;
 pub mod trained_model;
 pub mod view_dependence;

@@ -3,7 +3,6 @@
 use std::fmt::Debug;
 
 use super::camera::Ray;
-use super::field::March;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
@@ -31,33 +30,10 @@ pub struct RayRules {
     pub background: [f32; 3],
 }
 
-/// The samples that a ray may still take. Every loop over a ray asks for each, so that none is
-/// endless, whatever the ray and the model are, and a request to stop is heard within a ray.
-pub struct Samples<'a> {
-    left: u32,
-    progress: &'a dyn Progress,
-}
-
-/// Samples between two looks at a request to stop.
-const UNHEARD: u32 = 256;
-
-impl<'a> Samples<'a> {
-    /// Those of a ray with a first sample at a distance, `step` farther each. None where the ray
-    /// comes from so far away that a step is lost in the rounding of distances: it would stay where
-    /// it is.
-    pub fn new(start: f64, step: f64, progress: &'a dyn Progress) -> Self {
-        let left = if start + step > start { March::MAX_SAMPLES } else { 0 };
-        Self { left, progress }
-    }
-
-    /// Takes one, if there is one. After a request to stop there is none, and the ray is good for
-    /// nothing.
-    #[inline]
-    pub fn take(&mut self) -> bool {
-        let is_left =
-            self.left > 0 && !(self.left.is_multiple_of(UNHEARD) && self.progress.cancelled());
-        self.left = if is_left { self.left - 1 } else { 0 };
-        is_left
+impl RayRules {
+    /// The farthest entry, in world units; infinite without a bound.
+    pub fn farthest(&self) -> f64 {
+        self.far.map_or(f64::INFINITY, f64::from)
     }
 }
 

@@ -18,7 +18,10 @@ use crate::input::network::{Network, NetworkFile};
 use crate::model::camera::Ray;
 use crate::model::field::RadianceField;
 use crate::model::grid::{Bounds, Nodes};
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
+use crate::model::ray_march::{
+    Composite, Next, Steps, ZeroGuard, crossing, point_at, unit_direction,
+};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Transmittance below which a ray ends.
 const MIN_TRANSMITTANCE: f64 = 1e-3;
@@ -171,54 +174,32 @@ impl Dvgo {
 }
 
 impl TrainedModel for Dvgo {
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
-        let direction = (ray.direction / ray.direction.length()).to_array();
-        let origin = ray.origin.to_array();
-        let (mut enters, mut leaves) = (f64::NEG_INFINITY, f64::INFINITY);
+        let (origin, direction) = (ray.origin.to_array(), unit_direction(ray));
         let march = &self.field.scene.march;
         let bounds = march.sampled.as_ref().unwrap_or(&self.field.scene.bounds);
-        let corners = bounds.min.into_iter().zip(bounds.max);
-        for ((from, by), (low, high)) in origin.into_iter().zip(direction).zip(corners) {
-            let by = if by == 0.0 { 1e-6 } else { by };
-            let (a, b) = ((f64::from(low) - from) / by, (f64::from(high) - from) / by);
-            (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
-        }
-        let far = rules.far.map_or(f64::INFINITY, f64::from);
-        let enters = enters.min(far).max(f64::from(rules.near));
+        let corners = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
+        let [enters, leaves] = crossing(origin, direction, corners, ZeroGuard::Replace(1e-6));
+        let enters = enters.min(rules.farthest()).max(f64::from(rules.near));
         let (start, step) = match self.from_camera {
             Some(step) => ((enters / step - 0.5).ceil() * step + 0.5 * step, step),
             None => (enters, self.step()),
         };
-        let (mut transmittance, mut sum, mut distance, mut number) = (1.0, [0.0; 3], 0.0, 0.0);
-        let mut samples = Samples::new(start.max(enters), step, progress);
-        while transmittance >= MIN_TRANSMITTANCE && samples.take() {
-            let t = start + number * step;
-            if t > leaves + ON_FACE {
-                break;
-            }
-            number += 1.0;
-            let mut world = origin;
-            world.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+        let mut light = Composite::<3>::default();
+        let steps = Steps { start, step, end: leaves + ON_FACE };
+        steps.walk(0.0, progress, |t| {
+            let world = point_at(origin, direction, t);
             let alpha = -libm::expm1(-self.depth(world));
-            if alpha <= f64::from(march.alpha_threshold) {
-                continue;
+            if alpha > f64::from(march.alpha_threshold) {
+                light.add(alpha, t, |weight| {
+                    let shows = weight > f64::from(march.color_threshold);
+                    let seen = shows.then(|| self.color(world, &[direction]));
+                    seen.and_then(|seen| seen.first().copied())
+                });
             }
-            let weight = alpha * transmittance;
-            transmittance *= 1.0 - alpha;
-            distance += weight * t;
-            if weight > f64::from(march.color_threshold) {
-                let seen = self.color(world, &[direction]);
-                let seen = seen.first().copied().unwrap_or_default();
-                sum.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
-            }
-        }
-        let mut color = rules.background;
-        for (value, sum) in color.iter_mut().zip(sum) {
-            *value = (sum + transmittance * f64::from(*value)) as f32;
-        }
-        let distance = (distance + transmittance * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: transmittance as f32, distance }
+            if light.transmittance >= MIN_TRANSMITTANCE { Next::Step } else { Next::End }
+        });
+        light.over_background(rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

@@ -7,15 +7,22 @@ use super::texel::DENSITY;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
-use crate::input::folder::{added_light, crossing};
+use crate::input::folder::added_light;
 use crate::model::activate::sigmoid;
 use crate::model::camera::Ray;
+use crate::model::ray_march::{
+    Composite, SampleBudget, ZeroGuard, crossing, over_background, point_at, ray_color,
+    unit_direction,
+};
 use crate::model::snerg::{FAINT, OPAQUE};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::model::view_mlp::ViewMlp;
 
 /// The core of contracted space.
 const CORE: [[f64; 3]; 2] = [[-1.0; 3], [1.0; 3]];
+
+/// Against divisions by 0.
+const GUARD: ZeroGuard = ZeroGuard::Replace(f64::MIN_POSITIVE);
 
 /// A folder and its network, ready to be loaded.
 #[derive(Debug)]
@@ -55,49 +62,46 @@ impl Merf {
 }
 
 impl TrainedModel for Merf {
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let parameters = &self.sums.parameters;
         let step = parameters.voxel_size();
-        let world = (ray.direction / ray.direction.length()).to_array();
+        let world = unit_direction(ray);
         let origin = parameters.axes.within(ray.origin.to_array());
         let direction = parameters.axes.within(world);
-        let [enters, leaves] = crossing(origin, direction, CORE);
-        let leaves = rules.far.map_or(leaves, |far| leaves.min(f64::from(far)));
-        let (mut t, mut passes) = (enters.max(f64::from(rules.near)).max(0.0), 1.0);
-        let (mut sums, mut distance, mut steps) = ([0.0; 7], 0.0, 0.0);
-        while steps < self.most_steps() && passes > OPAQUE && t <= leaves {
+        let [enters, leaves] = crossing(origin, direction, CORE, GUARD);
+        let leaves = leaves.min(rules.farthest());
+        let mut light = Composite::<7>::default();
+        let mut t = enters.max(f64::from(rules.near)).max(0.0);
+        let mut left = SampleBudget::new(t, 0.5 * step, progress);
+        let mut steps = 0.0;
+        while steps < self.most_steps()
+            && light.transmittance > OPAQUE
+            && t <= leaves
+            && left.take()
+        {
             steps += 1.0;
-            let mut at = origin;
-            at.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let at = point_at(origin, direction, t);
             if let Some(cell) = self.sums.occupancy.empty_cell(at) {
-                let [_, exit] = crossing(origin, direction, cell);
+                let [_, exit] = crossing(origin, direction, cell, GUARD);
                 t = exit.max(t) + 0.5 * step;
                 continue;
             }
             let length = step.min(leaves - t);
             if let Some(values) = self.sums.at(at, 0.0) {
-                let [red, green, blue, sum, features @ ..] = values;
+                let [red, green, blue, sum, a, b, c, d] = values;
                 let opacity = -libm::expm1(-density(sum) * length);
                 if opacity > FAINT {
-                    let seen = [red, green, blue].into_iter().chain(features);
-                    let terms = sums.iter_mut().zip(seen);
-                    terms.for_each(|(sum, seen)| *sum += passes * opacity * sigmoid(seen));
-                    distance += passes * opacity * t;
-                    passes *= 1.0 - opacity;
+                    let seen = [red, green, blue, a, b, c, d].map(sigmoid);
+                    light.add(opacity, t, |_| Some(seen));
                 }
             }
             t += step;
         }
-        let [red, green, blue, features @ ..] = sums;
-        let mut color = [red, green, blue];
-        let background = rules.background.map(f64::from);
-        color.iter_mut().zip(background).for_each(|(sum, behind)| *sum += passes * behind);
+        let Composite { transmittance, sums: [red, green, blue, features @ ..], distance } = light;
+        let mut color = over_background([red, green, blue], transmittance, rules);
         let added = added_light(self.network.as_ref(), world, color, &features);
         color.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
-        let distance = distance + passes * rules.far.map_or(0.0, f64::from);
-        let color = color.map(|value| value as f32);
-        RayColor { color, transmittance: passes as f32, distance: distance as f32 }
+        ray_color(color, transmittance, distance, rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

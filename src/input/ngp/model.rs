@@ -10,7 +10,10 @@ use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::model::camera::Ray;
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
+use crate::model::ray_march::{
+    Composite, SampleBudget, ZeroGuard, crossing, point_at, unit_direction,
+};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// A file, ready to be loaded.
 #[derive(Debug)]
@@ -40,11 +43,10 @@ struct Path {
 
 impl Loaded {
     /// The next samples in occupied cells, in their order.
-    fn next(&self, path: &mut Path, left: &mut Samples) -> Vec<(f64, [f64; 3])> {
+    fn next(&self, path: &mut Path, left: &mut SampleBudget) -> Vec<(f64, [f64; 3])> {
         let mut samples = Vec::with_capacity(LANES);
         while samples.len() < LANES && path.t <= path.end && left.take() {
-            let mut at = path.origin;
-            at.iter_mut().zip(path.direction).for_each(|(at, by)| *at += path.t * by);
+            let at = point_at(path.origin, path.direction, path.t);
             if self.file.occupancy.contains(at) {
                 samples.push((path.t, at));
             }
@@ -55,24 +57,18 @@ impl Loaded {
 }
 
 impl TrainedModel for Loaded {
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let (frame, own) = (self.file.frame, self.file.rules);
-        let unit = (ray.direction / ray.direction.length()).to_array();
-        let origin = frame.to_cube(ray.origin.to_array());
-        let direction = Frame::turned(unit);
-        let (mut enters, mut leaves) = (0.0f64, f64::INFINITY);
-        for (from, by) in origin.into_iter().zip(direction) {
-            let by = if by == 0.0 { f64::MIN_POSITIVE } else { by };
-            let (a, b) = (-from / by, (1.0 - from) / by);
-            (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
-        }
-        let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) * frame.scale);
-        let start = enters.min(far).max(f64::from(rules.near) * frame.scale);
-        let mut path = Path { origin, direction, t: start, end: leaves };
+        let unit = unit_direction(ray);
+        let (origin, direction) = (frame.to_cube(ray.origin.to_array()), Frame::turned(unit));
+        let guard = ZeroGuard::Replace(f64::MIN_POSITIVE);
+        let [enters, end] = crossing(origin, direction, [[0.0; 3], [1.0; 3]], guard);
+        let (enters, far) = (enters.max(0.0), rules.farthest() * frame.scale);
+        let t = enters.min(far).max(f64::from(rules.near) * frame.scale);
+        let mut path = Path { origin, direction, t, end };
         let seen = harmonics(&[unit; LANES]);
-        let (mut transmittance, mut sums, mut distance) = (1.0, [0.0; 3], 0.0);
-        let mut left = Samples::new(enters.max(start), own.step, progress);
+        let mut light = Composite::<3>::default();
+        let mut left = SampleBudget::new(enters.max(t), own.step, progress);
         'ray: loop {
             let samples = self.next(&mut path, &mut left);
             if samples.is_empty() {
@@ -85,26 +81,16 @@ impl TrainedModel for Loaded {
             let lanes = densities.into_iter().zip(colors.unwrap_or([[0.0; 3]; LANES]));
             for ((t, _), (density, color)) in samples.into_iter().zip(lanes) {
                 let alpha = -libm::expm1(-density * own.step);
-                let weight = alpha * transmittance;
-                transmittance *= 1.0 - alpha;
-                sums.iter_mut().zip(color).for_each(|(sum, value)| *sum += weight * value);
-                distance += weight * t / frame.scale;
-                if transmittance < own.min_transmittance {
+                light.add(alpha, t / frame.scale, |_| Some(color));
+                if light.transmittance < own.min_transmittance {
                     if own.divides {
-                        let whole = 1.0 - transmittance;
-                        sums = sums.map(|sum| sum / whole);
-                        (distance, transmittance) = (distance / whole, 0.0);
+                        light.divide_by_opacity();
                     }
                     break 'ray;
                 }
             }
         }
-        let mut color = rules.background;
-        for (value, sum) in color.iter_mut().zip(sums) {
-            *value = (sum + transmittance * f64::from(*value)) as f32;
-        }
-        let distance = (distance + transmittance * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: transmittance as f32, distance }
+        light.over_background(rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

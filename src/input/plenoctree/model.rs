@@ -7,14 +7,18 @@ use super::keys::Arrays;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::sparse::Light;
 use crate::model::activate;
 use crate::model::camera::Ray;
-use crate::model::trained_model::{LoadModel, RayColor, RayRules, Samples, TrainedModel};
+use crate::model::ray_march::{
+    DepthComposite, SampleBudget, crossing_by, point_at, unit_direction,
+};
+use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Added to the chord of each leaf, in units of the tree's box: svox's `step_size`, as volrend has
 /// it.
 pub const MORE_LENGTH: f64 = 1e-4;
+/// The box of a tree, and of a leaf.
+const CUBE: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 /// Added to directions, so that none is 0.
 const NEARLY_ZERO: f64 = 1e-9;
 /// Optical depth from which a ray ends: no 8-bit picture shows what is behind.
@@ -109,7 +113,7 @@ impl PlenOctree {
 
 impl TrainedModel for PlenOctree {
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
-        let unit = (ray.direction / ray.direction.length()).to_array();
+        let unit = unit_direction(ray);
         let functions = self.arrays.basis.values(unit);
         let origin = self.to_tree(ray.origin.to_array());
         let mut direction = unit;
@@ -118,18 +122,17 @@ impl TrainedModel for PlenOctree {
         let length = 1.0 / direction.iter().map(|by| by * by).sum::<f64>().sqrt();
         let direction = direction.map(|by| by * length);
         let inverse = direction.map(|by| 1.0 / (by + NEARLY_ZERO));
-        let [enter, end] = crossing(origin, inverse);
+        let [enter, end] = crossing_by(origin, inverse, CUBE);
         let near = f64::from(rules.near) / length;
-        let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / length);
+        let far = rules.farthest() / length;
         let mut t = enter.max(near).min(far).max(0.0);
-        let mut light = Light::default();
+        let mut light = DepthComposite::default();
         // Steps are as long as leaves, and never none: there is always a next number.
-        let mut samples = Samples::new(t, f64::INFINITY, progress);
+        let mut samples = SampleBudget::new(t, f64::INFINITY, progress);
         while t < end && light.depth < OPAQUE_DEPTH && samples.take() {
-            let mut at = origin;
-            at.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let at = point_at(origin, direction, t);
             let leaf = self.arrays.tree.leaf(at);
-            let [enter, exit] = crossing(leaf.at, inverse);
+            let [enter, exit] = crossing_by(leaf.at, inverse, CUBE);
             let chord = (exit - enter.max(0.0)) * leaf.size + MORE_LENGTH;
             let values = self.leaf(leaf.cell);
             let density = values.last().copied().map_or(0.0, f64::from);
@@ -162,13 +165,4 @@ impl TrainedModel for PlenOctree {
         });
         colors.collect()
     }
-}
-
-/// Entry into and exit from the box from 0 to 1.
-fn crossing(origin: [f64; 3], inverse: [f64; 3]) -> [f64; 2] {
-    let axes = origin.into_iter().zip(inverse);
-    axes.fold([f64::NEG_INFINITY, f64::INFINITY], |[enter, exit], (from, inverse)| {
-        let (a, b) = (-from * inverse, (1.0 - from) * inverse);
-        [enter.max(a.min(b)), exit.min(a.max(b))]
-    })
 }

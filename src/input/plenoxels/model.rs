@@ -14,9 +14,10 @@ use super::arrays::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::sparse::{ColoredRows, Light, LoadedRows};
+use crate::input::sparse::{ColoredRows, LoadedRows};
 use crate::model::camera::Ray;
 use crate::model::harmonics::Harmonics;
+use crate::model::ray_march::{DepthComposite, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// The length of a last sample that hides all behind it.
@@ -58,8 +59,8 @@ struct Plenoxels {
 impl TrainedModel for Plenoxels {
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let colored = &self.colored;
-        let functions = colored.functions((ray.direction / ray.direction.length()).to_array());
-        let mut light = Light::default();
+        let functions = colored.functions(unit_direction(ray));
+        let mut light = DepthComposite::default();
         if let Some(path) = colored.lattice.path(ray, rules) {
             // World units for a cell along the ray.
             let cell_length = 1.0 / path.direction.iter().map(|by| by * by).sum::<f64>().sqrt();

@@ -5,8 +5,9 @@ use super::keys::Arrays;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
-use crate::input::sparse::{ColoredRows, Lattice, Light, LoadedRows};
+use crate::input::sparse::{ColoredRows, Lattice, LoadedRows};
 use crate::model::camera::Ray;
+use crate::model::ray_march::{DepthComposite, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Optical depth from which a ray ends: no 8-bit picture shows what is behind.
@@ -48,8 +49,8 @@ struct Sampled {
 impl TrainedModel for Sampled {
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let colored = &self.colored;
-        let functions = colored.functions((ray.direction / ray.direction.length()).to_array());
-        let mut light = Light::default();
+        let functions = colored.functions(unit_direction(ray));
+        let mut light = DepthComposite::default();
         if let Some(path) = colored.lattice.path(ray, rules) {
             path.walk(&colored.rows, self.step, progress, |t, cell| {
                 let sigma = colored.rows.density(cell);

@@ -9,14 +9,21 @@ use super::values::Folder;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
-use crate::input::folder::{added_light, crossing, whole};
+use crate::input::folder::{added_light, whole};
 use crate::model::camera::Ray;
+use crate::model::ray_march::{
+    Composite, SampleBudget, ZeroGuard, crossing, over_background, point_at, ray_color,
+    unit_direction,
+};
 use crate::model::snerg::{APRON, CLEAR, FAINT, OPAQUE};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::model::view_mlp::ViewMlp;
 
 /// The largest opacity of which a density is stated.
 const DENSEST: f64 = 254.5 / 255.0;
+
+/// Against divisions by 0.
+const GUARD: ZeroGuard = ZeroGuard::Replace(f64::MIN_POSITIVE);
 
 /// A folder and its network, ready to be loaded.
 #[derive(Debug)]
@@ -104,55 +111,48 @@ impl Snerg {
 }
 
 impl TrainedModel for Snerg {
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
+    fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
         let voxel = self.parameters.voxel_size;
-        let world = (ray.direction / ray.direction.length()).to_array();
+        let world = unit_direction(ray);
         let origin = self.parameters.to_voxels(ray.origin.to_array());
         let direction = self.parameters.axes.within(world);
         let grid = self.parameters.grid.0.map(|count| count as f64);
-        let [enters, leaves] = crossing(origin, direction, [[0.0; 3], grid]);
-        let far = rules.far.map_or(f64::INFINITY, |far| f64::from(far) / voxel);
+        let [enters, leaves] = crossing(origin, direction, [[0.0; 3], grid], GUARD);
+        let far = rules.farthest() / voxel;
         let start = enters.max(f64::from(rules.near) / voxel).min(far).max(0.0);
-        let (mut t, mut passes, mut sums, mut distance) = (start + 0.5, 1.0, [0.0; 7], 0.0);
+        let mut light = Composite::<7>::default();
+        let mut t = start + 0.5;
+        let mut left = SampleBudget::new(t, 0.5, progress);
         let most = grid.iter().map(|count| count * count).sum::<f64>().sqrt().ceil();
         let mut steps = 0.0;
-        while steps < most && passes > OPAQUE && t < leaves {
+        while steps < most && light.transmittance > OPAQUE && t < leaves && left.take() {
             steps += 1.0;
-            let mut position = origin;
-            position.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let position = point_at(origin, direction, t);
             let number = self.number(position);
             let Some(block) = self.atlas.block(number) else {
                 let low = number.map(|at| (at * self.atlas.block_size()) as f64);
                 let high = low.map(|at| at + self.atlas.block_size() as f64);
-                let [_, exit] = crossing(origin, direction, [low, high]);
+                let [_, exit] = crossing(origin, direction, [low, high], GUARD);
                 // A ray along an edge may leave where it enters.
                 t = exit.max(t) + 0.5;
                 continue;
             };
             if self.shows(block, number, position) {
-                let values = self.values(block, number, position);
-                let [red, green, blue, opacity, features @ ..] = values;
+                let [red, green, blue, opacity, a, b, c, d] = self.values(block, number, position);
                 if opacity > FAINT {
-                    let seen = [red, green, blue].into_iter().chain(features);
-                    sums.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += passes * seen);
-                    distance += passes * opacity * t * voxel;
-                    passes *= 1.0 - opacity;
+                    let values = [red, green, blue, a, b, c, d];
+                    light.add_premultiplied(opacity, t * voxel, values);
                 }
             }
             t += 1.0;
         }
-        let [red, green, blue, features @ ..] = sums;
-        let mut color = [red, green, blue];
-        let background = rules.background.map(f64::from);
-        color.iter_mut().zip(background).for_each(|(sum, behind)| *sum += passes * behind);
-        if passes <= CLEAR {
+        let Composite { transmittance, sums: [red, green, blue, features @ ..], distance } = light;
+        let mut color = over_background([red, green, blue], transmittance, rules);
+        if transmittance <= CLEAR {
             let added = added_light(self.network.as_ref(), world, color, &features);
             color.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
         }
-        let distance = distance + passes * rules.far.map_or(0.0, f64::from);
-        let color = color.map(|value| value as f32);
-        RayColor { color, transmittance: passes as f32, distance: distance as f32 }
+        ray_color(color, transmittance, distance, rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]

@@ -23,4 +23,4 @@ pub use colored::ColoredRows;
 pub use grid::{Channel, RowGrid};
 pub use index::{Index, LoadedIndex, PlaneRows};
 pub use loaded::{Cell, LoadedRows};
-pub use path::{GridPath, Lattice, Light};
+pub use path::{GridPath, Lattice};

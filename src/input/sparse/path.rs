@@ -1,9 +1,10 @@
-//! The samples of a ray on a grid in memory, and the light that they add up to.
+//! The samples of a ray on a grid in memory.
 
 use super::loaded::{Cell, LoadedRows};
 use crate::base::progress::Progress;
 use crate::model::camera::Ray;
-use crate::model::trained_model::{RayColor, RayRules, Samples};
+use crate::model::ray_march::{Next, Steps, point_at, unit_direction};
+use crate::model::trained_model::RayRules;
 
 /// Samples no farther beyond a face than this, in nodes, lie on it.
 const ON_FACE: f64 = 1e-9;
@@ -46,7 +47,7 @@ impl Lattice {
 
     /// The part of a ray in the box; none if it misses it.
     pub fn path(&self, ray: &Ray, rules: &RayRules) -> Option<GridPath> {
-        let mut direction = (ray.direction / ray.direction.length()).to_array();
+        let mut direction = unit_direction(ray);
         direction.iter_mut().zip(self.per_unit).for_each(|(step, by)| *step *= by);
         let origin = self.to_nodes(ray.origin.to_array());
         let (mut start, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -60,8 +61,7 @@ impl Lattice {
             let [a, b] = [(low - from) / by, (high - from) / by];
             (start, end) = (start.max(a.min(b)), end.min(a.max(b) + ON_FACE / by.abs()));
         }
-        let far = rules.far.map_or(f64::INFINITY, f64::from);
-        start = start.max(f64::from(rules.near)).min(far);
+        start = start.max(f64::from(rules.near)).min(rules.farthest());
         (start <= end).then_some(GridPath { origin, direction, start, end })
     }
 }
@@ -77,36 +77,20 @@ impl GridPath {
         progress: &dyn Progress,
         mut visit: impl FnMut(f64, &Cell) -> bool,
     ) {
-        let mut number = 0.0f64;
-        let mut samples = Samples::new(self.start, step, progress);
-        while samples.take() {
-            let t = self.start + number * step;
-            if t > self.end {
-                return;
-            }
-            let at = rows.clamped(self.position(t));
+        let steps = Steps { start: self.start, step, end: self.end };
+        steps.walk(0.0, progress, |t| {
+            let at = rows.clamped(point_at(self.origin, self.direction, t));
             if rows.is_empty(at) {
                 // Whole steps, so that samples keep their places.
-                let leaves = self.leaves(rows.cube_faces(at));
-                number = ((leaves - self.start) / step).floor().max(number + 1.0);
-                continue;
+                return Next::Number(steps.number_before(self.leaves(rows.cube_faces(at))));
             }
-            if !visit(t, &rows.cell(at)) {
-                return;
-            }
-            number += 1.0;
-        }
+            if visit(t, &rows.cell(at)) { Next::Step } else { Next::End }
+        });
     }
 
     /// True if the sample at this distance is the ray's last one.
     pub fn is_last(&self, t: f64, step: f64) -> bool {
         t + step > self.end
-    }
-
-    fn position(&self, t: f64) -> [f64; 3] {
-        let mut position = self.origin;
-        position.iter_mut().zip(self.direction).for_each(|(at, by)| *at += t * by);
-        position
     }
 
     /// The distance at which the ray leaves a box.
@@ -117,42 +101,5 @@ impl GridPath {
             _ => ((low - from) / by).max((high - from) / by),
         });
         exits.fold(f64::INFINITY, f64::min)
-    }
-}
-
-/// The light of a ray while it is followed, front to back.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Light {
-    /// Optical depth so far.
-    pub depth: f64,
-    color: [f64; 3],
-    distance: f64,
-}
-
-impl Light {
-    /// Adds a sample of an optical depth and a colour at a distance.
-    pub fn add(&mut self, depth: f64, at: f64, seen: [f64; 3]) {
-        let weight = -libm::exp(-self.depth) * libm::expm1(-depth);
-        self.color.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
-        self.distance += weight * at;
-        self.depth += depth;
-    }
-
-    /// The light left behind all that was added.
-    pub fn transmittance(&self) -> f64 {
-        libm::exp(-self.depth)
-    }
-
-    /// The light over the background.
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
-    pub fn over_background(&self, rules: &RayRules) -> RayColor {
-        let left = self.transmittance();
-        let mut color = rules.background;
-        for (value, sum) in color.iter_mut().zip(self.color) {
-            *value = (sum + left * f64::from(*value)) as f32;
-        }
-        let far = f64::from(rules.far.unwrap_or(0.0));
-        let distance = (self.distance + left * far) as f32;
-        RayColor { color, transmittance: left as f32, distance }
     }
 }

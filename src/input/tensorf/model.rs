@@ -18,6 +18,7 @@ use crate::base::progress::Progress;
 use crate::input::factors::{Mixed, Scratch, Tap};
 use crate::model::activate;
 use crate::model::camera::Ray;
+use crate::model::ray_march::{over_background, point_at, ray_color, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// Added to the light that passes a sample.
@@ -115,7 +116,7 @@ struct Samples {
 impl Samples {
     #[expect(clippy::cast_possible_truncation, reason = "TensoRF's rays are float32")]
     fn new(ray: &Ray, rules: &RayRules, settings: &Settings) -> Self {
-        let direction = (ray.direction / ray.direction.length()).to_array();
+        let direction = unit_direction(ray);
         let [origin, direction] =
             [ray.origin.to_array(), direction].map(|at| at.map(|value| value as f32));
         let (bounds, nodes) = (&settings.bounds, settings.nodes.0);
@@ -145,14 +146,14 @@ impl Samples {
 impl Tensorf {
     /// The light along a ray by nerfstudio's rules.
     fn in_two_passes(&self, ray: &Ray, rules: &RayRules) -> RayColor {
-        let direction = (ray.direction / ray.direction.length()).to_array();
-        let (origin, bounds) = (ray.origin.to_array(), &self.settings.bounds);
-        let [enters, leaves] = two_passes::crossing(origin, direction, [bounds.min, bounds.max]);
+        let (direction, bounds) = (unit_direction(ray), &self.settings.bounds);
+        let origin = ray.origin.to_array();
+        let corners = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
+        let [enters, leaves] = two_passes::span(origin, direction, corners);
         let enters = enters.max(f64::from(rules.near)).min(leaves);
         let mut scratch = Scratch::default();
         let place = |t: f64| {
-            let mut world = origin;
-            world.iter_mut().zip(direction).for_each(|(at, by)| *at += t * by);
+            let world = point_at(origin, direction, t);
             (world, self.share(world))
         };
         let ends = two_passes::intervals([enters, leaves], |t| {
@@ -194,15 +195,10 @@ impl Light {
     }
 
     /// The light over the background, limited to 0 to 1.
-    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn over(&self, rules: &RayRules) -> RayColor {
         let left = (1.0 - self.opacity).max(0.0);
-        let mut color = rules.background;
-        for (value, sum) in color.iter_mut().zip(self.color) {
-            *value = (sum + left * f64::from(*value)).clamp(0.0, 1.0) as f32;
-        }
-        let distance = (self.distance + left * rules.far.map_or(0.0, f64::from)) as f32;
-        RayColor { color, transmittance: left as f32, distance }
+        let color = over_background(self.color, left, rules);
+        ray_color(color.map(|value| value.clamp(0.0, 1.0)), left, self.distance, rules)
     }
 }
 
@@ -213,7 +209,7 @@ impl TrainedModel for Tensorf {
         if settings.two_passes {
             return self.in_two_passes(ray, rules);
         }
-        let direction = (ray.direction / ray.direction.length()).to_array();
+        let direction = unit_direction(ray);
         let step = settings.voxel_size() * settings.step_ratio;
         let along = Samples::new(ray, rules, settings);
         let diagonal = settings.bounds.extent().iter().map(|edge| edge * edge).sum::<f64>().sqrt();

@@ -3,6 +3,8 @@
 //!
 //! A sample is the middle of an interval, and stands for all of it.
 
+use crate::model::ray_march::{ZeroGuard, crossing};
+
 /// Intervals of the first pass.
 const EVEN: usize = 200;
 /// Intervals of the second pass.
@@ -13,19 +15,10 @@ const PADDING: f64 = 0.01;
 const OPACITY: f64 = 1e-4;
 
 /// The distances between which a ray is in a box; the last one is farther than the first.
-pub(super) fn crossing(
-    origin: [f64; 3],
-    direction: [f64; 3],
-    [low, high]: [[f32; 3]; 2],
-) -> [f64; 2] {
-    let (mut near, mut far) = (0.0f64, f64::INFINITY);
-    let axes = origin.into_iter().zip(direction).zip(low.into_iter().zip(high));
-    for ((from, by), (low, high)) in axes {
-        // nerfstudio's guard of divisions by 0.
-        let per_unit = 1.0 / (by + 1e-6);
-        let (a, b) = ((f64::from(low) - from) * per_unit, (f64::from(high) - from) * per_unit);
-        (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
-    }
+pub(super) fn span(origin: [f64; 3], direction: [f64; 3], corners: [[f64; 3]; 2]) -> [f64; 2] {
+    // nerfstudio's guard of divisions by 0.
+    let [near, far] = crossing(origin, direction, corners, ZeroGuard::Add(1e-6));
+    let near = near.max(0.0);
     [near, far.max(near + 1e-6)]
 }
 

@@ -12,7 +12,11 @@ use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
 use crate::base::srgb::{display, linear};
 use crate::model::camera::Ray;
-use crate::model::trained_model::{RayColor, RayRules, Samples, TrainedModel};
+use crate::model::ray_march::{
+    DepthComposite, Next, Steps, ZeroGuard, crossing, over_background, point_at, ray_color,
+    unit_direction,
+};
+use crate::model::trained_model::{RayColor, RayRules, TrainedModel};
 
 /// Samples between two points.
 const SAMPLES: f64 = 2.0;
@@ -178,54 +182,34 @@ fn fill(points: &VolumePoints, at: [i32; 3], out: &mut [[f32; 4]]) {
 
 impl TrainedModel for VolumeModel {
     fn ray_color(&self, ray: &Ray, rules: &RayRules, progress: &dyn Progress) -> RayColor {
-        let direction = ray.direction / ray.direction.length();
         let start = self.place(ray.origin.to_array());
-        let along: [f64; 3] =
-            std::array::from_fn(|axis| direction.to_array()[axis] / self.spacing[axis]);
-        let spacing = self.spacing.into_iter().fold(f64::INFINITY, f64::min);
-        let step = spacing / SAMPLES;
-        let near = f64::from(rules.near) * ray.direction.length();
-        let (mut from, mut to) = (near, f64::INFINITY);
-        for axis in 0..3 {
-            let [low, high] = self.faces[axis];
-            let (a, b) = ((low - start[axis]) / along[axis], (high - start[axis]) / along[axis]);
-            if along[axis] != 0.0 {
-                (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
-            } else if start[axis] < low || start[axis] > high {
-                to = f64::NEG_INFINITY;
-            }
-        }
-        let (mut depth, mut color, mut distance) = (0.0f64, [0.0f64; 3], 0.0f64);
-        let mut number = 0.5;
-        let mut samples = Samples::new(from, step, progress);
-        while from + number * step < to && depth < OPAQUE && samples.take() {
-            let t = from + number * step;
-            let place: [f64; 3] = std::array::from_fn(|axis| start[axis] + t * along[axis]);
+        let mut along = unit_direction(ray);
+        along.iter_mut().zip(self.spacing).for_each(|(by, spacing)| *by /= spacing);
+        let step = self.spacing.into_iter().fold(f64::INFINITY, f64::min) / SAMPLES;
+        let corners = [0, 1].map(|side| self.faces.map(|faces| faces[side]));
+        let guard = ZeroGuard::Replace(f64::MIN_POSITIVE);
+        let [enters, leaves] = crossing(start, along, corners, guard);
+        let from = enters.max(f64::from(rules.near) * ray.direction.length());
+        let mut light = DepthComposite::default();
+        // No sample lies on the face itself.
+        let steps = Steps { start: from, step, end: leaves.next_down() };
+        steps.walk(0.5, progress, |t| {
+            let place = point_at(start, along, t);
             let Some([value, rgb @ ..]) = self.at(place) else {
-                number = (number + 1.0).max(self.leaves_at(place, along, t, from, step));
-                continue;
+                return Next::Number(self.leaves_at(place, along, t, from, step));
             };
-            number += 1.0;
-            let optical = f64::from(self.density_of(value)) * step;
-            if optical > 0.0 {
-                let weight = libm::exp(-depth) * -libm::expm1(-optical);
-                for (sum, value) in color.iter_mut().zip(rgb) {
-                    *sum += weight * f64::from(value);
-                }
-                distance += weight * t;
-                depth += optical;
+            let depth = f64::from(self.density_of(value)) * step;
+            if depth > 0.0 {
+                light.add(depth, t, rgb.map(f64::from));
             }
-        }
-        let left = libm::exp(-depth);
-        let shown = |channel: usize| {
-            let behind = linear(rules.background[channel].into());
-            display(color[channel] + left * behind) as f32
+            if light.depth < OPAQUE { Next::Step } else { Next::End }
+        });
+        let behind = RayRules {
+            background: rules.background.map(|value| linear(value.into()) as f32),
+            ..*rules
         };
-        RayColor {
-            color: [shown(0), shown(1), shown(2)],
-            transmittance: left as f32,
-            distance: (distance + left * f64::from(rules.far.unwrap_or(0.0))) as f32,
-        }
+        let color = over_background(light.color(), light.transmittance(), &behind);
+        ray_color(color.map(display), light.transmittance(), light.distance, rules)
     }
 
     fn density(&self, position: [f64; 3]) -> f32 {

@@ -9,7 +9,7 @@ use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::harmonics::Clamp;
-use crate::model::trained_model::Samples;
+use crate::model::ray_march::{Next, Steps, ZeroGuard, crossing, point_at};
 use crate::model::view_dependence::ViewDependence;
 use crate::view::render::Renderer;
 
@@ -100,31 +100,50 @@ fn follow(
     // An eye at that very point looks nowhere.
     let to_point = min + (max - min) * DVec3::from(share) - eye;
     let Some(direction) = to_point.try_normalize() else { return Ok(()) };
-    let (a, b) = ((min - eye) / direction, (max - eye) / direction);
-    let [enters, leaves] = [a.min(b).max_element().max(0.0), a.max(b).min_element()];
+    let (origin, along) = (eye.to_array(), direction.to_array());
+    let corners = [min.to_array(), max.to_array()];
+    let guard = ZeroGuard::Replace(f64::MIN_POSITIVE);
+    let [enters, leaves] = crossing(origin, along, corners, guard);
     let step = view.march.interval_length();
-    let (mut passes, mut steps) = (1.0, 0.0);
-    let mut samples = Samples::new(enters, step, progress);
-    while passes > OPAQUE && enters + steps * step <= leaves && samples.take() {
-        let at = (eye + direction * (enters + steps * step)).to_array();
-        steps += 1.0;
-        let depth = f64::from(baked.sample(at, 0)?.density) * step;
-        let weight = -passes * libm::expm1(-depth);
-        passes -= weight;
-        if weight < LEAST_WEIGHT {
-            continue;
-        }
-        let along = [direction.to_array()];
-        let shown = baked.point_colors(at, &along, 0)?;
-        let expected = reference.point_colors(at, &along, 0)?;
-        sums.weight += weight;
+    let mut transmittance = 1.0;
+    let mut sampled = Ok(());
+    let steps = Steps { start: enters.max(0.0), step, end: leaves };
+    steps.walk(0.0, progress, |t| {
+        let at = point_at(origin, along, t);
+        let weight = baked.sample(at, 0).map(|sample| {
+            let weight = -transmittance * libm::expm1(-f64::from(sample.density) * step);
+            transmittance -= weight;
+            weight
+        });
+        sampled = weight.and_then(|weight| match weight < LEAST_WEIGHT {
+            true => Ok(()),
+            false => sums.add(weight, reference, baked, at, along),
+        });
+        if sampled.is_ok() && transmittance > OPAQUE { Next::Step } else { Next::End }
+    });
+    sampled
+}
+
+impl Sums {
+    /// Adds the colours of a sample.
+    fn add(
+        &mut self,
+        weight: f64,
+        reference: &Renderer,
+        baked: &Renderer,
+        at: [f64; 3],
+        along: [f64; 3],
+    ) -> Result<()> {
+        let shown = baked.point_colors(at, &[along], 0)?;
+        let expected = reference.point_colors(at, &[along], 0)?;
+        self.weight += weight;
         for (shown, expected) in shown.as_flattened().iter().zip(expected.as_flattened()) {
             let off = f64::from(shown.clamp(0.0, 1.0)) - f64::from(expected.clamp(0.0, 1.0));
-            sums.squares += weight * off * off;
+            self.squares += weight * off * off;
         }
         if shown.as_flattened().contains(&0.0) {
-            sums.clamped += weight;
+            self.clamped += weight;
         }
+        Ok(())
     }
-    Ok(())
 }
