@@ -54,6 +54,45 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     text.chars().map(shown).collect::<String>().into()
 }
 
+/// Units of bytes. A K, M or G alone is a power of 1024.
+const UNITS: [(&str, u64); 13] = [
+    ("kB", 1000),
+    ("KB", 1000),
+    ("MB", 1_000_000),
+    ("GB", 1_000_000_000),
+    ("KiB", 1 << 10),
+    ("MiB", 1 << 20),
+    ("GiB", 1 << 30),
+    ("B", 1),
+    ("k", 1 << 10),
+    ("K", 1 << 10),
+    ("M", 1 << 20),
+    ("G", 1 << 30),
+    ("", 1),
+];
+
+/// A number of bytes: `1500`, `30MB`, `1.5 MiB`, `2G`. Parts of a byte are left out.
+pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
+    let wrong = || "expected bytes such as 1500, 30MB, 1.5MiB or 2G".to_owned();
+    let units = UNITS.iter().find_map(|&(unit, bytes)| Some((text.strip_suffix(unit)?, bytes)));
+    let (number, unit) = units.ok_or_else(wrong)?;
+    let (whole, part) = number.trim_end().split_once('.').unwrap_or((number.trim_end(), "0"));
+    let is_number =
+        |digits: &str| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+    if !is_number(whole) || !is_number(part) {
+        return Err(wrong());
+    }
+    // The first digits say more than a byte does.
+    let part = &part[..part.len().min(12)];
+    let scaled = |digits: &str, of: u64| -> Option<u128> {
+        Some(digits.parse::<u128>().ok()? * u128::from(unit) / u128::from(of))
+    };
+    let bytes = scaled(whole, 1).zip(scaled(part, 10u64.pow(part.len() as u32)));
+    bytes
+        .and_then(|(whole, part)| u64::try_from(whole + part).ok())
+        .ok_or_else(|| "more bytes than there can be".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,5 +114,40 @@ mod tests {
         assert_eq!(without_mark(b"{}"), b"{}");
         assert_eq!(printable("a\u{1b}[31m\0b\nc"), "a\\u{1b}[31m\\u{0}b\nc");
         assert!(matches!(printable("plain \u{e9}"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn bytes_come_in_powers_of_1000_and_1024() {
+        let all = [
+            ("0", 0),
+            ("1500", 1500),
+            ("7B", 7),
+            ("30MB", 30_000_000),
+            ("30MiB", 30 << 20),
+            ("30M", 30 << 20),
+            ("30K", 30 << 10),
+            ("30k", 30 << 10),
+            ("30G", 30 << 30),
+            ("30kB", 30_000),
+            ("30KB", 30_000),
+            ("2 GB", 2_000_000_000),
+            ("2GiB", 2 << 30),
+            ("1.5MB", 1_500_000),
+            ("0.5KiB", 512),
+            ("57.123456MB", 57_123_456),
+            ("0.0009kB", 0),
+            ("18446744073709551615", u64::MAX),
+        ];
+        for (text, bytes) in all {
+            assert_eq!(parse_bytes(text), Ok(bytes), "{text}");
+        }
+        for text in
+            ["", "MB", "much", "-1", "+1", "1e3", ".5MB", "1.", "1.5.2", "30 M B", "30mb", "0x10"]
+        {
+            assert!(parse_bytes(text).is_err(), "{text}");
+        }
+        for text in ["18446744073709551616", "99999999999999999999999999999999999999999", "1e20G"] {
+            assert!(parse_bytes(text).is_err(), "{text}");
+        }
     }
 }

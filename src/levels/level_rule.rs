@@ -29,6 +29,13 @@ impl LevelRule {
         }
     }
 
+    /// What it does, in a line.
+    pub fn purpose(self) -> String {
+        let (factor, bound) = self.constants();
+        let bound = bound.map_or(String::new(), |bound| format!(", at most {bound}"));
+        format!("{factor:.3} times the footprint's logarithm to base 2{bound}")
+    }
+
     /// Factor of the footprint's logarithm, and the bound of the level.
     pub fn constants(self) -> (f32, Option<f32>) {
         match self {
@@ -42,5 +49,16 @@ impl LevelRule {
     pub fn applied_to(self, rule: LevelOfDetail) -> LevelOfDetail {
         let (factor, bound) = self.constants();
         LevelOfDetail { factor, bias: 0.0, bound, bends: Bends::default(), ..rule }
+    }
+}
+
+impl std::str::FromStr for LevelRule {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|rule| rule.name() == text)
+            .ok_or("expected paper, code or mipmap")
     }
 }

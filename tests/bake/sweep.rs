@@ -30,9 +30,10 @@ fn cameras(source: &Source, count: usize) -> Vec<Camera> {
 }
 
 fn options(bits: &[u32]) -> SweepOptions {
-    let bits = bits.iter().map(|&bits| Bits::Integer(bits)).collect();
+    let texts: Vec<String> = bits.iter().map(u32::to_string).collect();
+    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
     let mut options = SweepOptions::default();
-    options.settings = Grid { bits, ..Grid::default() }.settings();
+    options.settings = Grid::default().with("bits", &texts).settings().expect("values");
     options.scales = vec![2, 1];
     options.repeat = 1;
     options

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
@@ -12,15 +12,16 @@ use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
+use super::stored::argument;
 use crate::app::sweep::{
-    Grid, SettingReport, Share, SweepForecast, SweepOptions, SweepReport, forecast_sweep, sweep,
+    Grid, List, SettingReport, Share, SweepForecast, SweepOptions, SweepReport, forecast_sweep,
+    sweep,
 };
-use crate::bake::{Filter, MaxErrors, Preset};
+use crate::bake::{BAKE_OPTIONS, Preset};
 use crate::base::bytes::remove_stale;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Step;
 use crate::base::shard::Shard;
-use crate::codec::quantize::Bits;
 use crate::input;
 use crate::input::tensor;
 
@@ -68,45 +69,50 @@ pub struct Arguments {
     /// Overwrite files that were not written by a sweep
     #[arg(long)]
     force: bool,
-    /// Filters to try, as `bake --filter`
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', help_heading = "Levels")]
-    filter: Vec<Filter>,
-    /// Bits to try: 4 to 16, f16 or f32
-    #[arg(long, value_name = "BITS,...", value_delimiter = ',', help_heading = "Size and error")]
-    bits: Vec<Bits>,
-    /// Errors to try in addition to the bits, as `bake --max-error`
-    #[arg(long, value_name = "ERROR,...", value_delimiter = ',', help_heading = "Size and error")]
-    max_error: Vec<MaxErrors>,
-    /// Opacity thresholds to try, as `bake --alpha-threshold`
-    #[arg(
-        long,
-        value_name = "OPACITY,...",
-        value_delimiter = ',',
-        help_heading = "Size and error"
-    )]
-    alpha_threshold: Vec<f32>,
-    /// Numbers of levels to try
-    #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Levels")]
-    levels: Vec<usize>,
-    /// Block sizes to try: nodes along an edge
-    #[arg(long, value_name = "NODES,...", value_delimiter = ',', help_heading = "Size and error")]
-    block_size: Vec<usize>,
-    /// Compression levels of zstd to try, 1 to 22
-    #[arg(long, value_name = "LEVEL,...", value_delimiter = ',', help_heading = "Size and error")]
-    zstd_level: Vec<i32>,
-    /// Minimum weights to try, as `bake --min-weight`; 0 keeps all
-    #[arg(long, value_name = "WEIGHT,...", value_delimiter = ',', help_heading = "Size and error")]
-    min_weight: Vec<f32>,
-    /// Values of coarseness to try, as `bake --coarseness`
-    #[arg(long, value_name = "CODES,...", value_delimiter = ',', help_heading = "Size and error")]
-    coarseness: Vec<f32>,
-    /// Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all
-    #[arg(long, value_name = "ERROR,...", value_delimiter = ',', help_heading = "Size and error")]
-    fill_error: Vec<f32>,
+    #[command(flatten)]
+    lists: Lists,
     #[command(flatten)]
     cameras: CameraArguments,
     #[command(flatten)]
     scene: SceneArguments,
+}
+
+/// The values to try of each option of [`BAKE_OPTIONS`] that has a list.
+#[derive(Debug)]
+struct Lists(Vec<List>);
+
+impl Args for Lists {
+    fn augment_args(command: Command) -> Command {
+        let arguments = BAKE_OPTIONS.iter().filter_map(|option| {
+            let (value_name, help) = option.list?;
+            let list = argument(option, value_name, help);
+            Some(list.action(ArgAction::Append).value_delimiter(','))
+        });
+        command.args(arguments)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for Lists {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let lists = BAKE_OPTIONS.iter().filter(|option| option.list.is_some());
+        let lists = lists.filter_map(|option| {
+            let values = matches.get_many::<String>(option.key)?;
+            Some(List { option, values: values.cloned().collect() })
+        });
+        Ok(Self(lists.collect()))
+    }
+
+    fn update_from_arg_matches(
+        &mut self,
+        matches: &ArgMatches,
+    ) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
 }
 
 /// Sweeps.
@@ -114,7 +120,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     refuse_stdout(&arguments.output, "sweep writes a folder")?;
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Sweep, 1.0)]);
-    let mut settings = arguments.grid().settings();
+    let grid = Grid { lists: arguments.lists.0.clone(), presets: arguments.preset.clone() };
+    let mut settings = grid.settings()?;
     settings.iter().try_for_each(|setting| setting.options.check())?;
     let limits = common.limits();
     let cameras = arguments.cameras.file();
@@ -172,22 +179,6 @@ impl Arguments {
             Some(shard) => Share::Shard(shard),
             None if self.merge => Share::Merge,
             None => Share::All,
-        }
-    }
-
-    fn grid(&self) -> Grid {
-        Grid {
-            filters: self.filter.clone(),
-            bits: self.bits.clone(),
-            max_errors: self.max_error.clone(),
-            alpha_thresholds: self.alpha_threshold.clone(),
-            levels: self.levels.clone(),
-            block_sizes: self.block_size.clone(),
-            zstd_levels: self.zstd_level.clone(),
-            min_weights: self.min_weight.clone(),
-            coarsenesses: self.coarseness.clone(),
-            fill_errors: self.fill_error.clone(),
-            presets: self.preset.clone(),
         }
     }
 

@@ -38,4 +38,4 @@ pub use pareto::{Point, front};
 pub use record::RECORD_SCHEMA;
 pub use report::{Fronts, Measured, SCHEMA, SettingReport, SweepReport};
 pub use run::sweep;
-pub use setting::{Grid, Setting};
+pub use setting::{Grid, List, Setting};

@@ -36,7 +36,7 @@ pub struct SweepOptions {
 
 impl Default for SweepOptions {
     fn default() -> Self {
-        let settings = Grid::usual().settings();
+        let settings = Grid::usual().settings().unwrap_or_default();
         Self {
             settings,
             scales: vec![1, 2, 4, 8],

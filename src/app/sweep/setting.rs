@@ -1,7 +1,8 @@
 //! The settings of a sweep.
 
-use crate::bake::{BakeOptions, Filter, MaxErrors, Preset};
+use crate::bake::{BakeOption, BakeOptions, Preset};
 use crate::base::bytes::hex;
+use crate::base::error::{Error, Result};
 use crate::codec::quantize::Bits;
 use crate::model::camera;
 use crate::model::field::Nonfinite;
@@ -17,81 +18,87 @@ pub struct Setting {
     pub preset: Option<Preset>,
 }
 
-/// Options to combine: every value of each list with every value of the others. An empty list is
-/// [`BakeOptions::default`]'s value alone.
+/// Values of an option to try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct List {
+    /// The option, one that sweeps take lists of.
+    pub option: &'static BakeOption,
+    /// Its values, as texts.
+    pub values: Vec<String>,
+}
+
+/// Options to combine: every value of each list with every value of the others. An option without a
+/// list has the value of [`BakeOptions::default`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Grid {
-    /// Filters of coarser levels.
-    pub filters: Vec<Filter>,
-    /// Bits of a code.
-    pub bits: Vec<Bits>,
-    /// Largest errors instead of bits; combined with the others as if they were more `bits`.
-    pub max_errors: Vec<MaxErrors>,
-    /// Opacity up to which blocks are dropped.
-    pub alpha_thresholds: Vec<f32>,
-    /// Levels in all, at most.
-    pub levels: Vec<usize>,
-    /// Nodes along a block's edge.
-    pub block_sizes: Vec<usize>,
-    /// Compression levels of zstd.
-    pub zstd_levels: Vec<i32>,
-    /// Least weights in a pixel of the sweep's cameras; 0 keeps all.
-    pub min_weights: Vec<f32>,
-    /// Coarseness of colours by the same cameras.
-    pub coarsenesses: Vec<f32>,
-    /// Errors within which blocks inherit their colours; 0 stores all.
-    pub fill_errors: Vec<f32>,
+    /// Lists in the order of [`crate::bake::BAKE_OPTIONS`].
+    pub lists: Vec<List>,
     /// Settings of their own beside the combinations.
     pub presets: Vec<Preset>,
 }
 
+/// Options and texts that make one value of an axis.
+type Axis<'a> = Vec<(&'static BakeOption, &'a str)>;
+
 impl Grid {
     /// Four depths with each of the filters that people choose between.
     pub fn usual() -> Self {
-        Self {
-            filters: vec![Filter::RateTent, Filter::Code, Filter::Paper],
-            bits: [6, 8, 10, 12].map(Bits::Integer).to_vec(),
-            ..Self::default()
+        Self::default()
+            .with("filter", &["rate-tent", "code", "paper"])
+            .with("bits", &["6", "8", "10", "12"])
+    }
+
+    /// With a list of the values of an option; nothing for one that has no list.
+    #[must_use]
+    pub fn with(mut self, key: &str, values: &[&str]) -> Self {
+        let option = BakeOption::find(key).filter(|option| option.list.is_some());
+        let values = values.iter().map(|&value| value.to_owned()).collect();
+        self.lists.extend(option.map(|option| List { option, values }));
+        self
+    }
+
+    /// The axes to combine. Values of an option that excludes another one count as more of its.
+    fn axes(&self) -> Vec<Axis<'_>> {
+        let mut axes: Vec<Axis> = Vec::new();
+        for list in &self.lists {
+            let values = list.values.iter().map(|value| (list.option, value.as_str()));
+            let excluded = |axis: &&mut Axis| {
+                axis.iter().any(|(other, _)| list.option.conflicts.contains(&other.key))
+            };
+            match axes.iter_mut().find(excluded) {
+                Some(axis) => axis.extend(values),
+                None => axes.push(values.collect()),
+            }
         }
+        axes
     }
 
-    /// True if there is nothing but presets.
-    fn has_no_lists(&self) -> bool {
-        let without = Self { presets: Vec::new(), ..self.clone() };
-        without == Self::default()
-    }
-
-    /// Its settings, each once: filters vary slowest, compression levels fastest, presets come
-    /// last. Without any list and any preset these are [`Self::usual`]'s.
-    pub fn settings(&self) -> Vec<Setting> {
+    /// Its settings, each once: filters vary slowest, presets come last. Without any list and any
+    /// preset these are [`Self::usual`]'s.
+    ///
+    /// # Errors
+    /// `Usage` for a text that is no value of its option.
+    pub fn settings(&self) -> Result<Vec<Setting>> {
         if *self == Self::default() {
             return Self::usual().settings();
         }
         let mut combined = vec![BakeOptions::default()];
-        if self.has_no_lists() {
+        if self.lists.is_empty() {
             combined.clear();
         }
-        vary(&mut combined, &self.filters, |options, &filter| options.filter = filter.into());
-        let bits = self.bits.iter().map(|&bits| (bits, None));
-        let default = BakeOptions::default().bits;
-        let errors = self.max_errors.iter().map(|&error| (default, Some(error)));
-        let depths: Vec<(Bits, Option<MaxErrors>)> = bits.chain(errors).collect();
-        vary(&mut combined, &depths, |options, &depth| (options.bits, options.max_error) = depth);
-        vary(&mut combined, &self.alpha_thresholds, |options, &threshold| {
-            options.alpha_threshold = threshold;
-        });
-        vary(&mut combined, &self.levels, |options, &levels| options.levels = Some(levels));
-        vary(&mut combined, &self.block_sizes, |options, &size| options.block_size = size);
-        vary(&mut combined, &self.zstd_levels, |options, &level| options.zstd_level = level);
-        vary(&mut combined, &self.min_weights, |options, &weight| {
-            options.min_weight = Some(weight).filter(|&weight| weight != 0.0);
-        });
-        vary(&mut combined, &self.coarsenesses, |options, &coarseness| {
-            options.coarseness = coarseness;
-        });
-        vary(&mut combined, &self.fill_errors, |options, &error| {
-            options.fill_error = Some(error).filter(|&error| error != 0.0);
-        });
+        for axis in self.axes() {
+            let mut varied = Vec::new();
+            for options in &combined {
+                for (option, text) in &axis {
+                    let mut options = options.clone();
+                    option
+                        .set_of_list(&mut options, text)
+                        .map_err(|reason| Error::usage(format!("--{}: {reason}", option.key)))?;
+                    varied.push(options);
+                }
+            }
+            combined = varied;
+        }
         let mut settings: Vec<Setting> = Vec::new();
         for options in combined {
             if settings.iter().all(|setting| setting.options != options) {
@@ -105,21 +112,8 @@ impl Grid {
                 None => settings.push(Setting { preset: Some(preset), ..Setting::new(options) }),
             }
         }
-        settings
+        Ok(settings)
     }
-}
-
-/// Each of the options with each of the values, or unchanged if there are none.
-fn vary<T>(all: &mut Vec<BakeOptions>, values: &[T], set: impl Fn(&mut BakeOptions, &T)) {
-    if values.is_empty() {
-        return;
-    }
-    let with = |options: &BakeOptions, value: &T| {
-        let mut options = options.clone();
-        set(&mut options, value);
-        options
-    };
-    *all = all.iter().flat_map(|options| values.iter().map(|v| with(options, v))).collect();
 }
 
 impl Setting {
@@ -209,19 +203,19 @@ fn name(options: &BakeOptions) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bake::Filter;
 
     fn names(grid: &Grid) -> Vec<String> {
-        grid.settings().into_iter().map(|setting| setting.name).collect()
+        let settings = grid.settings().expect("values");
+        settings.into_iter().map(|setting| setting.name).collect()
     }
 
     #[test]
     fn lists_are_combined_in_order_and_each_setting_comes_once() {
-        let grid = Grid {
-            filters: vec![Filter::Code, Filter::Paper, Filter::Code],
-            bits: vec![Bits::Integer(8), Bits::F16],
-            levels: vec![3],
-            ..Grid::default()
-        };
+        let grid = Grid::default()
+            .with("filter", &["code", "paper", "code"])
+            .with("bits", &["8", "f16"])
+            .with("levels", &["3"]);
         let expected = [
             "code-8bit-t1e-3-b8-z1-l3",
             "code-f16-t1e-3-b8-z1-l3",
@@ -233,14 +227,10 @@ mod tests {
 
     #[test]
     fn errors_stand_beside_bits() {
-        let errors = Grid {
-            max_errors: [0.01, 2e-4].map(MaxErrors::from).to_vec(),
-            levels: vec![2],
-            ..Grid::default()
-        };
+        let errors = |grid: Grid| grid.with("max-error", &["0.01", "2e-4"]).with("levels", &["2"]);
         let expected = ["rate-tent-e1e-2-t1e-3-b8-z1-l2", "rate-tent-e2e-4-t1e-3-b8-z1-l2"];
-        assert_eq!(names(&errors), expected);
-        let both = Grid { bits: vec![Bits::Integer(8)], ..errors };
+        assert_eq!(names(&errors(Grid::default())), expected);
+        let both = errors(Grid::default().with("bits", &["8"]));
         assert_eq!(names(&both), [&["rate-tent-8bit-t1e-3-b8-z1-l2"], &expected[..]].concat());
     }
 
@@ -248,8 +238,8 @@ mod tests {
     fn presets_are_settings_of_their_own() {
         let alone = Grid { presets: vec![Preset::Web, Preset::Web], ..Grid::default() };
         assert_eq!(names(&alone), [Setting::new(Preset::Web.options()).name]);
-        let beside = Grid { bits: vec![Bits::F32], presets: Preset::ALL.to_vec(), ..alone };
-        let settings = beside.settings();
+        let beside = Grid { presets: Preset::ALL.to_vec(), ..Grid::default() };
+        let settings = beside.with("bits", &["f32"]).settings().expect("values");
         let presets: Vec<_> = settings.iter().map(|setting| setting.preset).collect();
         assert!(presets.iter().all(Option::is_some), "{presets:?}");
         assert_eq!(settings.len(), 3);
@@ -257,29 +247,30 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_fit_any_file_system() {
-        let grid = Grid {
-            filters: Filter::all(),
-            bits: vec![Bits::Integer(4), Bits::Integer(16), Bits::F16, Bits::F32],
-            max_errors: [1e-6, 0.0015, 0.25]
-                .map(MaxErrors::from)
-                .into_iter()
-                .chain([MaxErrors::new(0.0015, 0.25, 0.0015)])
-                .collect(),
-            alpha_thresholds: vec![1e-9, 1.5e-3, 0.01, 0.1],
-            levels: vec![1, 2],
-            block_sizes: vec![4, 8],
-            zstd_levels: vec![1, 12],
-            min_weights: vec![0.0, 1e-3],
-            coarsenesses: vec![0.0, 2.5],
-            fill_errors: vec![0.0, 0.05],
-            presets: Vec::new(),
-        };
+        let filters = Filter::all().into_iter().map(Filter::label).collect::<Vec<_>>();
+        let grid = Grid::default()
+            .with("filter", &filters)
+            .with("bits", &["4", "16", "f16", "f32"])
+            .with("max-error", &["1e-6", "0.0015", "0.25", "0.0015:0.25:0.0015"])
+            .with("alpha-threshold", &["1e-9", "1.5e-3", "0.01", "0.1"])
+            .with("levels", &["1", "2"])
+            .with("block-size", &["4", "8"])
+            .with("zstd-level", &["1", "12"])
+            .with("min-weight", &["0", "1e-3"])
+            .with("coarseness", &["0", "2.5"])
+            .with("fill-error", &["0", "0.05"]);
         let all = names(&grid);
+        assert_eq!(all.len(), filters.len() * 8 * 4 * 2 * 2 * 2 * 2 * 2 * 2);
         let allowed = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
         assert!(all.iter().all(|name| name.chars().all(allowed)));
         let unique: std::collections::BTreeSet<String> =
             all.iter().map(|name| name.to_lowercase()).collect();
         assert_eq!(unique.len(), all.len());
         assert!(!names(&Grid::default()).is_empty());
+    }
+
+    #[test]
+    fn what_is_no_value_is_refused() {
+        assert!(Grid::default().with("bits", &["3"]).settings().is_err());
     }
 }

@@ -42,6 +42,10 @@ impl Bits {
         }
     }
 
+    /// The text of each, the fewest bits first.
+    pub const NAMES: [&str; 15] =
+        ["4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16", "f16", "f32"];
+
     fn number(self) -> (NumberType, u32) {
         match self {
             Self::Integer(bits @ ..=8) => (NumberType::U8, bits),

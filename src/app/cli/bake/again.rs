@@ -10,6 +10,7 @@ use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
 use crate::codec::unpack::Unpacked;
 use crate::input::MlpChoice;
+use crate::model::field::Nonfinite;
 
 /// Packs a container's levels again; bakes level 0 anew where an option asks for that.
 pub fn bake_again(
@@ -22,15 +23,15 @@ pub fn bake_again(
     let stored = &arguments.stored;
     let metadata = &unpacked.metadata;
     let asked = |given: bool| given || arguments.preset.is_some();
-    let states_errors = stored.max_error.is_some() || stored.quality.is_some();
+    let states_errors = stored.has("max-error") || stored.has("quality");
     let changes = Changes {
-        bits: asked(stored.bits.is_some()).then_some(options.bits),
+        bits: asked(stored.has("bits")).then_some(options.bits),
         max_error: options.max_error.filter(|_| asked(states_errors)),
-        max_bytes: stored.max_bytes,
-        zstd_level: asked(stored.zstd_level.is_some()).then_some(options.zstd_level),
-        levels: stored.levels,
-        lod_rule: stored.lod_rule,
-        lod_scale: stored.lod_scale,
+        max_bytes: options.max_bytes,
+        zstd_level: asked(stored.has("zstd-level")).then_some(options.zstd_level),
+        levels: options.levels.filter(|_| stored.has("levels")),
+        lod_rule: options.lod_rule.filter(|_| stored.has("lod-rule")),
+        lod_scale: stored.has("lod-scale").then_some(options.lod_scale),
         near: arguments.scene.near,
         far: arguments.scene.far,
         background: arguments.scene.background.map(|Background(color)| color),
@@ -38,12 +39,12 @@ pub fn bake_again(
         ..Changes::default()
     };
     // A setting that the container has already is no change.
-    let anew = (asked(stored.filter.is_some()) && options.filter.name() != metadata.filter)
-        || (asked(stored.alpha_threshold.is_some())
+    let anew = (asked(stored.has("filter")) && options.filter.name() != metadata.filter)
+        || (asked(stored.has("alpha-threshold"))
             && options.alpha_threshold != metadata.alpha_threshold)
-        || (asked(stored.block_size.is_some())
+        || (asked(stored.has("block-size"))
             && metadata.levels.iter().any(|level| level.block_size != options.block_size));
-    refuse_ignored(arguments, anew)?;
+    refuse_ignored(arguments, options, anew)?;
     changes.check(&metadata.march)?;
     let inputs = vec![arguments.input.clone()];
     let view = ViewReport::of(metadata.view.as_ref());
@@ -64,7 +65,7 @@ pub fn bake_again(
 }
 
 /// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.
-fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
+fn refuse_ignored(arguments: &Arguments, options: &BakeOptions, anew: bool) -> Result<()> {
     let (scene, stored) = (&arguments.scene, &arguments.stored);
     let ignored = [
         ("--stepsize", scene.stepsize.is_some()),
@@ -72,10 +73,10 @@ fn refuse_ignored(arguments: &Arguments, anew: bool) -> Result<()> {
         ("--mlp", scene.mlp != MlpChoice::Auto),
         ("--scene-scale, --view or another option of models", scene.reads_a_model()),
         ("--cameras or --turntable", arguments.gate.measures()?),
-        ("--memory", stored.memory.is_some()),
+        ("--memory", stored.has("memory")),
         ("--require-view-psnr", arguments.gate.required_view_psnr().is_some()),
-        ("--fill-error", stored.fill_error.is_some() && !anew),
-        ("--nonfinite empty", stored.replaces_nonfinite() && !anew),
+        ("--fill-error", stored.has("fill-error") && !anew),
+        ("--nonfinite empty", options.nonfinite == Nonfinite::Empty && !anew),
         (
             "--fit-steps, --fit-seconds, --fit-cameras or --photographs",
             arguments.fit.given() && !anew,

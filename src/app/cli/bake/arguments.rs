@@ -146,7 +146,7 @@ impl Arguments {
             (None, Content::Trained(_)) => BakeOptions::default(),
         };
         let measures = self.gate.measures()?;
-        self.stored.apply(&mut options, measures);
+        self.stored.apply(&mut options, measures)?;
         self.fit.apply(&mut options, || self.gate.cameras_of_file(common), common)?;
         options.limits = common.limits();
         // Those of a container count only where it is baked anew, and are checked there.
@@ -157,7 +157,7 @@ impl Arguments {
     /// Refuses values that no input is baked with. No file is opened.
     pub fn check_values(&self) -> Result<()> {
         let mut options = self.preset.map_or_else(BakeOptions::default, Preset::options);
-        self.stored.apply(&mut options, self.gate.measures()?);
+        self.stored.apply(&mut options, self.gate.measures()?)?;
         self.fit.apply_numbers(&mut options);
         self.check_options(&options, true)
     }
