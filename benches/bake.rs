@@ -14,8 +14,7 @@
 //! zstd of the codes at the same level and threads.
 
 mod arguments;
-#[path = "../tests/common/mod.rs"]
-mod common;
+use mipvog_testing as common;
 mod scaled;
 
 use std::path::{Path, PathBuf};

@@ -15,8 +15,7 @@
 //! Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
-#[path = "../tests/common/mod.rs"]
-mod common;
+use mipvog_testing as common;
 mod made_up;
 
 use std::fmt::Write;

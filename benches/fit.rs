@@ -12,8 +12,7 @@
 //! seen, against the unbaked scene. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
-#[path = "../tests/common/mod.rs"]
-mod common;
+use mipvog_testing as common;
 mod made_up;
 #[allow(dead_code, reason = "scenes of this benchmark are of f32 alone")]
 mod scaled;

@@ -7,8 +7,7 @@
 //!
 //! The place of each error goes to stderr.
 
-#[path = "../tests/common/mod.rs"]
-mod common;
+use mipvog_testing as common;
 
 use common::stress::{ROWS, document, measured};
 

@@ -12,8 +12,7 @@
 //! with instead. Without arguments the scene is `fixtures/trained/lego64`.
 
 mod arguments;
-#[path = "../tests/common/mod.rs"]
-mod common;
+use mipvog_testing as common;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

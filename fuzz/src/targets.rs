@@ -2,8 +2,8 @@
 //!
 //! A target takes any bytes. Checksums would stop nearly every mutation at once; a target mends
 //! them or puts the bytes at a place that only checks meaning. Errors and readings are both fine;
-//! panics, hangs and memory beyond [`limits`] are not. `tests/fuzz.rs` runs the same functions with
-//! a plain mutator.
+//! panics, hangs and memory beyond [`limits`] are not. `tests/support/src/fuzz.rs` runs the same
+//! functions with a plain mutator.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};

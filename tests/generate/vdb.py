@@ -1,7 +1,7 @@
 """Makes fixtures/vdb/: one small fog volume, as OpenVDB's own library writes it.
 
 Needs Debian's python3-openvdb. The voxels follow from formulas in whole numbers, which
-tests/models/vdb.rs has too. Voxel (x, y, z) of 20 x 12 x 9 from (-5, 0, 3) on is active where x + y
+tests/program/vdb.rs has too. Voxel (x, y, z) of 20 x 12 x 9 from (-5, 0, 3) on is active where x + y
 + z is no multiple of 3; density is ((7 x + 5 y + 3 z) mod 64 + 1) / 16, Cd is ((x mod 8) / 8, (y
 mod 4) / 4, 0.5). The grids `density` have a tile of 8 x 8 x 8 voxels of 2.5 from (32, 0, 0) on.
 """

@@ -1,8 +1,6 @@
 //! Assets of others as `attach`, `detach` and `validate` meet them: numbers as floats, marks before
 //! the text, things that glTF lets a document leave out.
 
-#![cfg(feature = "cli")]
-
 use std::path::Path;
 use std::process::Output;
 

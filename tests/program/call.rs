@@ -1,8 +1,6 @@
 //! Verbs as functions of a program that holds the library: reports, failures, bytes that are no
 //! file, and a watcher.
 
-#![cfg(feature = "cli")]
-
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};

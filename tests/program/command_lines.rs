@@ -3,7 +3,7 @@
 //!
 //! `command_lines/lines.txt` has a table of them; those that need a shell are here.
 
-#![cfg(all(unix, feature = "cli"))]
+#![cfg(unix)]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,7 +1,5 @@
 //! Figures that people decide by: they say what they measure, and a gate is not passed unseen.
 
-#![cfg(feature = "cli")]
-
 use std::path::Path;
 use std::process::Output;
 

@@ -1,7 +1,5 @@
 //! `bake --filter fit` as users see it: budgets, cameras, signals.
 
-#![cfg(feature = "cli")]
-
 use crate::common;
 use std::path::Path;
 use std::process::{Command, Output};

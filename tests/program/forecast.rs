@@ -1,7 +1,5 @@
 //! `bake --dry-run`: its forecast, and that nothing is written.
 
-#![cfg(feature = "cli")]
-
 use crate::common;
 use std::path::Path;
 use std::process::{Command, Output};

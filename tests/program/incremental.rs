@@ -1,7 +1,5 @@
 //! `bake --if-changed` and `--depfile`.
 
-#![cfg(feature = "cli")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,19 +1,45 @@
 //! The program as users and pipelines see it.
 
-#[path = "../common/mod.rs"]
-mod common;
+/// What all tests share, and the program.
+mod common {
+    pub use mipvog_testing::*;
+
+    pub const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
+
+    /// The program, with nothing in its environment but where `.ci/coverage` counts.
+    pub fn program() -> std::process::Command {
+        mipvog_testing::program(PROGRAM)
+    }
+}
 
 mod assets;
 mod call;
+mod cameras;
 mod command_lines;
+mod compare;
+mod containers;
+mod export;
+mod export_pages;
 mod figures;
 mod fit_cli;
 mod forecast;
+mod gltf;
+mod gltf_tools;
 mod incremental;
 mod manifest;
+#[cfg(unix)]
+mod manual;
+mod models;
+mod probe;
 mod progress_cli;
 mod remote;
 mod render_cli;
+mod second_reader;
+mod splat;
 mod transcode_cli;
 mod trust;
+mod usd;
+mod vdb;
+mod verbs;
 mod view;
+mod view_fit;

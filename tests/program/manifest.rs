@@ -1,7 +1,5 @@
 //! `bake --manifest`, and `report` of its results.
 
-#![cfg(feature = "cli")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

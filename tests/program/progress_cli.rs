@@ -1,7 +1,5 @@
 //! Progress as lines, where there is no terminal: labels, counts, and a share that only grows.
 
-#![cfg(feature = "cli")]
-
 use crate::common::{fixture, folder, program};
 
 /// The lines of progress of a run, which must succeed.

@@ -1,7 +1,7 @@
 //! Inputs at addresses: only what is needed is fetched, and only when that is allowed. The server is
 //! a plain one on this machine.
 
-#![cfg(all(feature = "cli", feature = "network"))]
+#![cfg(feature = "network")]
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};

@@ -1,7 +1,5 @@
 //! `render` as users see it: cameras that are made, and outputs of every kind.
 
-#![cfg(feature = "cli")]
-
 use std::path::{Path, PathBuf};
 use std::process::Output;
 

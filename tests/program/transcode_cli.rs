@@ -1,7 +1,5 @@
 //! `transcode`, and `bake` of the program's own files.
 
-#![cfg(feature = "cli")]
-
 use std::path::Path;
 
 use crate::common::{assert_schema, fixture, folder, program};

@@ -1,6 +1,4 @@
 //! `view`: the server's answers and refusals.
-#![cfg(feature = "cli")]
-
 use crate::common;
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;

@@ -12,10 +12,6 @@ use crate::input::{MlpChoice, ViewChoice};
 use crate::model::grid::Bounds;
 use crate::model::harmonics::Harmonics;
 
-/// Every number of bits, by name.
-const BITS: [&str; 15] =
-    ["4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16", "f16", "f32"];
-
 /// Colour behind the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background(pub [f32; 3]);

@@ -1,0 +1,10 @@
+//! What a bake keeps, fits and leaves out.
+
+mod coverage;
+mod direction;
+mod fill;
+mod fit;
+mod importance;
+mod max_error;
+mod required;
+mod sweep;

@@ -1,0 +1,10 @@
+//! Containers: their parts, their limits, and damage to them.
+
+mod damage;
+mod limits;
+mod metadata;
+mod parts;
+mod prefix;
+mod runs;
+mod slices;
+mod transcode;

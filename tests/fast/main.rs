@@ -1,0 +1,24 @@
+//! Tests within this process: of the library, and of the pages and folders of the repository.
+
+use mipvog_testing as common;
+use peak_alloc::PeakAlloc;
+
+/// Counts what tests hold that run alone.
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+mod bake;
+mod broken;
+mod container;
+mod frozen;
+mod fuzz;
+mod golden;
+mod layers;
+mod links;
+mod models;
+mod numerics;
+mod oracle;
+mod output;
+mod render;
+mod roundtrip;
+mod spec;

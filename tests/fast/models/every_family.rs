@@ -1,0 +1,73 @@
+//! What holds for models of every family alike: the same bytes from any number of threads, and rays
+//! from anywhere that come to an end.
+
+use crate::common::families::{self, models, open};
+use crate::common::models::renderer;
+use crate::common::{baked_bytes, folder, open_bytes};
+use glam::DVec3;
+use mipvog_bake::unstable::bake::BakeOptions;
+use mipvog_bake::unstable::base::progress::Silent;
+use mipvog_bake::unstable::model::camera::Ray;
+use mipvog_bake::unstable::view::compare::compare_directions;
+use mipvog_bake::unstable::view::render::Renderer;
+
+/// Distances from which rays come.
+const DISTANCES: [f64; 5] = [0.0, 1e6, 1e12, 1e16, 1e25];
+
+/// `tests/slow/every_family.rs` bakes them many times.
+#[test]
+fn bytes_do_not_depend_on_threads() {
+    families::bytes_do_not_depend_on_threads(1);
+}
+
+#[test]
+fn rays_from_anywhere_come_to_an_end() {
+    let here = folder();
+    for (family, path) in models(here.path()) {
+        let model = renderer(&open(family, &path));
+        let bounds = model.view().bounds;
+        let middle = DVec3::from(
+            [0, 1, 2].map(|axis| 0.5 * (f64::from(bounds.min[axis]) + f64::from(bounds.max[axis]))),
+        );
+        let ways = [
+            DVec3::new(1.0, 1.0, 1.0),
+            DVec3::new(1.0, 0.0, 0.0),
+            DVec3::new(0.0, -1.0, 1e-9),
+            DVec3::new(-0.3, 0.8, 0.5),
+        ];
+        let rays = DISTANCES.iter().flat_map(|&distance| {
+            ways.iter().map(move |way| {
+                let direction = way.normalize();
+                Ray { origin: middle - distance * direction, direction }
+            })
+        });
+        let rays: Vec<Ray> = rays.collect();
+        let light = model.ray_colors(&rays, 0, &Silent).expect("rays");
+        for (ray, light) in rays.iter().zip(light) {
+            assert!(
+                light.color.iter().all(|value| value.is_finite())
+                    && (0.0..=1.0).contains(&light.transmittance),
+                "{}: {light:?} along {ray:?}",
+                path.display()
+            );
+        }
+    }
+}
+
+#[test]
+fn an_eye_in_the_middle_of_the_box_looks_nowhere_and_ends() {
+    let here = folder();
+    for (family, path) in models(here.path()) {
+        let source = open(family, &path);
+        let bounds = source.field.scene.bounds;
+        let middle =
+            [0, 1, 2].map(|axis| 0.5 * (f64::from(bounds.min[axis]) + f64::from(bounds.max[axis])));
+        let bytes = baked_bytes(&source.field, &BakeOptions::default()).expect("a bake");
+        let baked = open_bytes(&bytes).expect("a container");
+        let baked = Renderer::of_container(&baked).expect("a field");
+        // The first ray aims at the very middle.
+        let errors = compare_directions(&renderer(&source), &baked, &[middle], &Silent);
+        let psnr = errors.expect("errors").psnr;
+        assert!(psnr.is_none_or(|psnr| !psnr.is_nan()), "{}: {psnr:?}", path.display());
+    }
+}

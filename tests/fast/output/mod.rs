@@ -1,0 +1,8 @@
+//! What goes out: pictures, figures, assets and files of other programs.
+
+mod attach;
+mod compare;
+mod gltf;
+mod mesh;
+mod render_plain;
+mod splat;

@@ -1,0 +1,88 @@
+//! `compare`: what it measures, and what it warns about.
+
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+
+use crate::common::{assert_schema, fixture, folder, program};
+
+fn run(here: &Path, arguments: &[&str]) -> Output {
+    let view = ["--turntable", "2", "--size", "40", "--scales", "1,2,4"];
+    let mut command = program();
+    command.current_dir(here).arg("compare").args(arguments).args(view);
+    command.output().expect("starts")
+}
+
+fn report(here: &Path, arguments: &[&str]) -> (Value, String) {
+    let output = run(here, &[arguments, &["--format", "json"]].concat());
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {message}");
+    let report = serde_json::from_slice(&output.stdout).expect("a report");
+    assert_schema("compare", &report);
+    (report, message)
+}
+
+fn psnrs(report: &Value) -> Vec<f64> {
+    let scales = report["scales"].as_array().expect("scales");
+    scales.iter().map(|scale| scale["psnr"].as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn the_difference_of_a_file_from_itself_is_none_at_every_scale() {
+    let folder = folder();
+    let here = folder.path();
+    let file = fixture("baked/tiny.rate.mipvog").display().to_string();
+    let other = fixture("baked/tiny.12bit.mipvog").display().to_string();
+    let (aliased, _) = report(here, &[&file, &file]);
+    assert_eq!(aliased["measures"], "against_full_size");
+    assert_eq!(psnrs(&aliased)[0], 200.0);
+    assert!(psnrs(&aliased)[1] < 60.0, "{aliased}");
+    for more in [&[][..], &["--supersample", "2"]] {
+        let same = [&[&file[..], &file, "--difference"], more].concat();
+        let (same, _) = report(here, &same);
+        assert_eq!(same["measures"], "difference");
+        assert_eq!(psnrs(&same), [200.0; 3]);
+    }
+    let maps = ["-o", "maps/of/heat"];
+    let (differ, _) = report(here, &[&[&file[..], &other, "--difference"], &maps[..]].concat());
+    assert!(psnrs(&differ).iter().all(|psnr| (20.0..150.0).contains(psnr)), "{differ}");
+    assert_eq!(std::fs::read_dir(here.join("maps/of/heat")).expect("maps").count(), 6);
+    // The text says so too.
+    let text =
+        |arguments: &[&str]| String::from_utf8_lossy(&run(here, arguments).stdout).into_owned();
+    assert!(text(&[&file, &other]).contains("averaged down: they show aliasing too"));
+    let difference = text(&[&file, &other, "--difference"]);
+    assert!(difference.contains("their difference alone"), "{difference}");
+    // Pictures cannot be rendered at another scale.
+    std::fs::create_dir(here.join("pictures")).expect("writable");
+    let refused = run(here, &["pictures", &file, "--difference"]);
+    assert_eq!(refused.status.code(), Some(2));
+}
+
+#[test]
+fn settings_that_contradict_the_container_are_warned_about() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = fixture("trained/tiny/fine_last.tar").display().to_string();
+    let bake = ["bake", &scene, "-o", "a.mipvog", "--stepsize", "0.5", "--near", "0.25"];
+    assert!(program().current_dir(here).args(bake).output().expect("starts").status.success());
+    let compare = |more: &[&str]| {
+        let (_, message) = report(here, &[&[&scene[..], "a.mipvog"], more].concat());
+        message
+    };
+    let agrees = compare(&["--stepsize", "0.5", "--near", "0.25"]);
+    assert!(!agrees.contains("was baked with"), "{agrees}");
+    let step = compare(&["--stepsize", "0.25", "--near", "0.25"]);
+    assert!(step.contains("a.mipvog was baked with --stepsize 0.5"), "{step}");
+    assert!(step.contains("rendered with 0.25"), "{step}");
+    let left_out = compare(&["--stepsize", "0.5"]);
+    assert!(left_out.contains("a.mipvog was baked with --near 0.25"), "{left_out}");
+    let more = ["--stepsize", "0.5", "--near", "0.25"];
+    for (option, value) in [("--far", "9"), ("--background", "0.5"), ("--color-threshold", "0.01")]
+    {
+        let warned = compare(&[&more[..], &[option, value]].concat());
+        assert!(warned.contains(&format!("was baked with {option} ")), "{warned}");
+        assert_eq!(warned.matches("was baked with").count(), 1, "{warned}");
+    }
+}
