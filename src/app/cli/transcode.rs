@@ -55,8 +55,8 @@ pub struct Arguments {
     /// Bits per stored value: 4 to 16, f16 or f32 [default: unchanged]
     #[arg(long, value_name = "BITS", help_heading = "Size and error")]
     bits: Option<Bits>,
-    /// Instead of --bits: the largest error, relative to the container's values, as
-    /// `bake --max-error`; values that already have no more bits are not changed
+    /// Instead of --bits: the largest error relative to the container's values, with the syntax of
+    /// `bake`; values that already have no more bits are not changed
     #[arg(long, value_name = "ERROR", conflicts_with = "bits", help_heading = "Size and error")]
     max_error: Option<MaxErrors>,
     /// Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or

@@ -6,7 +6,7 @@
 //!
 //! 1. [`target`] renders level 0, from given cameras or from spheres around the box. The mean of a
 //!    window of pixels is a pixel of a smaller picture.
-//! 2. [`shown`] spreads the rays of a step evenly over what pictures show.
+//! 2. [`morton_pixels`] spreads the rays of a step evenly over what pictures show.
 //! 3. Levels get anisotropy ([`crate::model::anisotropy`]), and where colours are logits directional
 //!    brightness ([`crate::model::directional`]). Both are 0 at first.
 //! 4. [`curve`] is the rule that says which level a sample reads.
