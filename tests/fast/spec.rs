@@ -105,6 +105,17 @@ fn the_page_of_bake_has_the_options_of_the_code() {
     assert_golden(&path, wanted.as_bytes());
 }
 
+#[test]
+#[cfg(feature = "cli")]
+fn schemas_of_reports_follow_from_their_types() {
+    use mipvog_bake::unstable::app::cli::{schema_text, schemas};
+    for (name, schema) in schemas() {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{name}.schema.json"));
+        assert_golden(&path, schema_text(&schema).as_bytes());
+    }
+}
+
 /// The table of findings, as the code lists them.
 fn catalogue() -> String {
     let mut table =
