@@ -31,10 +31,12 @@ pub struct Attempt<T> {
 
 /// The quality that a search found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Chosen {
     /// Bytes of the container.
     pub bytes: u64,
     /// Errors of the values; none where all fitted as they were.
+    #[cfg_attr(feature = "cli", schemars(with = "Option<serde_json::Value>"))]
     pub max_error: Option<MaxErrors>,
     /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -15,6 +15,7 @@ use crate::model::baked::{Encoding, Group, LevelMetadata, LevelOfDetail, Metadat
 
 /// The result of a bake, and its cost.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct BakeReport {
     /// Bytes of the container.
     pub output_bytes: u64,
@@ -43,6 +44,7 @@ pub struct BakeReport {
 
 /// The connected parts of level 0.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct IslandReport {
     /// All of them.
     pub components: u64,
@@ -72,6 +74,7 @@ impl BakeReport {
 
 /// The report of a fit.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct FitReport {
     /// The rule that the levels look best with.
     pub level_of_detail: LevelOfDetail,
@@ -93,6 +96,7 @@ impl FitReport {
 
 /// One level of a container.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct LevelReport {
     /// 0 is the finest.
     pub level: usize,
@@ -122,6 +126,7 @@ pub struct LevelReport {
 
 /// Storage of one group of a level.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct GroupReport {
     /// Its name.
     pub group: &'static str,
@@ -158,6 +163,7 @@ impl Held {
 
 /// The nodes of a level, sorted by visibility.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PruneReport {
     /// 0 is the finest.
     pub level: usize,
@@ -173,6 +179,7 @@ pub struct PruneReport {
 
 /// One stage of the work.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct StageReport {
     /// Its name.
     pub name: &'static str,

@@ -24,6 +24,7 @@ const SHOWN_BYTES: u64 = 4 << 20;
 
 /// An input's contents and their meaning.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Inspection {
     /// Format of the file.
     pub kind: FileKind,
@@ -51,6 +52,7 @@ pub struct Inspection {
 
 /// A scene as a bake would take it.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SceneContent {
     /// Nodes along x, y, z.
     pub dimensions: [usize; 3],
@@ -72,6 +74,7 @@ pub struct SceneContent {
 
 /// A value of a checkpoint.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct ListedValue {
     /// The keys that lead to it, with dots between.
     pub key: String,

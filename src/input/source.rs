@@ -50,6 +50,7 @@ pub struct SideFile {
 
 /// The code that wrote a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Family {
     /// Mip-VoG's research code.
@@ -108,6 +109,7 @@ impl Family {
 
 /// Something that a checkpoint does not say.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Assumption {
     /// The missing setting, in a word.
     pub key: &'static str,

@@ -8,6 +8,7 @@ use crate::model::grid::Bounds;
 
 /// Rules for a step's length at each level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StepRule {
     /// `stepsize * voxel_size` at every level, as trained.
@@ -18,6 +19,7 @@ pub enum StepRule {
 
 /// Mixing of two levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Blend {
     /// Decoded values are mixed, then activated once, as trained.
@@ -28,6 +30,7 @@ pub enum Blend {
 
 /// Color spaces of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ColorSpace {
     /// Display-referred sRGB, as the training pictures.
@@ -36,6 +39,7 @@ pub enum ColorSpace {
 
 /// The values that are interpolated between nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ActivationOrder {
     /// Raw density; softplus and opacity come after ("post-activation").
@@ -48,6 +52,7 @@ pub enum ActivationOrder {
 
 /// The function from raw density to density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DensityFunction {
     /// `softplus(raw + shift)`: raw densities are logits.
@@ -59,6 +64,7 @@ pub enum DensityFunction {
 
 /// The sample of the neighbouring ray that a sample's footprint is measured to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FootprintNeighbour {
     /// The one at the same distance: the pixel's size there.
@@ -70,6 +76,7 @@ pub enum FootprintNeighbour {
 
 /// The rest of the first layer's input, after the embedding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ViewInput {
     /// Accumulated diffuse colour, then the accumulated features.
@@ -80,6 +87,7 @@ pub enum ViewInput {
 
 /// The place of the clamp, and so of everything that is not linear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Evaluation {
     /// Once for the weighted sum along a ray.
@@ -90,6 +98,7 @@ pub enum Evaluation {
 
 /// Limits of a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Clamp {
     /// No colour is below 0.
@@ -102,6 +111,7 @@ pub enum Clamp {
 
 /// Number types of codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NumberType {
     /// One byte.
@@ -116,6 +126,7 @@ pub enum NumberType {
 
 /// `sigma = softplus(raw + shift)` or `max(raw, 0)`, `alpha = 1 - exp(-sigma * interval)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Activation {
     /// Added to raw density before softplus; 0 beside `relu`.
@@ -131,6 +142,7 @@ pub struct Activation {
 
 /// Steps along a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct March {
     /// Step length in voxels.

@@ -27,6 +27,7 @@ pub type Basis = [f32; FUNCTIONS];
 
 /// The rules to make colours of coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Harmonics {
     /// The highest band, 0 to 3.

@@ -16,6 +16,7 @@ pub struct ExportFiles {
 
 /// A file of a finished export.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct FileReport {
     /// Its path.
     pub path: String,

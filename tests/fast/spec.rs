@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::common::assert_golden;
+use mipvog_bake::unstable::bake::BAKE_OPTIONS;
 use mipvog_bake::unstable::base::error::Place;
 use mipvog_bake::unstable::base::finding::{Code, Severity};
 use mipvog_bake::unstable::base::limits::{LimitName, Limits};
@@ -63,6 +64,56 @@ fn the_page_of_limits_has_those_of_the_code() {
     let wanted = [&page[..start], &rows.concat(), &page[end..]].concat();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/limits.md");
     assert_golden(&path, wanted.as_bytes());
+}
+
+/// A help text as a cell of a table: options in backquotes, and the default apart.
+fn cell(help: &str) -> [String; 2] {
+    let (text, default) = help.split_once(" [default: ").unwrap_or((help, ""));
+    let quoted = |text: &str| {
+        let words = text.split(' ').map(|word| match word.strip_prefix("--") {
+            Some(name) => {
+                let end = name.find(|c: char| !c.is_ascii_lowercase() && c != '-');
+                let (name, rest) = name.split_at(end.unwrap_or(name.len()));
+                format!("`--{name}`{rest}")
+            }
+            None => word.to_owned(),
+        });
+        words.collect::<Vec<_>>().join(" ")
+    };
+    [quoted(text), default.trim_end_matches(']').to_owned()]
+}
+
+#[test]
+fn the_page_of_bake_has_the_options_of_the_code() {
+    let page = include_str!("../../docs/verbs/bake.md");
+    let (before, rest) = page.split_once("<!-- generated: options -->\n").expect("the mark");
+    let (_, after) = rest.split_once("<!-- end -->").expect("its end");
+    let rows = BAKE_OPTIONS.iter().map(|option| {
+        let [text, default] = cell(option.help);
+        let values = option.choices.map_or(Vec::new(), |choices| choices());
+        let values: Vec<String> = values.iter().map(|(name, _)| format!("`{name}`")).collect();
+        let values = match values.len() {
+            1..=8 => format!(": {}", values.join(", ")),
+            _ => String::new(),
+        };
+        format!("| `--{}` | {text}{values} | {default} |\n", option.key)
+    });
+    let table =
+        format!("\n| option | purpose | default |\n|---|---|---|\n{}\n", rows.collect::<String>());
+    let wanted = [before, "<!-- generated: options -->\n", &table, "<!-- end -->", after].concat();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/verbs/bake.md");
+    assert_golden(&path, wanted.as_bytes());
+}
+
+#[test]
+#[cfg(feature = "cli")]
+fn schemas_of_reports_follow_from_their_types() {
+    use mipvog_bake::unstable::app::cli::{schema_text, schemas};
+    for (name, schema) in schemas() {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{name}.schema.json"));
+        assert_golden(&path, schema_text(&schema).as_bytes());
+    }
 }
 
 /// The table of findings, as the code lists them.

@@ -7,6 +7,9 @@ use crate::text::doc_comment;
 
 const HEAD: &str = "//! Written by `cargo xtask generate` from `formats/container.toml`.\n";
 
+/// Reports of the program hold these objects, and their schemas follow from them.
+const SCHEMA: &str = "#[cfg_attr(feature = \"cli\", derive(schemars::JsonSchema))]\n";
+
 /// What the attributes of fields name.
 const HELPERS: &str = "\
 /// True for a value that says nothing, whose key is left out.
@@ -54,7 +57,9 @@ pub fn baked(description: &Description) -> String {
             own.unwrap_or_else(|| format!("{}Metadata", camel(name)))
         });
         out += &doc_comment("///", &choice.doc, 0);
-        out += "#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]\n#[serde(untagged)]\n";
+        out += "#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]\n";
+        out += SCHEMA;
+        out += "#[serde(untagged)]\n";
         let (one, other) = (camel(&choice.with), camel(&choice.without));
         writeln!(out, "pub enum {} {{", choice.rust).ok();
         writeln!(
@@ -73,6 +78,7 @@ fn rust_enum(one: &Enum) -> String {
     let mut out = doc_comment("///", &one.doc, 0);
     writeln!(out, "#[derive(Debug, Clone, Copy, PartialEq, Eq, {default}Serialize, Deserialize)]")
         .ok();
+    out += SCHEMA;
     writeln!(out, "#[serde(rename_all = \"snake_case\")]\npub enum {name} {{").ok();
     for variant in &one.variants {
         out += &doc_comment("///", &variant.doc, 4);
@@ -89,6 +95,7 @@ fn rust_struct(object: &Object, description: &Description) -> String {
     let copy = if object.copy { "Copy, " } else { "" };
     let mut out = doc_comment("///", &object.doc, 0);
     writeln!(out, "#[derive(Debug, Clone, {copy}PartialEq, Serialize, Deserialize)]").ok();
+    out += SCHEMA;
     writeln!(out, "#[serde(deny_unknown_fields)]\npub struct {name} {{").ok();
     for field in &object.fields {
         let of = rust_type(field, description);
@@ -108,6 +115,15 @@ fn rust_struct(object: &Object, description: &Description) -> String {
         } else if of.starts_with("Option<") {
             // The key is there even where the value is null.
             rules.push("deserialize_with = \"nullable\"".to_owned());
+        }
+        // Types that are written by hand have a form of their own.
+        let own_form = match field.rust.as_deref() {
+            Some("Decode") => Some("String"),
+            Some("Bends") => Some("Vec<[f32; 2]>"),
+            _ => None,
+        };
+        if let Some(form) = own_form {
+            writeln!(out, "    #[cfg_attr(feature = \"cli\", schemars(with = \"{form}\"))]").ok();
         }
         if !rules.is_empty() {
             writeln!(out, "    #[serde({})]", rules.join(", ")).ok();

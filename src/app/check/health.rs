@@ -22,7 +22,7 @@ const LARGEST_RAW: f32 = 1e4;
 const LEAST_EMPTY: f64 = 0.01;
 
 /// Measurements of a scene's values.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct Health {
     /// Nodes of the grid.
     pub nodes: u64,
@@ -37,7 +37,7 @@ pub struct Health {
 }
 
 /// Measurements of a channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct ChannelHealth {
     /// `density`, or `k0` and the number of the channel.
     pub name: String,

@@ -10,7 +10,7 @@ use crate::base::finding::{Code, Finding, Severity};
 const MESSAGE_CHARACTERS: usize = 500;
 
 /// The result of a validation.
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 pub struct Report {
     /// True if no finding is an error: the file may be used.
     pub valid: bool,
@@ -29,10 +29,11 @@ pub struct Report {
 }
 
 /// A finding as reports print it.
-#[derive(Debug, Serialize, Clone)]
+#[derive(Debug, schemars::JsonSchema, Serialize, Clone)]
 pub struct ReportedFinding {
     /// Its stable code.
     #[serde(serialize_with = "name")]
+    #[schemars(with = "String")]
     pub code: Code,
     /// The finding's severity.
     pub severity: Severity,

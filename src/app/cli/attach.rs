@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::common::Common;
 use super::gltf;
@@ -41,6 +42,23 @@ pub struct Arguments {
     force: bool,
 }
 
+/// What `attach` did.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct AttachReport {
+    asset: String,
+    container: String,
+    output: String,
+    output_bytes: u64,
+    /// Number of the new field.
+    field: usize,
+    /// The node that it is on.
+    node: usize,
+    /// True if the container is inside the asset.
+    embedded: bool,
+    /// Of the container, in hexadecimal digits.
+    sha256: String,
+}
+
 /// Attaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let limits = common.limits();
@@ -56,16 +74,16 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bytes = output.length();
     output.finish()?;
     warn_of_companions(&asset, &arguments.asset, path, common)?;
-    let report = json!({
-        "asset": arguments.asset.to_string_lossy(),
-        "container": arguments.container.to_string_lossy(),
-        "output": path.to_string_lossy(),
-        "output_bytes": bytes,
-        "field": attached.field,
-        "node": attached.node,
-        "embedded": attached.embedded,
-        "sha256": attached.sha256,
-    });
+    let report = AttachReport {
+        asset: arguments.asset.to_string_lossy().into_owned(),
+        container: arguments.container.to_string_lossy().into_owned(),
+        output: path.to_string_lossy().into_owned(),
+        output_bytes: bytes,
+        field: attached.field,
+        node: attached.node,
+        embedded: attached.embedded,
+        sha256: attached.sha256,
+    };
     let (field, node) = (attached.field, attached.node);
     let text = format!("{}: field {field} on node {node}, {}\n", path.display(), readable(bytes));
     Outcome::new("attach", &report, text)

@@ -77,7 +77,7 @@ pub struct Arguments {
 }
 
 /// The meaning of errors at smaller scales.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Measures {
     /// The field at each scale against the reference's full pictures, averaged down.
@@ -86,8 +86,8 @@ enum Measures {
     Difference,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct CompareReport {
     reference: String,
     field: String,
     measures: Measures,
@@ -155,7 +155,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     drop(bar);
     let off = Some("--level-of-detail off").filter(|_| scales == [1]);
     warn_of_figures(&errors, &cameras, off, common);
-    let report = Report {
+    let report = CompareReport {
         reference: arguments.reference.to_string_lossy().into_owned(),
         field: arguments.field.to_string_lossy().into_owned(),
         measures: match arguments.difference {
@@ -249,7 +249,7 @@ impl Arguments {
     }
 }
 
-impl Report {
+impl CompareReport {
     fn text(&self, both_fields: bool) -> String {
         let (reference, field) = (&self.reference, &self.field);
         let mut text = format!("{field} against {reference}, mean over {} frames\n", self.frames);

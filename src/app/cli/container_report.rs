@@ -13,7 +13,7 @@ use crate::codec::container::Container;
 use crate::model::baked::{Group, Metadata, ViewMetadata};
 use crate::model::grid::Bounds;
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 pub(super) struct ContainerReport {
     pub(super) version: [u16; 2],
     pub(super) file_bytes: u64,
@@ -30,7 +30,7 @@ pub(super) struct ContainerReport {
     pub(super) provenance: Option<Value>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 pub(super) struct ChunkReport {
     kind: String,
     level: Option<u32>,

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::attach::{check_kind, warn_of_companions};
 use super::common::Common;
@@ -35,6 +36,18 @@ pub struct Arguments {
     force: bool,
 }
 
+/// What `detach` did.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct DetachReport {
+    asset: String,
+    output: String,
+    output_bytes: u64,
+    /// Numbers of the fields that were taken out.
+    fields: Vec<usize>,
+    /// Fields that are left.
+    left: usize,
+}
+
 /// Detaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let file = Arc::new(SourceFile::open(&stdin::resolve(&arguments.asset)?)?);
@@ -48,13 +61,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     output.finish()?;
     let left = Asset::open(Arc::new(SourceFile::open(path)?), &common.limits())?;
     warn_of_companions(&left, &arguments.asset, path, common)?;
-    let report = json!({
-        "asset": arguments.asset.to_string_lossy(),
-        "output": path.to_string_lossy(),
-        "output_bytes": bytes,
-        "fields": detached.fields,
-        "left": detached.left,
-    });
+    let report = DetachReport {
+        asset: arguments.asset.to_string_lossy().into_owned(),
+        output: path.to_string_lossy().into_owned(),
+        output_bytes: bytes,
+        fields: detached.fields.clone(),
+        left: detached.left,
+    };
     let (taken, left) = (counted(detached.fields.len(), "field"), detached.left);
     let bytes = readable(bytes);
     let text = format!("{}: {taken} taken out, {left} left, {bytes}\n", path.display());

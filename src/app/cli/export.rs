@@ -109,8 +109,8 @@ enum Up {
     Y,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ExportReport {
     input: String,
     output: String,
     format: &'static str,
@@ -190,7 +190,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         files.finish()?;
     }
     drop(bar);
-    let report = Report {
+    let report = ExportReport {
         input: arguments.field.to_string_lossy().into_owned(),
         output: arguments.output.to_string_lossy().into_owned(),
         format: format.name(),
@@ -328,7 +328,7 @@ impl Arguments {
     }
 }
 
-impl Report {
+impl ExportReport {
     fn text(&self) -> String {
         let mut text = String::new();
         for file in &self.files {

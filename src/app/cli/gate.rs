@@ -34,7 +34,7 @@ pub struct GateArguments {
 }
 
 /// The figures of the cameras' pictures.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
 pub struct GateReport {
     /// Against the unbaked scene, one ray a pixel.
     pub errors: Vec<ScaleErrors>,

@@ -36,7 +36,7 @@ pub struct GltfArguments {
 }
 
 /// The written asset.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
 pub struct GltfReport {
     output: String,
     output_bytes: u64,

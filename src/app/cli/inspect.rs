@@ -35,15 +35,15 @@ pub struct Arguments {
     files: Vec<PathBuf>,
 }
 
-#[derive(Debug, Serialize)]
-struct AssetReport {
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct AssetReport {
     kind: &'static str,
     file_bytes: u64,
     fields: Vec<FieldReport>,
 }
 
 /// A radiance field of an asset.
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 struct FieldReport {
     field: usize,
     /// Nodes that show it.

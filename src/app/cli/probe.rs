@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use clap::Args;
 use glam::DVec3;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::common::Common;
 use super::field::FieldArguments;
@@ -72,6 +73,21 @@ fn parse_level(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
+/// What `probe` wrote.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct ProbeReport {
+    input: String,
+    rays_file: String,
+    output: String,
+    output_bytes: u64,
+    /// Wall-clock time of all.
+    seconds: f64,
+    rays: usize,
+    positions: usize,
+    /// The level that samples read; 0 is the finest.
+    level: usize,
+}
+
 /// Rows of three numbers.
 type Points = Vec<[f32; 3]>;
 
@@ -109,16 +125,16 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let written = output.length();
     output.finish()?;
     let (rays, positions) = (input.rays.len(), input.positions.len());
-    let report = json!({
-        "input": arguments.field.to_string_lossy(),
-        "rays_file": arguments.rays.to_string_lossy(),
-        "output": arguments.output.to_string_lossy(),
-        "output_bytes": written,
-        "seconds": clock.elapsed().as_secs_f64(),
-        "rays": rays,
-        "positions": positions,
-        "level": level,
-    });
+    let report = ProbeReport {
+        input: arguments.field.to_string_lossy().into_owned(),
+        rays_file: arguments.rays.to_string_lossy().into_owned(),
+        output: arguments.output.to_string_lossy().into_owned(),
+        output_bytes: written,
+        seconds: clock.elapsed().as_secs_f64(),
+        rays,
+        positions,
+        level,
+    };
     let mut text = format!(
         "{}: {}, {} at level {level}",
         arguments.output.display(),

@@ -79,8 +79,8 @@ pub struct Arguments {
     scene: SceneArguments,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct RenderReport {
     input: String,
     output: String,
     output_bytes: u64,
@@ -93,7 +93,7 @@ struct Report {
     frames: Vec<FrameReport>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 struct FrameReport {
     frame: String,
     scale: usize,
@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     bar.check()?;
     let output_bytes = pictures.finish()?;
     drop(bar);
-    let report = Report {
+    let report = RenderReport {
         input: arguments.field.to_string_lossy().into_owned(),
         output: arguments.output.to_string_lossy().into_owned(),
         output_bytes,
@@ -194,7 +194,7 @@ impl Arguments {
     }
 }
 
-impl Report {
+impl RenderReport {
     fn text(&self) -> String {
         let names = self.frames.iter().map(|frame| frame.frame.len() + 6);
         let width = names.max().unwrap_or(0).max(7);

@@ -30,7 +30,7 @@ pub struct Arguments {
 const SHOWN: usize = 20;
 
 /// A scene that failed.
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 struct Failure {
     input: String,
     output: String,
@@ -40,15 +40,15 @@ struct Failure {
 }
 
 /// Scenes that ended with one exit code.
-#[derive(Debug, Serialize)]
+#[derive(Debug, schemars::JsonSchema, Serialize)]
 struct ExitCode {
     exit_code: u8,
     scenes: u64,
     retry: &'static str,
 }
 
-#[derive(Debug, Default, Serialize)]
-struct Report {
+#[derive(Debug, Default, schemars::JsonSchema, Serialize)]
+pub(super) struct BatchReport {
     files: usize,
     scenes: u64,
     baked: u64,
@@ -80,13 +80,14 @@ pub fn run(arguments: &Arguments) -> Result<Outcome> {
     }
     let mut scenes: Vec<_> = scenes.into_values().collect();
     scenes.sort_unstable_by_key(|(place, _)| *place);
-    let report = Report::of(arguments.results.len(), scenes.into_iter().map(|(_, scene)| scene));
+    let report =
+        BatchReport::of(arguments.results.len(), scenes.into_iter().map(|(_, scene)| scene));
     let failure = (report.failed > 0)
         .then(|| format!("{} of {} scenes could not be baked", report.failed, report.scenes));
     Ok(Outcome { failure, ..Outcome::new("report", &report, report.text())? })
 }
 
-impl Report {
+impl BatchReport {
     fn of(files: usize, results: impl Iterator<Item = SceneResult>) -> Self {
         let mut report = Self { files, ..Self::default() };
         let mut codes: BTreeMap<u8, u64> = BTreeMap::new();

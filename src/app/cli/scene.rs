@@ -75,7 +75,7 @@ pub struct FoundSettings {
 }
 
 /// A setting in a report.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
 pub struct SettingReport {
     /// The option that sets it.
     name: &'static str,

@@ -6,7 +6,7 @@ use crate::model::field::March;
 use crate::view::render::View;
 
 /// Settings of a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct Settings {
     /// Step length in voxels.
     pub stepsize: f32,

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::common::Common;
 use super::field::{FieldArguments, wrong_kind};
@@ -50,6 +51,17 @@ enum Slices {
     Png,
 }
 
+/// What `unpack` wrote.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct UnpackReport {
+    input: String,
+    output: String,
+    /// Left out for a folder of slices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    output_bytes: Option<u64>,
+    levels: usize,
+}
+
 /// Unpacks a container.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     arguments.which.check(&[&arguments.file])?;
@@ -64,7 +76,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let in_file = |error: Error| error.in_file(&arguments.file);
     let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
-    let input = arguments.file.to_string_lossy();
+    let input = arguments.file.to_string_lossy().into_owned();
+    let shown = output.to_string_lossy().into_owned();
     if is_folder(output) {
         let format = match arguments.slices {
             Slices::Exr => SliceFormat::Exr,
@@ -72,7 +85,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         };
         remove_stale(output);
         write_slices(&container, levels, format, output, arguments.force).map_err(in_file)?;
-        let report = json!({ "input": input, "output": output.to_string_lossy(), "levels": count });
+        let output_bytes = None;
+        let report = UnpackReport { input, output: shown, output_bytes, levels: count };
         let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
     }
@@ -84,9 +98,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     drop(bar);
     let bytes = tensors.length();
     tensors.finish()?;
-    let report = json!({
-        "input": input, "output": output.to_string_lossy(), "output_bytes": bytes, "levels": count,
-    });
+    let report = UnpackReport { input, output: shown, output_bytes: Some(bytes), levels: count };
     let (levels, bytes) = (counted(count, "level"), readable(bytes));
     let text = format!("{}: {levels}, {bytes}\n", output.display());
     Outcome::new("unpack", &report, text)

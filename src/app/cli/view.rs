@@ -42,8 +42,8 @@ pub struct Arguments {
     no_open: bool,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ServedReport {
     input: String,
     kind: Kind,
     input_bytes: u64,
@@ -60,7 +60,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let kind = site.kind();
     let server = Server::bind(arguments.host, arguments.port, site)?;
     let url = server.url();
-    let report = Report {
+    let report = ServedReport {
         input: arguments.file.to_string_lossy().into_owned(),
         kind,
         input_bytes,

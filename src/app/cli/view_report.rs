@@ -13,7 +13,7 @@ use crate::view::compare::DirectionErrors;
 const EQUAL_PSNR: f64 = 200.0;
 
 /// View-dependent colour.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, schemars::JsonSchema, Serialize)]
 pub struct ViewReport {
     /// `network`, `spherical_harmonics` or `none`.
     kind: &'static str,

@@ -16,7 +16,7 @@ use crate::input::Source;
 use crate::model::camera::Camera;
 
 /// One setting of a forecast.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct SettingForecast {
     /// Its name.
     pub name: String,
@@ -33,7 +33,7 @@ pub struct SettingForecast {
 }
 
 /// A sweep that was not done.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct SweepForecast {
     /// The input's file name.
     pub input: String,

@@ -14,7 +14,7 @@ pub(super) type Outcome = std::result::Result<Measured, String>;
 pub const SCHEMA: &str = "mipvog-sweep/1";
 
 /// The result of a setting.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
     /// Bytes of the container.
@@ -29,7 +29,7 @@ pub struct Measured {
 }
 
 /// Flags of a result: for each front at one scale, true if the result is on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize)]
 pub struct Fronts {
     /// Pixels of the full picture along one of this.
     pub scale: usize,
@@ -52,7 +52,7 @@ impl Fronts {
 }
 
 /// One setting of the report.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct SettingReport {
     /// Its name.
     pub name: String,
@@ -79,7 +79,7 @@ pub struct SettingReport {
 }
 
 /// All of a sweep.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize)]
 pub struct SweepReport {
     /// [`SCHEMA`].
     pub schema: &'static str,

@@ -17,6 +17,7 @@ use crate::view::sample::Dense;
 
 /// The course of one level's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct FittedLevel {
     /// The level's number; 0 is the finest.
     pub level: usize,

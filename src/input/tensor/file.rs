@@ -46,6 +46,7 @@ impl TensorFile {
 
 /// Formats of files of tensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FileKind {
     /// A zip file of a pickle and storages, as `torch.save` writes since 1.6.

@@ -17,6 +17,7 @@ use crate::model::grid::Bounds;
 /// log2(rho)`, `line = factor * x + bias`, the sum is over the `bends`, and `rho` is the footprint
 /// of half a pixel in voxels of size `(max - min) / N`, doubled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LevelOfDetail {
     /// 1/3 in the paper, 1/2 in the research code, 1 for mipmaps.
@@ -30,12 +31,14 @@ pub struct LevelOfDetail {
     #[serde(rename = "most", deserialize_with = "nullable")]
     pub bound: Option<f32>,
     /// Where the line bends; left out where it does not.
+    #[cfg_attr(feature = "cli", schemars(with = "Vec<[f32; 2]>"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub bends: Bends,
 }
 
 /// The network of chunk `VMLP`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NetworkMetadata {
     /// Widths from input to output.
@@ -48,6 +51,7 @@ pub struct NetworkMetadata {
 
 /// The encoding of one group of one level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Encoding {
     /// Number type of codes.
@@ -65,6 +69,7 @@ pub struct Encoding {
     /// True if code 0 means `empty`.
     pub empty_code: bool,
     /// Meaning of decoded values.
+    #[cfg_attr(feature = "cli", schemars(with = "String"))]
     pub decode: Decode,
     /// Largest distance, at a retained node, between the decoded and the encoded value: in opacity
     /// over one interval for density, in colour (0 to 1) otherwise.
@@ -73,6 +78,7 @@ pub struct Encoding {
 
 /// One level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LevelMetadata {
     /// Nodes along x, y and z.
@@ -107,6 +113,7 @@ pub struct LevelMetadata {
 
 /// All that is not bulk. Levels go fine to coarse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
     /// The box that every level spans, in training axes.
@@ -143,6 +150,7 @@ pub struct Metadata {
 
 /// View-dependent colour.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum ViewMetadata {
     /// Harmonics.

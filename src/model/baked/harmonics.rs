@@ -6,6 +6,7 @@ use crate::model::harmonics::Harmonics;
 
 /// The rules of harmonics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct HarmonicsMetadata {
     /// The name of the kind.
     kind: HarmonicsKind,
@@ -16,6 +17,7 @@ pub struct HarmonicsMetadata {
 
 /// The name of the kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 enum HarmonicsKind {
     #[default]
     #[serde(rename = "spherical_harmonics")]

@@ -11,6 +11,7 @@ use crate::view::render::Renderer;
 
 /// Errors at one scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct ScaleErrors {
     /// Pixels of the full picture along one of this.
     pub scale: usize,

@@ -1,13 +1,12 @@
 //! `bake --dry-run`.
 
-use serde_json::{Value, json};
-
 use super::super::common::Common;
 use super::super::container_report::levels_text;
 use super::super::outcome::{Outcome, peak_memory_bytes, readable};
 use super::super::progress::Bar;
 use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
+use super::report::BakeJson;
 use super::trained::{open, with_cameras};
 use crate::bake::{BakeOptions, Forecast, LevelReport, forecast};
 use crate::base::error::Result;
@@ -39,26 +38,23 @@ pub fn dry_run(
     let memory = own.map(|own| own.max(forecast.most_memory_bytes.unwrap_or(0)) + judging);
     // Pictures are rendered from whole fields, which no bound allows.
     let least = forecast.least_memory_bytes.filter(|_| !measures);
-    let mut json = json!({
-        "input": arguments.input.to_string_lossy(),
-        "output": arguments.output.to_string_lossy(),
-        "dry_run": true,
-        "seconds": forecast.seconds,
-        "peak_memory_bytes": memory,
-        "least_memory_bytes": least,
-        "bytes_read": file.file.bytes_read() + forecast.more_bytes_read,
-        "options": options.to_json(),
-        "settings": settings.report(&source),
-        "view": ViewReport::of_source(&source, arguments.color_fit),
-    });
-    if let (Value::Object(json), Ok(Value::Object(report))) =
-        (&mut json, serde_json::to_value(&forecast.report))
-    {
-        json.extend(report);
-    }
-    if let Some(steps) = forecast.fit_steps {
-        json["fit_steps"] = steps.into();
-    }
+    let json = BakeJson {
+        input: arguments.input.to_string_lossy().into_owned(),
+        output: arguments.output.to_string_lossy().into_owned(),
+        dry_run: Some(true),
+        input_bytes: None,
+        seconds: forecast.seconds,
+        peak_memory_bytes: memory,
+        least_memory_bytes: Some(least),
+        bytes_read: file.file.bytes_read() + forecast.more_bytes_read,
+        options: options.to_json(),
+        settings: settings.report(&source),
+        view: ViewReport::of_source(&source, arguments.color_fit),
+        report: forecast.report.clone(),
+        fit_steps: forecast.fit_steps,
+        quality: None,
+        gltf: None,
+    };
     let mut text =
         format!("{}: about {}", arguments.output.display(), readable(forecast.report.output_bytes));
     text += &match (forecast.seconds, forecast.fit_steps) {

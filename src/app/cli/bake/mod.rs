@@ -9,5 +9,5 @@ mod run;
 mod trained;
 
 pub use arguments::Arguments;
-pub use report::{Baked, Work};
+pub use report::{BakeJson, Baked, Work};
 pub use run::run;

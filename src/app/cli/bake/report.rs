@@ -3,7 +3,9 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::super::common::Common;
 use super::super::container_report::{LEGEND, levels_text};
@@ -47,6 +49,50 @@ pub struct Work<'a> {
     pub bytes_read: u64,
 }
 
+/// What `bake` and `transcode` print as JSON.
+#[derive(Debug, JsonSchema, Serialize)]
+pub struct BakeJson {
+    /// The file that was read.
+    pub input: String,
+    /// The container.
+    pub output: String,
+    /// True where this is a forecast: seconds, bytes of memory, of the output and of levels, and
+    /// stages are estimates, and nothing was written. Left out of a bake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dry_run: Option<bool>,
+    /// Bytes of the input. Left out of a forecast.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input_bytes: Option<u64>,
+    /// Wall-clock time of all; null in the forecast of a fit.
+    pub seconds: Option<f64>,
+    /// As the operating system counts it, where it does.
+    pub peak_memory_bytes: Option<u64>,
+    /// Of a forecast, the least `--memory` that the bake accepts and keeps to; null where it takes
+    /// no bound. Left out of a bake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least_memory_bytes: Option<Option<u64>>,
+    /// Bytes that were read of the input.
+    pub bytes_read: u64,
+    /// Every option, as it was resolved.
+    pub options: Value,
+    /// Settings of the scene, and where each came from.
+    pub settings: Vec<SettingReport>,
+    /// View-dependent colour.
+    pub view: ViewReport,
+    /// The container, and the work.
+    #[serde(flatten)]
+    pub report: BakeReport,
+    /// Of the forecast of a fit, its maximum number of steps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fit_steps: Option<usize>,
+    /// The figures of pictures, where there is a gate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<GateReport>,
+    /// The asset of `--gltf`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gltf: Option<GltfReport>,
+}
+
 impl Baked {
     /// True if no gate is missed.
     pub fn passes(&self) -> bool {
@@ -61,28 +107,23 @@ impl Baked {
         gltf: Option<&GltfReport>,
         common: &Common,
     ) -> Result<Outcome> {
-        let mut json = json!({
-            "input": work.input.to_string_lossy(),
-            "output": work.output.to_string_lossy(),
-            "input_bytes": work.input_bytes,
-            "seconds": work.seconds,
-            "peak_memory_bytes": peak_memory_bytes(),
-            "bytes_read": work.bytes_read,
-            "options": self.resolved,
-            "settings": self.settings,
-            "view": self.view,
-        });
-        if let (Value::Object(json), Ok(Value::Object(report))) =
-            (&mut json, serde_json::to_value(&self.report))
-        {
-            json.extend(report);
-        }
-        if let Some(gate) = &self.gate {
-            json["quality"] = json!(gate);
-        }
-        if let Some(gltf) = gltf {
-            json["gltf"] = json!(gltf);
-        }
+        let json = BakeJson {
+            input: work.input.to_string_lossy().into_owned(),
+            output: work.output.to_string_lossy().into_owned(),
+            dry_run: None,
+            input_bytes: Some(work.input_bytes),
+            seconds: Some(work.seconds),
+            peak_memory_bytes: peak_memory_bytes(),
+            least_memory_bytes: None,
+            bytes_read: work.bytes_read,
+            options: self.resolved.clone(),
+            settings: self.settings.clone(),
+            view: self.view,
+            report: self.report.clone(),
+            fit_steps: None,
+            quality: self.gate.clone(),
+            gltf: gltf.cloned(),
+        };
         let mut text = self.text(work, common);
         text += &self.view.text();
         text += &self.gate.as_ref().map_or_else(String::new, GateReport::text);

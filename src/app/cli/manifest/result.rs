@@ -9,7 +9,7 @@ use super::line::SceneLine;
 use crate::base::error::Result;
 
 /// The end of a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// It was baked.
@@ -23,7 +23,7 @@ pub enum Status {
 }
 
 /// The result of a scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
 pub struct SceneResult {
     /// The input, as the manifest names it.
     pub input: String,
