@@ -111,26 +111,28 @@ pub fn create_container(path: &Path, force: bool) -> Result<Output> {
     create(path, force)
 }
 
-/// Refuses names that no container can have, and those that say it is something else.
+/// Refuses names that say that a container is something else.
 ///
 /// # Errors
 /// `Usage`.
 pub fn check_container_name(path: &Path) -> Result<()> {
-    let refuse = |reason: &str| Err(Error::usage(format!("-o {}: {reason}", path.display())));
-    let name = path.as_os_str().as_encoded_bytes();
-    if name.ends_with(b"/") || path.file_name().is_none() {
-        return refuse("this verb writes a file, a container (.mipvog), and this names a folder");
-    }
-    if name.contains(&0) {
-        return refuse("a name has no character NUL");
-    }
     let extension = path.extension().and_then(|extension| extension.to_str());
     match extension.filter(|extension| OTHER_KINDS.contains(extension)) {
-        Some(extension) => {
-            refuse(&format!("this verb writes a container, .mipvog, and no .{extension}"))
-        }
+        Some(extension) => Err(Error::usage(format!(
+            "-o {}: this verb writes a container, .mipvog, and no .{extension}",
+            path.display()
+        ))),
         None => Ok(()),
     }
+}
+
+/// The reason why a path names no file, whatever is there.
+pub fn no_file_reason(path: &Path) -> Option<&'static str> {
+    let name = path.as_os_str().as_encoded_bytes();
+    if name.contains(&0) {
+        return Some("a name with a NUL character");
+    }
+    (name.ends_with(b"/") || path.file_name().is_none()).then_some("a folder")
 }
 
 /// Refuses the standard output where a verb writes a folder, or a file whose name others refer to.

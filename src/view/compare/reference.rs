@@ -165,7 +165,9 @@ pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
     let found = camera::photograph_path(folder, camera.picture.as_deref(), &camera.name);
     found.ok_or_else(|| {
         let missing = std::io::ErrorKind::NotFound.into();
-        let stated = camera.picture.clone().unwrap_or_else(|| format!("{}.png", camera.name));
+        let stated = camera.picture.clone().unwrap_or_else(|| camera.name.clone());
+        let has_extension = Path::new(&stated).extension().is_some();
+        let stated = if has_extension { stated } else { stated + ".png" };
         Error::io(missing, &folder.join(stated))
     })
 }

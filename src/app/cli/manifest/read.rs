@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
 use super::super::failure::message;
-use super::super::output::{address_reason, check_container_name};
+use super::super::output::{address_reason, check_container_name, no_file_reason};
 use super::line::SceneLine;
 use super::options::OptionKind;
 use super::words::{Words, Written};
@@ -165,7 +165,11 @@ impl<'a> Manifest<'a> {
                     return Err(wrong(format!("{shown}, {reason}"), "a file of its own"));
                 }
             }
-            check_container_name(Path::new(&line.output)).map_err(|error| {
+            let output = Path::new(&line.output);
+            if let Some(reason) = no_file_reason(output) {
+                return Err(wrong(format!("output {}, {reason}", line.output), "a file"));
+            }
+            check_container_name(output).map_err(|error| {
                 Error::usage(format!("line {number}: {}", error.kind())).in_file(path)
             })?;
             let input = Path::new(&line.input);
