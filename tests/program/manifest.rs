@@ -246,6 +246,13 @@ fn a_bad_manifest_is_refused_before_any_scene_is_baked() {
             r#"{"input": "a", "output": "b", "options": {"alpha_threshold": 0.1, "alpha-threshold": 0.2}}"#,
             "in two spellings",
         ),
+        (r#"{"input": "a", "output": "b", "output": "c"}"#, "found key output twice"),
+        (
+            r#"{"input": "a", "output": "b", "options": {"bits": 8, "bits": 4}}"#,
+            "found key bits twice",
+        ),
+        (r#"{"input": "a", "output": "b/"}"#, "found output b/, a folder"),
+        (r#"{"input": "a", "output": "b\u0000c"}"#, "a name with a NUL character"),
         (r#"{"input": "x.mipvog", "output": "b"}"#, "found input x.mipvog, which line 1 writes"),
         (r#"{"input": "a", "output": "tiny.tar"}"#, "found output tiny.tar, which line 1 reads"),
         (

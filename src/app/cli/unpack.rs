@@ -1,5 +1,6 @@
 //! `unpack`.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -71,11 +72,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         wrong_kind(&arguments.file, expected)
     })?;
     let (output, levels) = (&arguments.output, &arguments.levels);
-    if let Some(level) = levels.iter().enumerate().find(|(i, level)| levels[..*i].contains(level)) {
-        return Err(Error::usage(format!("--levels names level {} twice", level.1)));
-    }
     let in_file = |error: Error| error.in_file(&arguments.file);
-    let count = if levels.is_empty() { container.metadata().levels.len() } else { levels.len() };
+    let asked: BTreeSet<usize> = levels.iter().copied().collect();
+    let count = if asked.is_empty() { container.metadata().levels.len() } else { asked.len() };
     let input = arguments.file.to_string_lossy().into_owned();
     let shown = output.to_string_lossy().into_owned();
     if is_folder(output) {
