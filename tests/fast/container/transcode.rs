@@ -56,14 +56,15 @@ fn a_container_packs_as_the_file_it_unpacks_to() {
 fn pictures_from_afar_stay_without_the_finest_levels() {
     let scene = trained("lego64/fine_last.tar");
     // Footprints that read no level finer than the first one that stays.
+    let few = &[Bits::Integer(8)][..];
     let cases = [
-        (Filter::RateTent, 1, 6.0),
-        (Filter::RateTent, 2, 20.0),
-        (Filter::Fit, 1, 8.0),
-        (Filter::Paper, 1, 9.0),
+        (Filter::RateTent, 1, 6.0, &[Bits::Integer(8), Bits::F16, Bits::F32][..]),
+        (Filter::RateTent, 2, 20.0, &[Bits::Integer(12)]),
+        (Filter::Fit, 1, 8.0, few),
+        (Filter::Paper, 1, 9.0, few),
     ];
-    for (filter, count, rho) in cases {
-        for bits in [Bits::Integer(8), Bits::Integer(12), Bits::F16, Bits::F32] {
+    for (filter, count, rho, numbers) in cases {
+        for &bits in numbers {
             let container = baked(&scene, |options| {
                 (options.filter, options.bits, options.fit_steps) = (filter.into(), bits, 0);
             });
@@ -158,7 +159,7 @@ fn the_best_that_fits_is_found_and_always_the_same() {
     // It fits as it is.
     let same = changed(&container, &with(whole)).expect("fits");
     assert_eq!(same.read().expect("valid").levels, container.read().expect("valid").levels);
-    for (share, levels) in [(0.9, 5), (0.6, 5), (0.1, 4)] {
+    for (share, levels) in [(0.6, 5), (0.1, 4)] {
         let most = (whole as f64 * share) as u64;
         let bytes = changed_bytes(&container, &with(most)).expect("fits");
         assert!(bytes.len() as u64 <= most && bytes.len() as f64 > 0.85 * most as f64, "{share}");
