@@ -19,7 +19,6 @@ mod golden;
 mod layers;
 mod links;
 mod models;
-mod numerics;
 mod oracle;
 mod output;
 mod render;

@@ -27,7 +27,6 @@ mod manifest;
 mod manual;
 mod models;
 mod probe;
-mod progress_cli;
 mod remote;
 mod render_cli;
 mod second_reader;

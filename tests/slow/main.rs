@@ -32,6 +32,7 @@ mod export;
 mod export_pages;
 #[cfg(all(feature = "cli", unix))]
 mod faults;
+mod fit;
 #[cfg(feature = "cli")]
 mod fit_cli;
 mod fuzz;
@@ -45,11 +46,15 @@ mod manual;
 mod max_error;
 #[cfg(all(feature = "cli", target_os = "linux"))]
 mod memory;
+mod numerics;
 #[cfg(all(feature = "cli", unix))]
 mod paused;
+#[cfg(feature = "cli")]
+mod progress_cli;
 #[path = "../fast/output/render_plain.rs"]
 mod render_plain;
 #[cfg(feature = "cli")]
 mod splat;
 #[path = "../fast/models/tensor.rs"]
 mod tensor;
+mod transcode;
