@@ -7,6 +7,9 @@ use peak_alloc::PeakAlloc;
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
+/// Of many cases by chance one in so many is tried. `tests/slow` tries all.
+const ONE_IN: usize = 11;
+
 mod bake;
 mod broken;
 mod container;
@@ -16,7 +19,6 @@ mod golden;
 mod layers;
 mod links;
 mod models;
-mod numerics;
 mod oracle;
 mod output;
 mod render;

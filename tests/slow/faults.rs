@@ -4,31 +4,37 @@
 use crate::common;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::time::Instant;
 
 use crate::common::asset::glb;
-use crate::common::{Random, fixture, folder, program};
+use crate::common::{fixture, folder, program};
+use crate::paused::Paused;
 use mipvog_bake::unstable::base::bytes;
 use mipvog_bake::unstable::base::error::ErrorKind;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
-/// Kills of bakes.
-const KILLS: usize = 200;
-/// Other verbs and how often each is killed.
-const KILLED: [(&str, usize); 6] = [
-    ("bake SCENE -o x.mipvog --gltf x.glb --fallback-triangles 300 --force", 30),
-    ("unpack BAKED -o x.safetensors --force", 40),
-    ("unpack BAKED -o x/ --levels 1,2 --force", 20),
-    ("attach ROOM BAKED -o x.glb --force", 40),
-    ("render BAKED --turntable 2 --size 48x32 --scales 1,2 --exr -o x --force", 20),
-    ("sweep SCENE --turntable 1 --size 24x16 --bits 8,6 --repeat 1 -o x", 30),
+/// Verbs, and the points at which each is killed.
+const KILLED: [(&str, &[&str]); 6] = [
+    (
+        "bake SCENE -o x.mipvog --gltf x.glb --fallback-triangles 300 --force",
+        &["created 2", "synced 2", "renamed 1", "renamed 2"],
+    ),
+    ("unpack BAKED -o x.safetensors --force", &["appended 2", "synced 1"]),
+    ("unpack BAKED -o x/ --levels 1,2 --force", &["created 3", "renamed 2"]),
+    ("attach ROOM BAKED -o x.glb --force", &["appended 1", "synced 1"]),
+    (
+        "render BAKED --turntable 2 --size 48x32 --scales 1,2 --exr -o x --force",
+        &["appended 3", "renamed 5"],
+    ),
+    (
+        "sweep SCENE --turntable 1 --size 24x16 --bits 8,6 --repeat 1 -o x",
+        &["appended 2", "renamed 2", "created 2"],
+    ),
 ];
 
 fn scene() -> OsString {
@@ -75,28 +81,26 @@ fn failed(output: &Output, code: i32, says: &[&str]) {
 fn a_killed_run_leaves_no_half_file_and_the_next_one_cleans_up() {
     let folder = folder();
     let here = folder.path();
-    let clock = Instant::now();
-    let wholes = wholes(here);
-    let time = clock.elapsed() / 2;
-    let mut random = Random::new(4);
-    let (mut killed, mut left) = (0, 0);
-    for run in 0..KILLS {
-        // Sometimes there is a file before, sometimes not.
-        if run % 3 == 0 {
-            std::fs::remove_file(here.join("x.mipvog")).ok();
+    let [whole, other] = wholes(here);
+    let path = here.join("x.mipvog");
+    for (point, has_name) in [
+        ("created 1", false),
+        ("appended 1", false),
+        ("appended 9", false),
+        ("synced 1", false),
+        ("renamed 1", true),
+    ] {
+        for before in [None, Some(&other)] {
+            std::fs::remove_file(&path).ok();
+            before.iter().for_each(|bytes| std::fs::write(&path, bytes).expect("own"));
+            Paused::at(&mut bake(here, "8"), point).kill();
+            let now = std::fs::read(&path).ok();
+            assert!(now.as_ref() == if has_name { Some(&whole) } else { before }, "{point}");
+            // That of this run alone: it has removed what the last one left.
+            let left = names(here).iter().filter(|name| name.ends_with(".partial")).count();
+            assert_eq!(left, usize::from(!has_name), "{point}");
         }
-        let before = std::fs::read(here.join("x.mipvog")).ok();
-        let mut child = quiet(&mut bake(here, ["8", "6"][run % 2]));
-        std::thread::sleep(time.mul_f32(random.between(0.0, 1.1)));
-        child.kill().expect("a child");
-        killed += usize::from(child.wait().expect("ends").signal() == Some(9));
-        let now = std::fs::read(here.join("x.mipvog")).ok();
-        let whole = now.as_ref() == Some(&wholes[run % 2]);
-        assert!(whole || now == before, "run {run} left something half");
-        left += names(here).len() - usize::from(now.is_some());
     }
-    assert!(killed > KILLS / 4, "only {killed} runs were still there to be killed");
-    assert!(left > 0, "no run was killed while it wrote");
     assert!(quiet(&mut bake(here, "8")).wait().expect("ends").success());
     assert_eq!(names(here), ["x.mipvog"]);
 }
@@ -132,9 +136,7 @@ fn killed_verbs_leave_nothing_half_and_the_next_run_cleans_up() {
     let inputs = folder();
     let room = inputs.path().join("room.glb");
     std::fs::write(&room, glb("{\"asset\":{\"version\":\"2.0\"}}", &[])).expect("writable");
-    let mut random = Random::new(5);
-    let mut interrupted = 0;
-    for (line, kills) in KILLED {
+    for (line, points) in KILLED {
         let folder = folder();
         let here = folder.path();
         let run = || {
@@ -144,40 +146,36 @@ fn killed_verbs_leave_nothing_half_and_the_next_run_cleans_up() {
                 "ROOM" => room.clone().into(),
                 word => word.into(),
             });
-            quiet(program().current_dir(here).stdin(Stdio::null()).args(words))
+            let mut command = program();
+            command.current_dir(here).args(words);
+            command
         };
-        let clock = Instant::now();
-        assert!(run().wait().expect("ends").success(), "{line}");
-        let time = clock.elapsed();
+        assert!(quiet(&mut run()).wait().expect("ends").success(), "{line}");
         let wholes = contents(here);
         let is_sweep = line.starts_with("sweep");
-        for number in 0..kills {
-            // A sweep goes on from its last result, now and then from the start; other runs find
-            // files of another run.
+        for (number, point) in points.iter().enumerate() {
+            // A sweep goes on from its last result, at first from the start; other runs find files of
+            // another run.
             if !is_sweep {
                 wholes
                     .keys()
                     .for_each(|name| std::fs::write(here.join(name), "mine").expect("own"));
-            } else if number % 3 == 0 {
+            } else if number == 0 {
                 std::fs::remove_dir_all(here.join("x")).expect("own");
             }
-            let mut child = run();
-            std::thread::sleep(time.mul_f32(random.between(0.0, 1.1)));
-            child.kill().expect("a child");
-            interrupted += usize::from(child.wait().expect("ends").signal() == Some(9));
+            Paused::at(&mut run(), point).kill();
             for (name, bytes) in contents(here) {
                 if name.to_string_lossy().ends_with(".partial") {
                     continue;
                 }
                 let whole = wholes.get(&name).unwrap_or_else(|| panic!("{line}: {name:?}"));
                 let good = bytes == b"mine" || is_whole(&name, &bytes, whole);
-                assert!(good, "{line}: run {number} left {name:?} half");
+                assert!(good, "{line}: {name:?} is half at {point}");
             }
         }
-        assert!(run().wait().expect("ends").success(), "{line}");
+        assert!(quiet(&mut run()).wait().expect("ends").success(), "{line}");
         assert!(contents(here).keys().eq(wholes.keys()), "{line}: {:?}", contents(here).keys());
     }
-    assert!(interrupted > 45, "only {interrupted} runs were still there to be killed");
 }
 
 #[test]
@@ -316,34 +314,34 @@ fn an_input_that_shrinks_or_goes_is_an_error_or_was_read() {
         input::open_with(&input, &Default::default(), &Limits::default()).expect("a scene");
     std::fs::remove_file(&input).expect("own");
     common::baked_bytes(&opened.field, &Default::default()).expect("the bytes are there");
-    // At any moment, as the user sees it.
-    let clock = Instant::now();
+    // At named moments, as the user sees it.
     let [whole, _] = wholes(here);
-    let time = clock.elapsed() / 2;
-    let mut random = Random::new(6);
-    for run in 0..20 {
-        std::fs::copy(scene(), &input).expect("copied");
-        std::fs::remove_file(here.join("x.mipvog")).ok();
-        let mut command = Command::new(PROGRAM);
-        command.current_dir(here).args(["bake", "-o", "x.mipvog", "--threads", "1", "scene.tar"]);
-        let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
-        std::thread::sleep(time.mul_f32(random.between(0.0, 1.0)));
-        if run % 4 == 0 {
-            std::fs::remove_file(&input).expect("own");
-        } else {
-            let file = std::fs::File::options().write(true).open(&input).expect("own");
-            file.set_len(random.below(40_000) as u64).expect("own");
-        }
-        let output = child.wait_with_output().expect("ends");
-        match output.status.code() {
-            Some(0) => assert!(std::fs::read(here.join("x.mipvog")).expect("written") == whole),
-            code => {
-                failed(&output, code.expect("no signal"), &["scene.tar", "help:"]);
-                assert!([Some(3), Some(5)].contains(&code), "{code:?}");
-                assert!(!here.join("x.mipvog").exists());
+    for point in ["created 1", "appended 1", "appended 9"] {
+        for length in [None, Some(0), Some(10_000), Some(39_000)] {
+            std::fs::copy(scene(), &input).expect("copied");
+            std::fs::remove_file(here.join("x.mipvog")).ok();
+            let mut command = program();
+            command.current_dir(here).args(["bake", "-o", "x.mipvog", "--threads", "1"]);
+            let run = Paused::at(command.arg("scene.tar"), point);
+            match length {
+                None => std::fs::remove_file(&input).expect("own"),
+                Some(length) => {
+                    let file = std::fs::File::options().write(true).open(&input).expect("own");
+                    file.set_len(length).expect("own");
+                }
             }
+            let (code, said) = run.go_on();
+            let now = std::fs::read(here.join("x.mipvog")).ok();
+            match code {
+                Some(0) => assert!(now.as_ref() == Some(&whole)),
+                code => {
+                    assert!([Some(3), Some(5)].contains(&code), "{code:?}: {said}");
+                    assert!(said.contains("scene.tar") && said.contains("help:"), "{said}");
+                    assert!(now.is_none());
+                }
+            }
+            assert!(names(here).iter().all(|name| !name.ends_with(".partial")));
         }
-        assert!(names(here).iter().all(|name| !name.ends_with(".partial")));
     }
 }
 
@@ -351,20 +349,9 @@ fn an_input_that_shrinks_or_goes_is_an_error_or_was_read() {
 fn signals_end_a_run_with_their_code_and_leave_nothing() {
     let folder = folder();
     let here = folder.path();
-    for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let mut command = bake(here, "8");
-        command.args(["--filter", "none", "--zstd-level", "22", "--levels", "1", "--verbose"]);
-        let mut child =
-            command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
-        // It watches for signals by the time of its warning about missing settings.
-        let mut byte = [0];
-        child.stderr.as_mut().expect("a pipe").read_exact(&mut byte).expect("a warning");
-        common::send(&format!("-{signal}"), child.id());
-        let ended = child.wait().expect("ends").code();
-        // It may have been done before.
-        let done = ended == Some(0) && here.join("x.mipvog").exists();
-        assert!(done || ended == Some(code), "{signal}: {ended:?}");
-        std::fs::remove_file(here.join("x.mipvog")).ok();
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        let (ended, said) = Paused::at(&mut bake(here, "8"), "created 1").signal(signal);
+        assert_eq!(ended, Some(code), "{signal}: {said}");
         assert_eq!(names(here), [""; 0]);
     }
 }

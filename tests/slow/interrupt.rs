@@ -1,20 +1,18 @@
-//! Signals at any moment: a verb ends within a second, leaves nothing half or in the way, and the
+//! Signals at named moments: a verb ends within a second, leaves nothing half or in the way, and the
 //! same command runs again.
 
-use crate::common;
 use std::path::Path;
-use std::process::{Child, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::asset::glb;
-use crate::common::{Random, fixture, folder, program};
+use crate::common::{fixture, folder, program, send};
+use crate::paused::{END, Paused};
 
-/// A run has this much time to end after a signal: the second that is promised, of which the
-/// program takes 0.65 at most, and half of one more for a machine whose processors are all taken by
-/// other tests: there threads, the shell that sends the signal, and the test itself wait for their turn.
-const END: Duration = Duration::from_millis(1500);
+/// Signals that ask a program to end, with the exit codes that say so.
+const SIGNALS: [(&str, i32); 2] = [("-INT", 130), ("-TERM", 143)];
 
-fn start(here: &Path, line: &str) -> Child {
+fn command(here: &Path, line: &str) -> Command {
     let words = line.split(' ').map(|word| match word {
         "SCENE" => fixture("trained/lego64/fine_last.tar").display().to_string(),
         "TINY" => fixture("trained/tiny/fine_last.tar").display().to_string(),
@@ -22,22 +20,14 @@ fn start(here: &Path, line: &str) -> Child {
         word => word.to_owned(),
     });
     let mut command = program();
-    command.current_dir(here).args(words).stdin(Stdio::null()).stdout(Stdio::null());
-    command.stderr(Stdio::piped()).spawn().expect("starts")
+    command.current_dir(here).args(words).stdin(Stdio::null());
+    command
 }
 
-/// Sends a signal and waits; the time until the end is asserted.
-fn signalled(child: Child, signal: &str) -> Output {
-    let clock = Instant::now();
-    common::send(signal, child.id());
-    let output = child.wait_with_output().expect("ends");
-    let took = clock.elapsed();
-    assert!(took < END, "{took:?}: {}", message(&output));
-    output
-}
-
-fn message(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+/// Runs a command to its end.
+fn runs(here: &Path, line: &str) {
+    let output = command(here, line).output().expect("starts");
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -46,19 +36,6 @@ fn names(folder: &Path) -> Vec<String> {
         entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     names
-}
-
-fn wait_for(holds: impl Fn() -> bool) {
-    let clock = Instant::now();
-    while !holds() {
-        assert!(clock.elapsed() < Duration::from_secs(60), "it never comes");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-/// The first time that a folder of this name has so many files.
-fn wait_for_files(folder: &Path, count: usize) {
-    wait_for(|| names(folder).iter().filter(|name| name.ends_with(".png")).count() >= count);
 }
 
 #[test]
@@ -70,11 +47,9 @@ fn pictures_of_an_interrupted_run_go_and_it_runs_again() {
     for (line, signal, code) in
         [(render, "-INT", 130), (compare, "-TERM", 143), (render, "-TERM", 143)]
     {
-        let child = start(here, line);
-        wait_for_files(&here.join("new/pictures"), 3);
-        let output = signalled(child, signal);
-        assert_eq!(output.status.code(), Some(code), "{line}: {}", message(&output));
-        assert!(message(&output).contains("again to start over"), "{}", message(&output));
+        let (ended, said) = Paused::at(&mut command(here, line), "renamed 3").signal(signal);
+        assert_eq!(ended, Some(code), "{line}: {said}");
+        assert!(said.contains("again to start over"), "{said}");
         // The folder was its own too.
         assert!(names(here).is_empty(), "{line}: {:?}", names(here));
     }
@@ -83,144 +58,160 @@ fn pictures_of_an_interrupted_run_go_and_it_runs_again() {
     std::fs::write(here.join("new/pictures/mine.txt"), b"mine").expect("writable");
     std::fs::write(here.join("new/pictures/turn_001.s1.png"), b"old").expect("writable");
     let forced = format!("{render} --force");
-    let child = start(here, &forced);
-    wait_for_files(&here.join("new/pictures"), 4);
-    assert_eq!(signalled(child, "-INT").status.code(), Some(130));
+    let (ended, said) = Paused::at(&mut command(here, &forced), "renamed 4").signal("-INT");
+    assert_eq!(ended, Some(130), "{said}");
     assert_eq!(names(&here.join("new/pictures")), ["mine.txt", "turn_001.s1.png"]);
     let replaced = std::fs::read(here.join("new/pictures/turn_001.s1.png")).expect("there");
     assert!(replaced.starts_with(b"\x89PNG") && replaced.ends_with(b"IEND\xaeB`\x82"));
-    let short = forced.replace("300", "3");
-    let output = start(here, &short).wait_with_output().expect("ends");
-    assert!(output.status.success(), "{}", message(&output));
+    runs(here, &forced.replace("300", "3"));
 }
 
 #[test]
-fn any_verb_ends_soon_after_a_signal_at_any_moment() {
-    let mut random = Random::new(11);
-    let lines = [
-        "render SCENE --turntable 40 --size 200 -o x.webp",
-        "render SCENE --size 1500 --supersample 3 -o x.png",
-        "compare SCENE SCENE --turntable 4 --size 300 --scales 1,2 -o x",
-        "bake SCENE --stepsize 0.5 -o x.mipvog --zstd-level 22",
-        "bake SCENE --stepsize 0.5 -o x.mipvog --turntable 9 --size 400",
-        "inspect SCENE",
-        "validate SCENE",
-        "unpack BAKED -o x.safetensors",
-        "view BAKED --no-open",
-    ];
-    for line in lines {
-        for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+fn long_work_ends_soon_after_a_signal() {
+    for (line, words) in [
+        ("render SCENE --turntable 40 --size 200 -o x.webp", "render, "),
+        ("render SCENE --size 1500 --supersample 3 -o x.png", "render, "),
+        ("compare SCENE SCENE --turntable 4 --size 300 --scales 1,2 -o x", "render, "),
+        ("bake SCENE --stepsize 0.5 -o x.mipvog --zstd-level 22", "encode"),
+        ("bake SCENE --stepsize 0.5 -o x.mipvog --turntable 9 --size 400", "render, "),
+    ] {
+        for (signal, code) in SIGNALS {
             let folder = folder();
             let here = folder.path();
-            let child = start(here, line);
-            let wait = random.between(0.03, 0.7);
-            std::thread::sleep(Duration::from_secs_f32(wait));
-            let output = signalled(child, signal);
-            // Short ones were done.
-            let ended = output.status.code();
-            assert!([Some(code), Some(0)].contains(&ended), "{line}: {}", message(&output));
-            if ended != Some(0) {
-                assert!(names(here).is_empty(), "{line} after {wait} s: {:?}", names(here));
-            }
+            let mut command = command(here, line);
+            let run = Paused::after(command.args(["--progress", "always"]), words);
+            let (ended, said) = run.signal(signal);
+            assert_eq!(ended, Some(code), "{line}: {said}");
+            assert!(names(here).is_empty(), "{line}: {:?}", names(here));
         }
     }
 }
 
 #[test]
-fn every_other_verb_ends_soon_too_and_runs_again() {
+fn a_server_ends_at_a_signal() {
+    for (signal, code) in SIGNALS {
+        let folder = folder();
+        let mut view = command(folder.path(), "view BAKED --no-open");
+        let (ended, said) = Paused::after(&mut view, "serving").signal(signal);
+        assert_eq!(ended, Some(code), "{said}");
+    }
+}
+
+#[test]
+fn every_verb_that_writes_ends_soon_and_runs_again() {
     let inputs = folder();
     let room = inputs.path().join("room.glb");
     std::fs::write(&room, glb("{\"asset\":{\"version\":\"2.0\"}}", &[])).expect("writable");
     let both = inputs.path().join("both.glb");
     let attach = format!("attach {} BAKED -o", room.display());
-    let output = start(inputs.path(), &format!("{attach} {}", both.display()));
-    assert!(output.wait_with_output().expect("ends").status.success());
-    let lines = [
-        format!("{attach} new/x.glb"),
-        format!("detach {} -o new/x.glb", both.display()),
-        format!("inspect {} BAKED TINY", both.display()),
-        "bake TINY -o new/x.mipvog --gltf new/x.glb --depfile new/x.d".to_owned(),
-        "bake TINY -o x.mipvog --dry-run".to_owned(),
-        "bake BAKED -o new/x.mipvog --bits 6".to_owned(),
-        "transcode BAKED -o new/x.mipvog --max-bytes 20kB".to_owned(),
-        "unpack BAKED -o new/slices/".to_owned(),
-        "unpack BAKED -o new/x.npz".to_owned(),
-        "render BAKED --spiral 3 --size 90 --scales 1,2 --exr --sheet -o new/pictures".to_owned(),
-        "render BAKED --turntable 5 --size 90 -o new/x.gif".to_owned(),
-        "compare BAKED TINY --turntable 2 --size 90 --scales 1,2 -o new/errors".to_owned(),
-        "sweep TINY --turntable 1 --size 20 --bits 8 --scales 1 --repeat 1 -o new/x".to_owned(),
-        "man".to_owned(),
-        "completions bash".to_owned(),
-        "version".to_owned(),
-    ];
-    let mut random = Random::new(13);
-    for line in &lines {
+    runs(inputs.path(), &format!("{attach} {}", both.display()));
+    let bake = "bake TINY -o new/x.mipvog --gltf new/x.glb --depfile new/x.d";
+    let render = "render BAKED --spiral 3 --size 90 --scales 1,2 --exr --sheet -o new/pictures";
+    let compare = "compare BAKED TINY --turntable 2 --size 90 --scales 1,2 -o new/errors";
+    let mut ended_by_signal = 0;
+    for (line, points) in [
+        (&format!("{attach} new/x.glb")[..], ["created 1", "appended 1"]),
+        (&format!("detach {} -o new/x.glb", both.display()), ["created 1", "appended 1"]),
+        (bake, ["created 3", "appended 4"]),
+        ("bake BAKED -o new/x.mipvog --bits 6", ["created 1", "appended 4"]),
+        ("transcode BAKED -o new/x.mipvog --max-bytes 20kB", ["created 1", "appended 4"]),
+        ("unpack BAKED -o new/slices/", ["appended 5", "renamed 7"]),
+        ("unpack BAKED -o new/x.safetensors", ["created 1", "appended 3"]),
+        ("unpack BAKED -o new/x.npz", ["created 1", "appended 3"]),
+        (render, ["appended 5", "renamed 3"]),
+        ("render BAKED --turntable 5 --size 90 -o new/x.gif", ["created 1", "appended 3"]),
+        (compare, ["appended 2", "renamed 3"]),
+    ] {
         let folder = folder();
         let here = folder.path();
-        let clock = Instant::now();
-        assert!(start(here, line).wait().expect("ends").success(), "{line}");
-        let time = clock.elapsed();
-        for (signal, code) in [("-INT", 130), ("-TERM", 143), ("-INT", 130), ("-TERM", 143)] {
-            std::fs::remove_dir_all(here.join("new")).ok();
-            let child = start(here, line);
-            // Before the first thing it does a program has no handlers; then a signal ends it.
-            let share = random.between(0.1, 1.0);
-            std::thread::sleep(time.mul_f32(share).max(Duration::from_millis(8)));
-            let output = signalled(child, signal);
-            let ended = output.status.code();
-            assert!([Some(code), Some(0), None].contains(&ended), "{line}: {}", message(&output));
-            if ended != Some(0) && !line.starts_with("sweep") {
-                assert!(names(here).is_empty(), "{line} at {share}: {:?}", names(here));
-            }
+        let new = here.join("new");
+        for (point, (signal, code)) in points.into_iter().zip(SIGNALS) {
+            let (ended, said) = Paused::at(&mut command(here, line), point).signal(signal);
+            // Behind its last look at signals a run is done, and all is there.
+            let done = ended == Some(0);
+            assert!(done || ended == Some(code), "{line}, {point}: {ended:?} {said}");
+            ended_by_signal += usize::from(!done);
+            let left = names(&new);
+            std::fs::remove_dir_all(&new).ok();
+            assert!(names(here).is_empty(), "{line}, {point}: {:?}", names(here));
+            runs(here, line);
+            let whole = if done { names(&new) } else { Vec::new() };
+            assert_eq!(left, whole, "{line}, {point}");
+            std::fs::remove_dir_all(&new).expect("written");
         }
-        std::fs::remove_dir_all(here.join("new")).ok();
-        let output = start(here, line).wait_with_output().expect("ends");
-        assert!(output.status.success(), "{line}: {}", message(&output));
+    }
+    assert!(ended_by_signal >= 11, "{ended_by_signal} runs");
+}
+
+/// What is done soon and writes nothing is ended or done, in the middle of its time.
+#[test]
+fn verbs_that_write_nothing_end_soon() {
+    let folder = folder();
+    let here = folder.path();
+    for line in [
+        "inspect SCENE BAKED TINY",
+        "validate SCENE",
+        "bake TINY -o x.mipvog --dry-run",
+        "man",
+        "completions bash",
+        "version",
+    ] {
+        let clock = Instant::now();
+        runs(here, line);
+        let time = clock.elapsed();
+        for (signal, code) in SIGNALS {
+            let mut child = command(here, line).stdout(Stdio::null()).spawn().expect("starts");
+            std::thread::sleep(time / 2);
+            let clock = Instant::now();
+            send(signal, child.id());
+            // Before the first thing it does a program has no handlers; then a signal ends it.
+            let ended = child.wait().expect("ends").code();
+            assert!([Some(code), Some(0), None].contains(&ended), "{line}: {ended:?}");
+            assert!(clock.elapsed() < END, "{line}");
+            assert!(names(here).is_empty(), "{line}: {:?}", names(here));
+        }
     }
 }
 
 #[test]
 fn a_standard_input_that_never_ends_leaves_no_copy() {
-    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+    for (signal, code) in SIGNALS {
         let folder = folder();
         let here = folder.path();
         let mut command = program();
         command.env("TMPDIR", here).current_dir(here).args(["bake", "-", "-o", "x.mipvog"]);
-        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.spawn().expect("starts");
         let _held = child.stdin.take();
-        wait_for(|| !names(here).is_empty());
-        let output = signalled(child, signal);
-        assert_eq!(output.status.code(), Some(code), "{}", message(&output));
+        let clock = Instant::now();
+        while names(here).is_empty() {
+            assert!(clock.elapsed() < Duration::from_secs(60), "it never comes");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let clock = Instant::now();
+        send(signal, child.id());
+        assert_eq!(child.wait().expect("ends").code(), Some(code));
+        assert!(clock.elapsed() < END);
         assert!(names(here).is_empty(), "{:?}", names(here));
     }
 }
 
 #[test]
-fn a_sweep_goes_on_after_a_signal_at_any_moment() {
-    let mut random = Random::new(12);
+fn a_sweep_goes_on_after_a_signal() {
     let folder = folder();
     let here = folder.path();
     let line = "sweep TINY --turntable 2 --size 40 --bits 6,8,10,12 --repeat 1 -o x";
-    let clock = Instant::now();
-    assert!(start(here, line).wait().expect("ends").success());
-    let time = clock.elapsed();
+    runs(here, line);
     let whole = names(&here.join("x"));
-    for number in 0..16 {
-        if number % 4 == 0 {
-            std::fs::remove_dir_all(here.join("x")).expect("own");
-        }
-        let child = start(here, line);
-        std::thread::sleep(time.mul_f32(random.between(0.05, 0.9)));
-        let signal = if number % 2 == 0 { "-INT" } else { "-TERM" };
-        let output = signalled(child, signal);
-        let code = output.status.code();
-        assert!([Some(0), Some(130), Some(143)].contains(&code), "{}", message(&output));
+    std::fs::remove_dir_all(here.join("x")).expect("own");
+    let points = ["created 2", "appended 5", "renamed 3", "renamed 2", "created 1"];
+    for (point, (signal, code)) in points.into_iter().zip(SIGNALS.into_iter().cycle()) {
+        let (ended, said) = Paused::at(&mut command(here, line), point).signal(signal);
+        assert_eq!(ended, Some(code), "{point}: {said}");
         let left = names(&here.join("x"));
-        assert!(left.iter().all(|name| whole.contains(name)), "{left:?}");
+        assert!(left.iter().all(|name| whole.contains(name)), "{point}: {left:?}");
     }
-    let output = start(here, line).wait_with_output().expect("ends");
-    assert!(output.status.success(), "{}", message(&output));
+    runs(here, line);
     assert_eq!(names(&here.join("x")), whole);
 }
 
@@ -229,21 +220,9 @@ fn a_fit_that_has_not_begun_says_so() {
     let folder = folder();
     let here = folder.path();
     let line = "bake SCENE --stepsize 0.5 --filter fit -o x.mipvog --progress always";
-    let mut child = start(here, line);
-    let mut stderr = child.stderr.take().expect("a pipe");
-    let (mut seen, mut buffer) = (Vec::new(), [0; 256]);
-    while !String::from_utf8_lossy(&seen).contains("reference pictures") {
-        let count = std::io::Read::read(&mut stderr, &mut buffer).expect("readable");
-        assert!(count > 0, "it ended: {}", String::from_utf8_lossy(&seen));
-        seen.extend_from_slice(&buffer[..count]);
-    }
-    child.stderr = Some(stderr);
-    let output = signalled(child, "-INT");
-    assert_eq!(output.status.code(), Some(130));
-    assert!(
-        message(&output).contains("nothing is fitted, nothing written"),
-        "{}",
-        message(&output)
-    );
+    let run = Paused::after(&mut command(here, line), "reference pictures");
+    let (ended, said) = run.signal("-INT");
+    assert_eq!(ended, Some(130), "{said}");
+    assert!(said.contains("nothing is fitted, nothing written"), "{said}");
     assert!(names(here).is_empty());
 }

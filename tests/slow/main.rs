@@ -20,11 +20,41 @@ mod common {
     }
 }
 
+/// Of many cases by chance, all are tried: those of files of `tests/fast`, too.
+const ONE_IN: usize = 1;
+
+#[path = "../fast/output/attach.rs"]
+mod attach;
 mod every_family;
+#[cfg(feature = "cli")]
+mod export;
+#[cfg(feature = "cli")]
+mod export_pages;
 #[cfg(all(feature = "cli", unix))]
 mod faults;
+mod fit;
+#[cfg(feature = "cli")]
+mod fit_cli;
 mod fuzz;
+#[cfg(feature = "cli")]
+mod gltf_tools;
 #[cfg(all(feature = "cli", unix))]
 mod interrupt;
+#[cfg(all(feature = "cli", unix))]
+mod manual;
+#[path = "../fast/bake/max_error.rs"]
+mod max_error;
 #[cfg(all(feature = "cli", target_os = "linux"))]
 mod memory;
+mod numerics;
+#[cfg(all(feature = "cli", unix))]
+mod paused;
+#[cfg(feature = "cli")]
+mod progress_cli;
+#[path = "../fast/output/render_plain.rs"]
+mod render_plain;
+#[cfg(feature = "cli")]
+mod splat;
+#[path = "../fast/models/tensor.rs"]
+mod tensor;
+mod transcode;

@@ -10,6 +10,7 @@ mod file;
 mod guard;
 mod linked;
 mod output;
+mod pause;
 mod provisional;
 mod reader;
 #[cfg(feature = "network")]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::guard::is_guarded;
 use super::unfinished::{Unfinished, made_and_noted};
-use super::{ByteSink, stale};
+use super::{ByteSink, pause, stale};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
 /// A file being written beside its final name; [`Output::finish`] renames it into place, and
@@ -145,6 +145,7 @@ impl Output {
         while !stale::claim(&temporary) {
             (temporary, unfinished) = made_and_noted(make)?;
         }
+        pause::at("created");
         let path = path.to_owned();
         Ok(Self {
             temporary,
@@ -209,7 +210,9 @@ impl Output {
     fn settle(&self) -> Result<()> {
         let io = |error| Error::io(error, &self.path);
         if self.destination != Destination::Stdout {
-            return self.file().sync_data().map_err(io);
+            self.file().sync_data().map_err(io)?;
+            pause::at("synced");
+            return Ok(());
         }
         match copy_to_stdout(self.file()) {
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
@@ -230,12 +233,14 @@ impl Output {
             Destination::AnyName => temporary.persist(&path),
             _ => temporary.persist_noclobber(&path),
         };
-        kept.map(|_| ()).map_err(|failed| match failed.error.kind() {
+        kept.map_err(|failed| match failed.error.kind() {
             std::io::ErrorKind::AlreadyExists => {
                 Error::new(ErrorKind::Exists, Place::File).in_file(&path)
             }
             _ => Error::io(failed.error, &path),
-        })
+        })?;
+        pause::at("renamed");
+        Ok(())
     }
 
     fn file(&self) -> &File {
@@ -247,6 +252,7 @@ impl ByteSink for Output {
     fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.file().write_all(bytes).map_err(|error| Error::io(error, &self.path))?;
         self.length += bytes.len() as u64;
+        pause::at("appended");
         Ok(())
     }
 

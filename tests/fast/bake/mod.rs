@@ -3,7 +3,6 @@
 mod coverage;
 mod direction;
 mod fill;
-mod fit;
 mod importance;
 mod max_error;
 mod required;

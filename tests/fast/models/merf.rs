@@ -40,7 +40,7 @@ fn rays(count: usize) -> Vec<Ray> {
 #[test]
 fn the_core_shows_what_its_viewer_shows() {
     let scene = small_merf();
-    let rays = rays(400);
+    let rays = rays(200);
     for release in [true, false] {
         let here = folder();
         scene.write(here.path(), release);

@@ -12,9 +12,6 @@ use mipvog_bake::unstable::bake::BakeOptions;
 use mipvog_bake::unstable::base::limits::Limits;
 use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
 
-/// Threads beyond the processors of small machines; others read while one prepares.
-const THREADS: [usize; 3] = [1, 2, 16];
-
 /// The models, some of them written to a folder.
 pub fn models(here: &Path) -> Vec<(Family, PathBuf)> {
     let written = |name: &str, bytes: Vec<u8>| {
@@ -70,16 +67,17 @@ pub fn open(family: Family, path: &Path) -> Source {
     source.unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Bakes every model so many times by each number of threads.
+/// Bakes every model so many times by each number of threads. Some are beyond the processors of
+/// small machines: others read while one prepares.
 ///
 /// # Panics
 ///
 /// Bytes differ.
-pub fn bytes_do_not_depend_on_threads(bakes: usize) {
+pub fn bytes_do_not_depend_on_threads(threads: &[usize], bakes: usize) {
     let here = folder();
     for (family, path) in models(here.path()) {
         let mut first = None;
-        for threads in THREADS {
+        for &threads in threads {
             for _ in 0..bakes {
                 // Opened anew, so that its values are prepared anew.
                 let source = open(family, &path);

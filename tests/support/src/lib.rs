@@ -35,9 +35,11 @@ pub mod targets;
 pub mod torch;
 pub mod transcoded;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
+use jsonschema::Validator;
 use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, repack};
 use mipvog_bake::unstable::base::bytes::{Output, Storage, WriterSink};
 use mipvog_bake::unstable::base::error::Result;
@@ -301,9 +303,15 @@ pub fn assert_schema(verb: &str, report: &serde_json::Value) {
 
 /// Holds a document to a schema in `formats/`.
 pub fn assert_follows(name: &str, document: &serde_json::Value) {
-    let schema = root().join(format!("formats/{name}.schema.json"));
-    let schema = serde_json::from_slice(&std::fs::read(schema).expect("a schema")).expect("JSON");
-    let validator = jsonschema::validator_for(&schema).expect("a valid schema");
+    static MADE: Mutex<BTreeMap<String, Arc<Validator>>> = Mutex::new(BTreeMap::new());
+    let make = || {
+        let schema = std::fs::read(root().join(format!("formats/{name}.schema.json")));
+        let schema = serde_json::from_slice(&schema.expect("a schema")).expect("JSON");
+        Arc::new(jsonschema::validator_for(&schema).expect("a valid schema"))
+    };
+    let mut made = MADE.lock().expect("no panic before");
+    let validator = Arc::clone(made.entry(name.to_owned()).or_insert_with(make));
+    drop(made);
     let errors: Vec<String> = validator
         .iter_errors(document)
         .map(|error| format!("{}: {error}", error.instance_path()))

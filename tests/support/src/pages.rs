@@ -1,6 +1,6 @@
 //! The pages of the book, and the Markdown of the repository.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use super::root;
@@ -70,4 +70,34 @@ pub fn listed() -> Vec<PathBuf> {
 pub fn text(page: &Path) -> String {
     let text = std::fs::read_to_string(root().join(page));
     text.unwrap_or_else(|error| panic!("{}: {error}", page.display()))
+}
+
+/// The pages of the manual, in the order of the book.
+pub fn manual() -> Vec<(PathBuf, String)> {
+    let pages = listed().into_iter().filter(|page| page.starts_with("docs"));
+    let pages = pages.filter(|page| !page.starts_with("docs/pictures"));
+    pages.map(|page| (page.clone(), text(&page))).collect()
+}
+
+/// Under each heading of the rules and of the pages of verbs: long options in the first cells of its
+/// tables, and headings of the rules that the text links to. Names of verbs are in backquotes.
+pub fn sections() -> BTreeMap<String, (BTreeSet<String>, Vec<String>)> {
+    let mut sections = BTreeMap::new();
+    let is_of_verbs = |page: &Path| page.starts_with("docs/verbs");
+    let pages = manual().into_iter();
+    let pages = pages.filter(|(page, _)| is_of_verbs(page) || page.ends_with("manual.md"));
+    for (_, text) in pages {
+        // Only headings that are the name of a verb, or stand in the rules, begin a section.
+        for section in format!("\n{text}").split("\n#").skip(1) {
+            let (head, text) = section.split_once('\n').expect("text");
+            let cells =
+                text.lines().filter_map(|line| line.strip_prefix("| `-")?.split(" | ").next());
+            let options = cells.filter_map(|cell| cell.split('`').next());
+            let options = options.map(|option| format!("-{option}"));
+            let links = text.split("manual.md#").skip(1).filter_map(|link| link.split(')').next());
+            let found = (options.collect(), links.map(str::to_owned).collect());
+            sections.insert(head.trim_start_matches('#').trim().to_owned(), found);
+        }
+    }
+    sections
 }

@@ -1,5 +1,5 @@
 //! Every stage's worst error against its reference implementation in float64, over hard inputs.
-//! `formats/numerics.md` lists the errors, and `tests/fast/numerics.rs` holds their bounds.
+//! `formats/numerics.md` lists the errors, and `tests/slow/numerics.rs` holds their bounds.
 
 use std::fmt::Write;
 use std::sync::OnceLock;

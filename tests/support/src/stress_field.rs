@@ -16,6 +16,8 @@ use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, Number
 use mipvog_bake::unstable::model::field::ColorDomain;
 use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
+use std::sync::OnceLock;
+
 use super::plain::{all_nodes, halved, next_level, opacity, sigmoid};
 use super::planes::{Channels, levels};
 use super::stress::Worst;
@@ -263,8 +265,22 @@ fn moderate(value: f32) -> f32 {
 }
 
 pub fn density_of_levels() -> Worst {
-    let mut worst = Worst::default();
-    premultiplied(|level, domain, got, want, _| {
+    of_levels().0.clone()
+}
+
+pub fn color_of_levels() -> Worst {
+    of_levels().1.clone()
+}
+
+/// Of densities and of colours, which one pass measures.
+fn of_levels() -> &'static (Worst, Worst) {
+    static MEASURED: OnceLock<(Worst, Worst)> = OnceLock::new();
+    MEASURED.get_or_init(measure_levels)
+}
+
+fn measure_levels() -> (Worst, Worst) {
+    let (mut densities, mut colors) = (Worst::default(), Worst::default());
+    premultiplied(|level, domain, got, want, alphas| {
         for (&got, &want) in got[0].iter().zip(&want[0]) {
             let opacity = |value: f64| {
                 let depth = match domain.stored {
@@ -274,24 +290,17 @@ pub fn density_of_levels() -> Worst {
                 -(-depth * 2f64.powi(level as i32)).exp_m1()
             };
             let at = || format!("level {level}, {domain:?}, {got} for {want}");
-            worst.take(opacity(got.into()), opacity(want), 0.0, &at);
+            densities.take(opacity(got.into()), opacity(want), 0.0, &at);
         }
-    });
-    worst
-}
-
-pub fn color_of_levels() -> Worst {
-    let mut worst = Worst::default();
-    premultiplied(|level, domain, got, want, alphas| {
         for channel in 1..3 {
             let pairs = got[channel].iter().zip(&want[channel]);
             for ((&got, &want), &alpha) in pairs.zip(alphas).filter(|(_, a)| **a > 0.0) {
                 let at = || format!("level {level}, {domain:?}, alpha {alpha}, {got} for {want}");
-                worst.take(sigmoid(got.into()), sigmoid(want), 0.0, &at);
+                colors.take(sigmoid(got.into()), sigmoid(want), 0.0, &at);
             }
         }
     });
-    worst
+    (densities, colors)
 }
 
 /// The activation of values.

@@ -14,6 +14,8 @@ use mipvog_bake::unstable::view::render::{
 };
 use mipvog_bake::unstable::view::sample::{Dense, Sample};
 
+use std::sync::OnceLock;
+
 use super::plain::{all_nodes, index, trilinear};
 use super::plain_render::{Pixel, PlainField};
 use super::rendered::{finest_level, trained_levels};
@@ -200,19 +202,26 @@ fn at_least(least: f64, want: f64) -> f64 {
 }
 
 pub fn transmittance() -> Worst {
-    let mut worst = Worst::default();
+    of_rays().0.clone()
+}
+
+pub fn accumulated() -> Worst {
+    of_rays().1.clone()
+}
+
+/// Of light and of sums, which the same rays measure.
+fn of_rays() -> &'static (Worst, Worst) {
+    static MEASURED: OnceLock<(Worst, Worst)> = OnceLock::new();
+    MEASURED.get_or_init(measure_rays)
+}
+
+fn measure_rays() -> (Worst, Worst) {
+    let (mut light, mut worst) = (Worst::default(), Worst::default());
     rays(|name, frame, i, pixel| {
         let want = pixel.transmittance;
         let at = || format!("{name}, {} for {want}", frame.transmittance[i]);
         let scale = at_least(LEAST_TRANSMITTANCE, want);
-        worst.take(frame.transmittance[i].into(), want, scale, &at);
-    });
-    worst
-}
-
-pub fn accumulated() -> Worst {
-    let mut worst = Worst::default();
-    rays(|name, frame, i, pixel| {
+        light.take(frame.transmittance[i].into(), want, scale, &at);
         let colors = &frame.accumulated[i * frame.channels..][..frame.channels];
         let sums = colors.iter().zip(&pixel.accumulated);
         for (&got, &want) in sums {
@@ -224,7 +233,7 @@ pub fn accumulated() -> Worst {
         let at = || format!("{name}, distance {got} for {want}");
         worst.take(f64::from(got) / far, want / far, at_least(LEAST_SUM, want / far), &at);
     });
-    worst
+    (light, worst)
 }
 
 pub fn level_blend() -> Worst {

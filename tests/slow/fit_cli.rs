@@ -58,7 +58,7 @@ fn seconds_after_the_pictures_are_for_steps() {
     (cameras["w"], cameras["h"]) = (24.into(), 24.into());
     std::fs::write(here.join("small.json"), cameras.to_string()).expect("writable");
     let mut command = long_fit(here);
-    command.args(["--fit-cameras", "small.json", "--fit-seconds", "10"]);
+    command.args(["--fit-cameras", "small.json", "--fit-seconds", "30"]);
     let report = report(&command.output().expect("starts"));
     assert_cut_short(here, &report);
     for level in report["fitted"]["levels"].as_array().expect("levels") {

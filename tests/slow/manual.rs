@@ -1,0 +1,82 @@
+//! The commands of the manual, `docs/`, run.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::pages::{manual, sections};
+use crate::common::{PROGRAM, fixture, folder};
+
+/// Fenced blocks: the words behind the fence, and the lines within.
+fn blocks(page: &str) -> Vec<(&str, &str)> {
+    let mut parts = page.split("\n```");
+    parts.next();
+    let mut blocks = Vec::new();
+    while let (Some(block), Some(_)) = (parts.next(), parts.next()) {
+        blocks.push(block.split_once('\n').expect("a fence ends its line"));
+    }
+    blocks
+}
+
+/// A folder with the files that the page names.
+fn workplace() -> tempfile::TempDir {
+    let folder = folder();
+    let copy = |from: &str, to: &str| {
+        let to = folder.path().join(to);
+        std::fs::create_dir_all(to.parent().expect("a folder")).expect("writable");
+        std::fs::copy(fixture("trained").join(from), to).expect("copied");
+    };
+    copy("lego64/fine_last.tar", "fine_last.tar");
+    copy("lego64/coarse_last.tar", "coarse_last.tar");
+    copy("lego64/transforms_test.json", "transforms.json");
+    copy("tiny/fine_last.tar", "scenes/chair/fine_last.tar");
+    copy("tiny/fine_last.tar", "scenes/lamp/fine_last.tar");
+    folder
+}
+
+fn has(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok()
+}
+
+#[test]
+fn every_command_of_the_manual_runs() {
+    let folder = workplace();
+    let own = Path::new(PROGRAM).parent().expect("a folder").display().to_string();
+    let path = format!("{own}:{}", std::env::var("PATH").expect("a search path"));
+    let mut ran = BTreeSet::new();
+    let pages = manual();
+    let blocks = pages.iter().flat_map(|(page, text)| {
+        blocks(text).into_iter().map(move |(fence, lines)| (page, fence, lines))
+    });
+    for (page, fence, lines) in blocks {
+        let (language, more) = fence.split_once(' ').unwrap_or((fence, ""));
+        if language == "text" {
+            continue;
+        }
+        if language != "sh" {
+            // A file under the name behind its language.
+            assert!(!more.is_empty(), "a block of {language} without a name");
+            std::fs::write(folder.path().join(more), format!("{lines}\n")).expect("writable");
+            continue;
+        }
+        if let Some(program) = more.strip_prefix("needs=").filter(|program| !has(program)) {
+            eprintln!("note: no {program} here; its commands were not run");
+            continue;
+        }
+        let mut command = Command::new("sh");
+        command.args(["-euc", lines]).current_dir(folder.path()).env("PATH", &path);
+        let output = command.output().expect("a shell");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{}: {lines}\n{message}", page.display());
+        let words = lines.split_whitespace().collect::<Vec<_>>();
+        ran.extend(words.windows(2).filter(|two| two[0] == "mipvog-bake").map(|two| two[1]));
+    }
+    for verb in sections().into_keys().filter(|name| name.starts_with('`')) {
+        assert!(ran.contains(verb.trim_matches('`')), "no command of {verb} in the manual");
+    }
+    // Files that are held to a schema elsewhere exist, and outputs that failed on purpose do not.
+    for name in ["scene.sarif", "cut.sarif", "health.json", "out/chair.mipvog", "sweep/sweep.html"]
+    {
+        assert!(folder.path().join(name).is_file(), "no {name}");
+    }
+}
