@@ -161,6 +161,8 @@ fn state(value: &mut Value, verb: &str) {
     }
     value["properties"]["schema"] = json!({ "const": format!("mipvog-{verb}/1") });
     match &mut value["required"] {
+        // A report that is written as a file states it by itself.
+        Value::Array(required) if required.contains(&"schema".into()) => {}
         Value::Array(required) => required.insert(0, "schema".into()),
         required => *required = json!(["schema"]),
     }
