@@ -181,7 +181,11 @@ fn close(value: &mut Value) {
                 && !object.contains_key("additionalProperties")
                 && !object.contains_key("unevaluatedProperties");
             if is_open {
-                object.insert("additionalProperties".to_owned(), false.into());
+                // Keys of alternatives stand beside an object's own.
+                let has_alternatives = object.contains_key("anyOf");
+                let others =
+                    if has_alternatives { "unevaluatedProperties" } else { "additionalProperties" };
+                object.insert(others.to_owned(), false.into());
             }
             object.values_mut().for_each(close);
         }
