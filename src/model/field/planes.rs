@@ -147,10 +147,11 @@ impl<'a> Planes<'a> {
         else {
             return Ok(found.count);
         };
-        // Arrays of colour are those of checkpoints.
+        // Arrays of colour are those of checkpoints; the others have the names of sampled arrays.
         let tensor = match (channel, self.field.color.first()) {
             (0, _) => "density",
             (_, Some(Grid::Array(_))) => "k0",
+            _ if self.field.harmonics().is_some() => "sh",
             _ => "color",
         };
         // Colour counts its own channels.
