@@ -59,9 +59,12 @@ fn holds(input: &Path, options: &[&str]) {
             // What is refused would not be kept by far. Of more threads than there are cores, some
             // never get any work, and never touch their memory: how many depends on the system.
             // Codes within an error are counted as two bytes, as how many bits they need is not
-            // known beforehand. Those of this preset and of an error of 0.01 need one, and runs of
-            // blocks of 16 nodes are made in lanes half as wide.
+            // known beforehand. Those of this preset and of an error of 0.01 need one, and a run of
+            // blocks of 16 nodes is then made in a quarter of the lanes that were counted, times the
+            // threads.
             let slack = match threads {
+                "16" if options.contains(&"0.01") => 6.0,
+                "5" if options.contains(&"0.01") => 3.0,
                 "16" => 3.0,
                 // A search tries float32 too, and ends with fewer bits.
                 _ if options.contains(&"--max-bytes") => 4.0,
