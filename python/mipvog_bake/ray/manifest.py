@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
+from posixpath import normpath
 from typing import Any
 
 from .failure import MALFORMED, Failure
@@ -36,7 +36,7 @@ def check(manifest: str) -> int:
     outputs = set()
     for scene in read(manifest):
         # `./a` and `a` are one file.
-        plain = str(PurePosixPath(scene.output))
+        plain = normpath(scene.output)
         if plain in outputs:
             message = f"{manifest}: found the output {scene.output} twice, expected it once"
             raise Failure(message, MALFORMED)
