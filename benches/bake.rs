@@ -23,9 +23,9 @@ use std::time::Instant;
 
 use arguments::{Arguments, number};
 use common::open_bytes;
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::parallel;
-use mipvog_bake::unstable::model::baked::Codes;
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::parallel;
+use mipvog::model::baked::Codes;
 use scaled::Element;
 use serde_json::Value;
 

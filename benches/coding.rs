@@ -15,13 +15,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::parallel;
-use mipvog_bake::unstable::codec::container::{CompressedRun, Container};
-use mipvog_bake::unstable::codec::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
-use mipvog_bake::unstable::model::baked::{Codes, Group};
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::Place;
+use mipvog::base::limits::Limits;
+use mipvog::base::parallel;
+use mipvog::container::{CompressedRun, Container};
+use mipvog::model::baked::{Codes, Group};
+use mipvog::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
 
 /// Rounds of each measurement.
 const ROUNDS: usize = 7;

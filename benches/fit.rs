@@ -22,15 +22,14 @@ use std::time::Instant;
 
 use arguments::{Arguments, number};
 use common::{baked_bytes, open_bytes};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::model::camera::{Camera, turntable};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::view::compare::{Reference, compare};
-use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::{Camera, turntable};
+use mipvog::model::field::RadianceField;
+use mipvog::view::compare::{Reference, compare};
+use mipvog::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use mipvog_inputs::SourceOptions;
 use scaled::Element;
 
 /// Cameras of the errors and of the renderer's time.
@@ -57,7 +56,8 @@ fn main() {
         let march = &field.scene.march;
         let (near, far) = (Some(march.near), march.far);
         let options = SourceOptions { stepsize: Some(0.5), near, far, ..SourceOptions::default() };
-        let upsampled = input::open_with(&path, &options, &Limits::default()).expect("a scene");
+        let upsampled =
+            mipvog_inputs::open_with(&path, &options, &Limits::default()).expect("a scene");
         measure(&format!("{side} nodes a side"), &upsampled.field);
     }
 }

@@ -21,15 +21,13 @@ use arguments::{Arguments, number};
 use common::plain_render::{PlainField, PlainLevel};
 use common::rendered::{Differences, baked_levels, finest_level};
 use common::{baked_bytes, open_bytes, tensor_values};
-use mipvog_bake::unstable::bake::BakeOptions;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::tensor;
-use mipvog_bake::unstable::model::camera::{self, Camera};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::view::render::{
-    Frame, FrameOptions, LevelChoice, Renderer, Statistics, render,
-};
+use mipvog::bake::BakeOptions;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::{self, Camera};
+use mipvog::model::field::RadianceField;
+use mipvog::view::render::{Frame, FrameOptions, LevelChoice, Renderer, Statistics, render};
+use mipvog_inputs::tensor;
 
 /// Each frame is rendered this often; the fastest counts.
 const ROUNDS: usize = 5;

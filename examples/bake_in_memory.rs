@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example bake_in_memory`
 
-use mipvog_bake::{BakeOptions, Baker, Container, Limits, RadianceField, Result};
+use mipvog::{BakeOptions, Baker, Container, Limits, RadianceField, Result};
 
 const NODES: [usize; 3] = [48, 40, 32];
 

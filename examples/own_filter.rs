@@ -2,9 +2,8 @@
 //!
 //! `cargo run --release --example own_filter -- fine_last.tar`
 
-use mipvog_bake::{
-    BakeOptions, Baker, Container, Filter, FilterDomain, LevelFilter, Limits, Renderer, open,
-};
+use mipvog::{BakeOptions, Baker, Container, Filter, FilterDomain, LevelFilter, Limits, Renderer};
+use mipvog_inputs::open;
 
 /// Means of logits under a binomial of five nodes. It blurs more than the paper's mean of three and
 /// less than its mean of five.

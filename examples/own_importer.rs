@@ -6,7 +6,7 @@
 //!
 //! `cargo run --release --example own_importer -- volume.txt volume.mipvog`
 
-use mipvog_bake::{BakeOptions, Baker, RadianceField};
+use mipvog::{BakeOptions, Baker, RadianceField};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);

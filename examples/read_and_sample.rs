@@ -5,7 +5,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use mipvog_bake::{Camera, Container, Frame, Limits, Renderer};
+use mipvog::{Camera, Container, Frame, Limits, Renderer};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    mipvog_bake::app::cli::main()
+    mipvog_bake::cli::main()
 }

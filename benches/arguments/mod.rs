@@ -4,10 +4,9 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog::base::limits::Limits;
+use mipvog::model::field::RadianceField;
+use mipvog_inputs::SourceOptions;
 
 /// A scene and further options.
 pub struct Arguments {
@@ -53,7 +52,9 @@ impl Arguments {
 
     /// The scene, opened.
     pub fn field(&self) -> RadianceField {
-        input::open_with(&self.scene, &self.options, &Limits::default()).expect("a scene").field
+        mipvog_inputs::open_with(&self.scene, &self.options, &Limits::default())
+            .expect("a scene")
+            .field
     }
 }
 

@@ -1,6 +1,6 @@
 //! Scenes that no training made, each with one kind of content that levels find hard.
 
-use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog::model::field::RadianceField;
 
 use crate::common::Random;
 

@@ -9,8 +9,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use half::f16;
-use mipvog_bake::unstable::base::parallel;
-use mipvog_bake::unstable::model::field::{EMPTY_LOGIT, Grid, RadianceField};
+use mipvog::base::parallel;
+use mipvog::model::field::{EMPTY_LOGIT, Grid, RadianceField};
 use serde_json::json;
 
 /// Raw density above which a node is opaque.

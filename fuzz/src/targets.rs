@@ -10,20 +10,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::archive::archive;
-use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
-use mipvog_bake::unstable::bake::{Changes, repack as pack_again};
-use mipvog_bake::unstable::base::bytes::{SourceFile, WriterSink};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::input::tensor;
-use mipvog_bake::unstable::input::{SceneSettings, inspect_tensors, open_tensors};
-use mipvog_bake::unstable::model::camera;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{Changes, repack as pack_again};
+use mipvog::base::bytes::{SourceFile, WriterSink};
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::camera;
+use mipvog::picture;
+use mipvog::unpacked::Unpacked;
+use mipvog::view::render::Renderer;
+use mipvog_bake::check::{CheckOptions, check_file};
+use mipvog_inputs::SourceOptions;
+use mipvog_inputs::tensor;
+use mipvog_inputs::{SceneSettings, inspect_tensors, open_tensors};
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]));
@@ -254,7 +254,7 @@ fn model(file: &Arc<SourceFile>) {
             }
         }
     }
-    let Ok(renderer) = Renderer::of_source(&source, None, &limits) else { return };
+    let Ok(renderer) = source.renderer(None, &limits) else { return };
     for camera in camera::turntable(&source.field.scene.bounds, 2, [2, 2]) {
         renderer.picture(&camera).ok();
     }

@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use mipvog_bake::unstable::base::bytes::{HeldBytes, SourceFile};
-use mipvog_bake::unstable::input::tensor::{Row, safetensors_header};
+use mipvog::base::bytes::{ReadAt, SourceFile};
+use mipvog_inputs::tensor::{Row, safetensors_header};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -41,12 +41,12 @@ impl fmt::Debug for Held {
     }
 }
 
-impl HeldBytes for Held {
-    fn length(&self) -> u64 {
-        self.length
+impl ReadAt for Held {
+    fn length(&self) -> std::io::Result<u64> {
+        Ok(self.length)
     }
 
-    fn read_into(&self, mut offset: u64, mut out: &mut [u8]) -> std::io::Result<()> {
+    fn read_at(&self, mut offset: u64, mut out: &mut [u8]) -> std::io::Result<()> {
         if let Some(start) = self.start.get(offset as usize..) {
             let count = start.len().min(out.len());
             let (here, rest) = out.split_at_mut(count);
@@ -126,6 +126,7 @@ impl Arrays {
 impl Arrays {
     /// The arrays as a file.
     pub fn file(&self) -> Arc<SourceFile> {
-        Arc::new(SourceFile::held(Arc::clone(&self.held) as _, Path::new(NAME)))
+        let file = SourceFile::held(Arc::clone(&self.held) as _, Path::new(NAME));
+        Arc::new(file.expect("the length of arrays is known"))
     }
 }

@@ -1,7 +1,7 @@
 //! Errors of the library as exceptions.
 
-use mipvog_bake::Error;
-use mipvog_bake::unstable::app::cli::Failure;
+use mipvog::Error;
+use mipvog_bake::cli::Failure;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

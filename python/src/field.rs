@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
-use mipvog_bake::unstable::app::cli::OpenField;
-use mipvog_bake::unstable::bake::level_reports;
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::{Error, Result};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::codec::unpack::read_tensors;
-use mipvog_bake::unstable::input::{self, SourceOptions, tensor};
-use mipvog_bake::unstable::model::camera::{self, Camera, Ray};
-use mipvog_bake::unstable::view::overview;
-use mipvog_bake::unstable::view::render::{FrameOptions, Renderer, render};
+use mipvog::bake::level_reports;
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::{Error, Result};
+use mipvog::base::limits::Limits;
+use mipvog::model::camera::{self, Camera, Ray};
+use mipvog::picture;
+use mipvog::unpacked::read_tensors;
+use mipvog::view::overview;
+use mipvog::view::render::{FrameOptions, Renderer, render};
+use mipvog_bake::cli::OpenField;
+use mipvog_inputs::{self, SourceOptions, tensor};
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -130,7 +130,7 @@ impl NativeField {
         let source = watched(py, None, |_| {
             let limits = Limits::default();
             let tensors = tensor::open_file(&file, &limits)?;
-            let source = input::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
+            let source = mipvog_inputs::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
             source.field.check().map_err(|error| error.in_file(file.path()))?;
             Ok(source)
         })?;
@@ -194,7 +194,7 @@ impl NativeField {
         let found = watched_on_threads(py, None, |watch| {
             let field = self.renderer()?;
             let samples = positions.iter().enumerate().map(|(number, position)| {
-                if number % 4096 == 0 && mipvog_bake::Progress::cancelled(&**watch) {
+                if number % 4096 == 0 && mipvog::Progress::cancelled(&**watch) {
                     return Err(Error::cancelled());
                 }
                 field.sample(*position, level)

@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input::network::{CellViews, Fit};
-use mipvog_bake::unstable::input::{self, Source, SourceOptions, tensor};
-use mipvog_bake::unstable::model::harmonics::basis_f64;
+use mipvog::base::error::Result;
+use mipvog::base::limits::Limits;
+use mipvog::model::harmonics::basis_f64;
+use mipvog_inputs::network::{CellViews, Fit};
+use mipvog_inputs::{self, Source, SourceOptions, tensor};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
@@ -41,7 +41,7 @@ impl NativeFit {
             let limits = Limits::default();
             let tensors = tensor::open_file(&file, &limits)?;
             let Source { field, .. } =
-                input::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
+                mipvog_inputs::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
             let offset = field.harmonics().map_or(0.5, |rules| f64::from(rules.offset));
             let fitted = CellViews::of_fit(&field, degree, &cameras, &limits, &**watch)?;
             let judged = CellViews::of_held_out(&field, &cameras, &limits, &**watch)?;

@@ -4,8 +4,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::sync::Arc;
 
-use mipvog_bake::unstable::app::cli::{self, Call, ColorFit, SharedWatcher};
-use mipvog_bake::unstable::base::bytes::SourceFile;
+use mipvog::base::bytes::SourceFile;
+use mipvog_bake::cli::{self, Call, ColorFit, SharedWatcher};
 use pyo3::prelude::*;
 
 use crate::arrays::Arrays;

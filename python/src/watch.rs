@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use mipvog_bake::Progress;
-use mipvog_bake::unstable::app::cli::Watcher;
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::parallel;
+use mipvog::Progress;
+use mipvog::base::error::Result;
+use mipvog::base::parallel;
+use mipvog_bake::cli::Watcher;
 use pyo3::prelude::*;
 
 /// Time between two looks at signals and progress.

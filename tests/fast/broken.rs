@@ -9,10 +9,10 @@ use crate::common::broken::{SOUND, files, said};
 use crate::common::{
     Random, assert_golden, chunks, fixture, folder, grid_values, open_bytes, random_field,
 };
-use mipvog_bake::unstable::app::check::{CheckOptions, Report, check_with, health, sarif};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::finding::{Code, Severity};
-use mipvog_bake::unstable::base::limits::Limits;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::finding::{Code, Severity};
+use mipvog::base::limits::Limits;
+use mipvog_bake::check::{CheckOptions, Report, check_with, health, sarif};
 use serde_json::{Value, json};
 
 fn options() -> CheckOptions {

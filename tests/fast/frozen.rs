@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::common::{chunks, fixture, mend_checksums, open_bytes, tensor_values, unpack};
-use mipvog_bake::unstable::app::check::check;
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::container::layout::META;
-use mipvog_bake::unstable::output::gltf::asset::{Asset, is_asset};
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::container::Container;
+use mipvog::container::layout::META;
+use mipvog_bake::check::check;
+use mipvog_outputs::gltf::asset::{Asset, is_asset};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 

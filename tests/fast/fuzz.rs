@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use crate::common::alone::{is_alone, measured};
 use crate::common::fuzz::{MAX_MEMORY, hostile_files};
-use mipvog_bake::unstable::app::check::{CheckOptions, check_file};
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::limits::Limits;
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::limits::Limits;
+use mipvog_bake::check::{CheckOptions, check_file};
 
 mipvog_testing::tests_of_targets! { 200, 1 }
 

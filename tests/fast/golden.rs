@@ -2,10 +2,10 @@
 
 use crate::common::harmonic_field::{harmonic_field, rules};
 use crate::common::{assert_golden, baked_bytes, fixture, grid_values, open_bytes, trained};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::model::field::{DensityFunction, RadianceField};
-use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::model::field::{DensityFunction, RadianceField};
+use mipvog::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog::quantize::Bits;
 
 #[test]
 fn containers_keep_their_bytes() {

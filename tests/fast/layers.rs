@@ -1,23 +1,29 @@
-//! A module uses rows above its own, never its own row or one below: the order of ARCHITECTURE.md.
+//! Modules of a crate use those before them, in the order of ARCHITECTURE.md; files use each other in
+//! no circle. Cargo holds the order of the crates.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The rows of the page, top first.
-fn rows() -> BTreeMap<String, usize> {
+/// The sources of the crates and of the program.
+fn roots() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = std::fs::read_dir(root.join("crates")).expect("crates").flatten();
+    let crates = crates.map(|entry| entry.path().join("src"));
+    crates.chain([root.join("src")]).collect()
+}
+
+/// The modules of a crate that the page orders, each with its place.
+fn ordered() -> BTreeMap<String, BTreeMap<String, usize>> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md");
     let page = std::fs::read_to_string(page).expect("ARCHITECTURE.md");
-    let start = page.find("```text\n0 ").expect("the table of rows starts at row 0");
+    let start = page.find("```text\nformat: ").expect("the table starts with the crate format");
     let table = page[start + 8..].split("```").next().expect("it ends");
-    let mut rows = BTreeMap::new();
-    for line in table.lines().filter(|line| !line.trim().is_empty()) {
-        let mut words = line.split_whitespace();
-        let row: usize = words.next().expect("a number").parse().expect("a row's number");
-        words.for_each(|module| {
-            assert!(rows.insert(module.to_owned(), row).is_none(), "{module} twice")
-        });
-    }
-    rows
+    let line = |line: &str| {
+        let (name, modules) = line.split_once(": ").expect("a crate and its modules");
+        let modules = modules.split_whitespace().map(str::to_owned);
+        (name.to_owned(), modules.enumerate().map(|(place, module)| (module, place)).collect())
+    };
+    table.lines().map(line).collect()
 }
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -47,29 +53,34 @@ fn used(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn modules_use_only_rows_above_their_own() {
-    let rows = rows();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    sources(&root, &mut files);
-    assert!(files.len() > 40);
-    for file in files {
-        let relative = file.strip_prefix(&root).expect("inside src");
-        let module = relative.components().next().expect("a name").as_os_str().to_string_lossy();
-        let module = module.trim_end_matches(".rs");
-        if module == "lib" || module == "main" {
-            continue;
-        }
-        let own = *rows.get(module).unwrap_or_else(|| panic!("{module} is in no row of the page"));
-        for other in used(&std::fs::read_to_string(&file).expect("text")) {
-            // A macro or an item of the crate's root is no module.
-            let Some(&row) = rows.get(&other) else { panic!("{file:?} uses {other}, in no row") };
-            assert!(other == module || row < own, "{file:?} (row {own}) uses {other} (row {row})");
+fn modules_use_only_those_before_them() {
+    let mut held = 0;
+    for (name, places) in ordered() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates").join(&name).join("src");
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        for file in files {
+            let relative = file.strip_prefix(&root).expect("inside src");
+            let module = relative.components().next().expect("a name").as_os_str();
+            let module = module.to_string_lossy();
+            let module = module.trim_end_matches(".rs");
+            if module == "lib" {
+                continue;
+            }
+            let own = places.get(module);
+            let own = *own.unwrap_or_else(|| panic!("{name}: the page does not place {module}"));
+            for other in used(&std::fs::read_to_string(&file).expect("text")) {
+                // What another crate has, Cargo orders.
+                let Some(&place) = places.get(&other) else { continue };
+                assert!(place <= own, "{file:?} of {module} uses {other}, which comes later");
+                held += 1;
+            }
         }
     }
+    assert!(held > 500, "only {held} uses were found");
 }
 
-/// The path of each module: `["levels", "filter"]` is `src/levels/filter.rs`.
+/// The path of each module: `["levels", "filter"]` is `levels/filter.rs`.
 fn module_path(root: &Path, file: &Path) -> Vec<String> {
     let relative = file.strip_prefix(root).expect("inside src").with_extension("");
     let names = relative.components().map(|name| name.as_os_str().to_string_lossy().into_owned());
@@ -124,12 +135,17 @@ fn spread(text: &str, before: &[String], paths: &mut Vec<Vec<String>>) {
 }
 
 #[test]
-fn no_files_of_a_folder_use_each_other_in_a_circle() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+fn no_files_of_a_crate_use_each_other_in_a_circle() {
+    let arrows: usize = roots().iter().map(|root| arrows_without_circle(root)).sum();
+    assert!(arrows > 500, "only {arrows} arrows were found");
+}
+
+/// Uses between the files of a crate, none of which is in a circle.
+fn arrows_without_circle(root: &Path) -> usize {
     let mut files = Vec::new();
-    sources(&root, &mut files);
+    sources(root, &mut files);
     let modules: BTreeMap<Vec<String>, PathBuf> =
-        files.iter().map(|file| (module_path(&root, file), file.clone())).collect();
+        files.iter().map(|file| (module_path(root, file), file.clone())).collect();
     // A folder's mod.rs hands names on: they count as used of the files that have them.
     let handed: BTreeMap<Vec<String>, Vec<Vec<String>>> = modules
         .iter()
@@ -159,7 +175,7 @@ fn no_files_of_a_folder_use_each_other_in_a_circle() {
         let others = used.iter().filter_map(|used| owner(used)).filter(|other| other != path);
         arrows.insert(path.clone(), others.collect());
     }
-    assert!(arrows.values().map(Vec::len).sum::<usize>() > 500, "arrows are found");
+    let count = arrows.values().map(Vec::len).sum();
     // Files that use none of the others are taken away, and files that none uses: circles stay.
     loop {
         let used: Vec<_> = arrows.values().flatten().cloned().collect();
@@ -174,10 +190,9 @@ fn no_files_of_a_folder_use_each_other_in_a_circle() {
     }
     let circle: Vec<String> = arrows.keys().map(|path| path.join("/")).collect();
     assert!(circle.is_empty(), "files in circles: {circle:?}");
+    count
 }
 
-/// Folders whose numbers are stored, or decide about stored ones.
-const STORED: [&str; 7] = ["bake", "codec", "input", "levels", "model", "output", "view"];
 /// Functions of std whose last bits differ from machine to machine; `libm` has the same everywhere.
 const INEXACT: [&str; 16] = [
     "exp", "exp2", "exp_m1", "ln", "ln_1p", "log2", "log10", "powf", "cbrt", "sin", "cos",
@@ -186,14 +201,13 @@ const INEXACT: [&str; 16] = [
 
 #[test]
 fn what_is_stored_is_computed_the_same_on_every_machine() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
-    sources(&root, &mut files);
+    roots().iter().for_each(|root| sources(root, &mut files));
     let mut held = 0;
     for file in files {
-        let relative = file.strip_prefix(&root).expect("inside src").to_string_lossy().into_owned();
-        let module = relative.split(['/', '.']).next().expect("a name");
-        if !STORED.contains(&module) {
+        let relative = file.to_string_lossy().into_owned();
+        // The program's own files store nothing.
+        if !relative.contains("/crates/") {
             continue;
         }
         let text = std::fs::read_to_string(&file).expect("text");

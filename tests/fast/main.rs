@@ -13,6 +13,7 @@ const ONE_IN: usize = 11;
 mod bake;
 mod broken;
 mod container;
+mod front_doors;
 mod frozen;
 mod fuzz;
 mod golden;

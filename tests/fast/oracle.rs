@@ -6,14 +6,14 @@ use crate::common::{
     Random, baked_bytes, field, fixture, open_bytes, plain, plain_alpha, random_field,
     tensor_values, trained, unpack,
 };
-use mipvog_bake::unstable::bake::{BakeOptions, Filter, Preset};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::tensor;
-use mipvog_bake::unstable::levels::{Kernel, LevelFilter};
-use mipvog_bake::unstable::model::baked::DensityDomain;
-use mipvog_bake::unstable::model::baked::Group;
-use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog::bake::{BakeOptions, Filter, Preset};
+use mipvog::base::limits::Limits;
+use mipvog::levels::{Kernel, LevelFilter};
+use mipvog::model::baked::DensityDomain;
+use mipvog::model::baked::Group;
+use mipvog::model::field::RadianceField;
+use mipvog::quantize::Bits;
+use mipvog_inputs::tensor;
 
 fn options(filter: Filter, bits: Bits) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -271,8 +271,7 @@ fn activation_equals_the_oracle() {
             let want =
                 golden("activation.safetensors", &format!("alpha.init{name}.interval{interval}"));
             for (&raw, &want) in raw.iter().zip(&want) {
-                let got =
-                    mipvog_bake::unstable::model::activate::opacity(raw.into(), shift, interval);
+                let got = mipvog::model::activate::opacity(raw.into(), shift, interval);
                 // The vectors were rounded to float32 when they were read.
                 let error = (got - f64::from(want)).abs();
                 assert!(
@@ -284,7 +283,7 @@ fn activation_equals_the_oracle() {
     }
     let want = golden("activation.safetensors", "sigmoid");
     for (&raw, &want) in raw.iter().zip(&want) {
-        let got = mipvog_bake::unstable::model::activate::sigmoid(raw.into());
+        let got = mipvog::model::activate::sigmoid(raw.into());
         assert!((got - f64::from(want)).abs() <= 1e-5 * f64::from(want).max(1e-30), "{raw}");
     }
 }

@@ -2,13 +2,13 @@
 
 use crate::common::{baked_bytes, fixture, open_bytes, tensor_values, trained};
 use glam::{DMat4, DVec4};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::tensor::{self, TensorFile};
-use mipvog_bake::unstable::model::camera::{self, Camera, Lens};
-use mipvog_bake::unstable::view::render::{Frame, FrameOptions, Renderer, TrainedLevels, render};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::{self, Camera, Lens};
+use mipvog::quantize::Bits;
+use mipvog::view::render::{Frame, FrameOptions, Renderer, TrainedLevels, render};
+use mipvog_inputs::tensor::{self, TensorFile};
 
 /// The bound on colour, transmittance and features.
 const BOUND: f32 = 2e-4;

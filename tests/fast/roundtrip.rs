@@ -5,20 +5,20 @@ use crate::common::{
     Random, baked_bytes, field, fixture, masked, open_bytes, packed, plain, random_field, trained,
     unpack,
 };
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, LevelRule};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::{Bends, FootprintNeighbour, Group, LevelOfDetail};
-use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, Nonfinite};
-use mipvog_bake::unstable::model::grid::Nodes;
+use mipvog::bake::{BakeOptions, Changes, Filter, LevelRule};
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::container::Container;
+use mipvog::model::baked::{Bends, FootprintNeighbour, Group, LevelOfDetail};
+use mipvog::model::field::{FreeSpace, Lookup, Nonfinite};
+use mipvog::model::grid::Nodes;
+use mipvog::quantize::Bits;
 
 /// Unpacks a container and packs it again.
 fn repacked(bytes: &[u8], changes: &Changes) -> Vec<u8> {
     let unpacked = unpack(&open_bytes(bytes).expect("valid")).expect("unpacks");
-    let input = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+    let input =
+        mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
     packed(&input, changes).expect("packs")
 }
 

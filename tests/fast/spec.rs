@@ -4,16 +4,16 @@
 use std::path::Path;
 
 use crate::common::assert_golden;
-use mipvog_bake::unstable::bake::BAKE_OPTIONS;
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::base::finding::{Code, Severity};
-use mipvog_bake::unstable::base::limits::{LimitName, Limits};
-use mipvog_bake::unstable::codec::container::layout::{
+use mipvog::bake::BAKE_OPTIONS;
+use mipvog::base::error::Place;
+use mipvog::base::finding::{Code, Severity};
+use mipvog::base::limits::{LimitName, Limits};
+use mipvog::container::layout::{
     ALIGNMENT, ATLASES, ENTRY_BYTES, HEADER_BYTES, MASK, META, PROVENANCE, SIGNATURE, TABLE,
     VERSION, VMLP,
 };
-use mipvog_bake::unstable::codec::quantize::{Frame, FrameShape, run_bytes, run_codes};
-use mipvog_bake::unstable::model::baked::{Codes, Decode, NumberType};
+use mipvog::model::baked::{Codes, Decode, NumberType};
+use mipvog::quantize::{Frame, FrameShape, run_bytes, run_codes};
 
 const SPEC: &str = include_str!("../../formats/mipvog.md");
 const CATALOGUE: &str = include_str!("../../formats/validation.md");
@@ -106,9 +106,8 @@ fn the_page_of_bake_has_the_options_of_the_code() {
 }
 
 #[test]
-#[cfg(feature = "cli")]
 fn schemas_of_reports_follow_from_their_types() {
-    use mipvog_bake::unstable::app::cli::{schema_text, schemas};
+    use mipvog_bake::cli::{schema_text, schemas};
     for (name, schema) in schemas() {
         let path =
             Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("formats/{name}.schema.json"));

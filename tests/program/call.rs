@@ -7,19 +7,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crate::common::{fixture, folder};
-use mipvog_bake::unstable::app::cli::{Call, SharedWatcher, Watcher, call, option_names};
-use mipvog_bake::unstable::base::bytes::{HeldBytes, SourceFile};
+use mipvog::base::bytes::{ReadAt, SourceFile};
+use mipvog_bake::cli::{Call, SharedWatcher, Watcher, call, option_names};
 
 /// The bytes of a file, as a program holds them.
 #[derive(Debug)]
 struct Bytes(Vec<u8>);
 
-impl HeldBytes for Bytes {
-    fn length(&self) -> u64 {
-        self.0.len() as u64
+impl ReadAt for Bytes {
+    fn length(&self) -> std::io::Result<u64> {
+        Ok(self.0.len() as u64)
     }
 
-    fn read_into(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
+    fn read_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
         out.copy_from_slice(&self.0[offset as usize..][..out.len()]);
         Ok(())
     }
@@ -55,7 +55,8 @@ fn bytes_that_are_no_file_bake_as_the_file_does() {
     let arguments = words(&[&"bake", &trained, quiet[0], quiet[1], &file]);
     call(Call { arguments, ..Call::default() }).expect("a bake of the file");
     let bytes = Bytes(std::fs::read(&trained).expect("the fixture"));
-    let input = Some(Arc::new(SourceFile::held(Arc::new(bytes), Path::new("arrays"))));
+    let input =
+        Some(Arc::new(SourceFile::held(Arc::new(bytes), Path::new("arrays")).expect("bytes")));
     let log = Arc::new(Log::default());
     let watcher = Some(SharedWatcher(Arc::clone(&log) as _));
     let arguments = words(&[&"bake", &"-", quiet[0], quiet[1], &held]);

@@ -5,7 +5,7 @@ use std::process::Output;
 
 use crate::common::asset::{NAME, document};
 use crate::common::{assert_schema, fixture, folder, open_bytes, program};
-use mipvog_bake::unstable::output::gltf::mesh::meshes;
+use mipvog_outputs::gltf::mesh::meshes;
 use serde_json::{Value, json};
 
 const ONE: &str = "dvgo.mask.mipvog";

@@ -50,7 +50,7 @@ fn the_lines_of_rust_in_the_readme_are_those_of_the_crate_docs() {
     let readme = include_str!("../../README.md");
     let block = readme.split("```rust\n").nth(1).expect("a block of Rust");
     let lines = block.split("```").next().expect("it ends").lines();
-    let crate_docs = include_str!("../../src/lib.rs");
+    let crate_docs = include_str!("../../crates/mipvog/src/lib.rs");
     let mut stated = crate_docs.lines().filter_map(|line| line.strip_prefix("//! "));
     for line in lines.filter(|line| !line.is_empty()) {
         assert!(stated.any(|other| other == line), "the crate's page should go on with {line}");

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::common::{assert_schema, fixture, folder, program};
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::input::tensor::{self, Row, Value, safetensors_header};
-use mipvog_bake::unstable::model::camera::turntable;
-use mipvog_bake::unstable::model::directional::color_from;
-use mipvog_bake::unstable::model::view_dependence::ViewDependence;
-use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use mipvog::base::limits::{Budget, Limits};
+use mipvog::container::Container;
+use mipvog::model::camera::turntable;
+use mipvog::model::directional::color_from;
+use mipvog::model::view_dependence::ViewDependence;
+use mipvog::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use mipvog_inputs::tensor::{self, Row, Value, safetensors_header};
 
 /// Names and rows.
 type Tensors = Vec<(&'static str, Vec<[f32; 3]>)>;
@@ -84,7 +84,7 @@ fn rays_see_what_pictures_show_and_points_hold_what_samples_do() {
 
         let found = read(&here.join("out.safetensors"));
         let options = FrameOptions { levels: LevelChoice::Fixed(level), supersample: 1 };
-        let silent = mipvog_bake::unstable::base::progress::Silent;
+        let silent = mipvog::base::progress::Silent;
         let frame = render(&renderer, camera, &options, &silent).expect("a picture");
         let near = |found: &[f32], want: &[f32]| {
             assert_eq!(found.len(), want.len());

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use crate::common::{assert_schema, fixture, folder, program};
-use mipvog_bake::unstable::base::picture::{Rgba, read};
+use mipvog::picture::{Rgba, read};
 use serde_json::Value;
 
 fn run(here: &Path, arguments: &[&str]) -> Output {

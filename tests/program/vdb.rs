@@ -5,16 +5,16 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::{assert_schema, fixture, folder, program};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::base::srgb::{display, linear};
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::input::tensor::{self, Value};
-use mipvog_bake::unstable::input::vdb::{LEAF_VOXELS, VdbGrid, read_grid};
-use mipvog_bake::unstable::input::{SourceOptions, open_with};
-use mipvog_bake::unstable::model::baked::Group;
-use mipvog_bake::unstable::model::field::Grid;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::{Budget, Limits};
+use mipvog::base::srgb::{display, linear};
+use mipvog::container::Container;
+use mipvog::model::baked::Group;
+use mipvog::model::field::Grid;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::tensor::{self, Value};
+use mipvog_inputs::vdb::{LEAF_VOXELS, VdbGrid, read_grid};
+use mipvog_inputs::{SourceOptions, open_with};
 use serde_json::Value as Json;
 
 /// Runs a verb that must work; its report.
@@ -167,7 +167,7 @@ fn files_of_openvdb_itself_are_fields() {
         let (Grid::Values(density), Grid::Values(color)) = (&field.density, &field.color[0]) else {
             panic!("values at nodes");
         };
-        let whole = mipvog_bake::unstable::model::grid::NodeMask::full(field.scene.nodes);
+        let whole = mipvog::model::grid::NodeMask::full(field.scene.nodes);
         let mut plane = vec![0.0; nodes[1] * nodes[2]];
         let low = [-6, -1, -1];
         for x in 0..nodes[0] {

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::common::{assert_schema, fixture, folder, program};
-use mipvog_bake::Camera;
+use mipvog::Camera;
 use serde_json::{Value, json};
 
 /// Runs `bake`; its exit code, its report and its warnings.

@@ -4,10 +4,10 @@
 use crate::common::families::{self, models, open};
 use crate::common::models::renderer;
 use crate::common::{baked_bytes, folder, open_bytes};
-use mipvog_bake::unstable::bake::BakeOptions;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::view::compare::compare_directions;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::BakeOptions;
+use mipvog::base::progress::Silent;
+use mipvog::view::compare::compare_directions;
+use mipvog::view::render::Renderer;
 
 #[test]
 fn bytes_do_not_depend_on_threads_and_no_bake_waits_for_itself() {

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::common::{assert_schema, fixture, folder, program};
-use mipvog_bake::Container;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::picture;
+use mipvog::Container;
+use mipvog::base::limits::Limits;
+use mipvog::picture;
 use serde_json::Value;
 
 /// The code of a run of the program, its report, its errors.

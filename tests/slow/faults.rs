@@ -12,10 +12,9 @@ use std::process::{Child, Command, Output, Stdio};
 use crate::common::asset::glb;
 use crate::common::{fixture, folder, program};
 use crate::paused::Paused;
-use mipvog_bake::unstable::base::bytes;
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input;
+use mipvog::base::bytes;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
 /// Verbs, and the points at which each is killed.
@@ -303,7 +302,7 @@ fn an_input_that_shrinks_or_goes_is_an_error_or_was_read() {
     // In the middle of a bake, as the library sees it.
     std::fs::copy(scene(), &input).expect("copied");
     let opened =
-        input::open_with(&input, &Default::default(), &Limits::default()).expect("a scene");
+        mipvog_inputs::open_with(&input, &Default::default(), &Limits::default()).expect("a scene");
     let file = std::fs::File::options().write(true).open(&input).expect("own");
     file.set_len(40_000).expect("own");
     let error = common::baked_bytes(&opened.field, &Default::default()).expect_err("too short");
@@ -311,7 +310,7 @@ fn an_input_that_shrinks_or_goes_is_an_error_or_was_read() {
     // An open file outlives its name.
     std::fs::copy(scene(), &input).expect("copied");
     let opened =
-        input::open_with(&input, &Default::default(), &Limits::default()).expect("a scene");
+        mipvog_inputs::open_with(&input, &Default::default(), &Limits::default()).expect("a scene");
     std::fs::remove_file(&input).expect("own");
     common::baked_bytes(&opened.field, &Default::default()).expect("the bytes are there");
     // At named moments, as the user sees it.

@@ -5,14 +5,14 @@ use std::sync::OnceLock;
 
 use crate::common::transcoded::changed;
 use crate::common::{baked_bytes, open_bytes, trained};
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, LevelRule};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::model::baked::LevelOfDetail;
-use mipvog_bake::unstable::model::camera::turntable;
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::view::compare::{Reference, ScaleErrors, compare};
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Changes, Filter, LevelRule};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::baked::LevelOfDetail;
+use mipvog::model::camera::turntable;
+use mipvog::model::field::RadianceField;
+use mipvog::view::compare::{Reference, ScaleErrors, compare};
+use mipvog::view::render::Renderer;
 use serde_json::{Value, json};
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {

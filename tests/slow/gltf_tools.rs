@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::{baked_bytes, field, fixture, folder, others, root};
-use mipvog_bake::unstable::bake::BakeOptions;
+use mipvog::bake::BakeOptions;
 use serde_json::json;
 
 fn run(here: &Path, arguments: &[&str]) {

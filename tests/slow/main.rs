@@ -10,11 +10,9 @@ static MEMORY: PeakAlloc = PeakAlloc;
 mod common {
     pub use mipvog_testing::*;
 
-    #[cfg(feature = "cli")]
     pub const PROGRAM: &str = env!("CARGO_BIN_EXE_mipvog-bake");
 
     /// The program, with nothing in its environment but where `.ci/coverage` counts.
-    #[cfg(feature = "cli")]
     pub fn program() -> std::process::Command {
         mipvog_testing::program(PROGRAM)
     }
@@ -26,34 +24,28 @@ const ONE_IN: usize = 1;
 #[path = "../fast/output/attach.rs"]
 mod attach;
 mod every_family;
-#[cfg(feature = "cli")]
 mod export;
-#[cfg(feature = "cli")]
 mod export_pages;
-#[cfg(all(feature = "cli", unix))]
+#[cfg(unix)]
 mod faults;
 mod fit;
-#[cfg(feature = "cli")]
 mod fit_cli;
 mod fuzz;
-#[cfg(feature = "cli")]
 mod gltf_tools;
-#[cfg(all(feature = "cli", unix))]
+#[cfg(unix)]
 mod interrupt;
-#[cfg(all(feature = "cli", unix))]
+#[cfg(unix)]
 mod manual;
 #[path = "../fast/bake/max_error.rs"]
 mod max_error;
-#[cfg(all(feature = "cli", target_os = "linux"))]
+#[cfg(target_os = "linux")]
 mod memory;
 mod numerics;
-#[cfg(all(feature = "cli", unix))]
+#[cfg(unix)]
 mod paused;
-#[cfg(feature = "cli")]
 mod progress_cli;
 #[path = "../fast/output/render_plain.rs"]
 mod render_plain;
-#[cfg(feature = "cli")]
 mod splat;
 #[path = "../fast/models/tensor.rs"]
 mod tensor;

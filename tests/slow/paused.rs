@@ -1,6 +1,6 @@
 //! Runs of the program that are held at a moment, and ended there.
 //!
-//! A moment is a point of an output's life, as `appended 3` (`src/base/bytes/pause.rs`), where the
+//! A moment is a point of an output's life, as `appended 3` (`base/bytes/pause.rs`), where the
 //! run waits, or a line that the program writes on the way.
 
 use std::io::{BufRead, BufReader, Read};

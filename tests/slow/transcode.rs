@@ -3,8 +3,8 @@
 use crate::common;
 use crate::common::transcoded::{baked, changed, changed_bytes, difference, from_afar, picture};
 use crate::common::{baked_bytes, open_bytes, trained};
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter};
-use mipvog_bake::unstable::codec::quantize::Bits;
+use mipvog::bake::{BakeOptions, Changes, Filter};
+use mipvog::quantize::Bits;
 
 #[test]
 fn pictures_from_afar_stay_without_the_finest_levels() {

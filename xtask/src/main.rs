@@ -29,9 +29,12 @@ fn main() -> ExitCode {
     let description = Description::parse(&read("formats/container.toml"));
     let spec = "formats/mipvog.md";
     let files = [
-        ("src/model/generated.rs", formatted(root, &rust::model(&description))),
-        ("src/model/baked/generated.rs", formatted(root, &rust::baked(&description))),
-        ("src/codec/container/generated.rs", formatted(root, &rust::container(&description))),
+        ("crates/format/src/model/generated.rs", formatted(root, &rust::model(&description))),
+        ("crates/format/src/model/baked/generated.rs", formatted(root, &rust::baked(&description))),
+        (
+            "crates/format/src/container/generated.rs",
+            formatted(root, &rust::container(&description)),
+        ),
         ("viewer/src/format/generated.ts", typescript::format(&description)),
         ("tests/second_reader/tables.py", python::tables(&description)),
         (spec, markdown::page(&read(spec), &description)),

@@ -8,7 +8,7 @@ use crate::text::doc_comment;
 const HEAD: &str = "//! Written by `cargo xtask generate` from `formats/container.toml`.\n";
 
 /// Reports of the program hold these objects, and their schemas follow from them.
-const SCHEMA: &str = "#[cfg_attr(feature = \"cli\", derive(schemars::JsonSchema))]\n";
+const SCHEMA: &str = "#[cfg_attr(feature = \"schemas\", derive(schemars::JsonSchema))]\n";
 
 /// What the attributes of fields name.
 const HELPERS: &str = "\
@@ -123,7 +123,8 @@ fn rust_struct(object: &Object, description: &Description) -> String {
             _ => None,
         };
         if let Some(form) = own_form {
-            writeln!(out, "    #[cfg_attr(feature = \"cli\", schemars(with = \"{form}\"))]").ok();
+            writeln!(out, "    #[cfg_attr(feature = \"schemas\", schemars(with = \"{form}\"))]")
+                .ok();
         }
         if !rules.is_empty() {
             writeln!(out, "    #[serde({})]", rules.join(", ")).ok();

@@ -5,17 +5,14 @@ use crate::common::plain_render::PlainField;
 use crate::common::rendered::finest_level;
 use crate::common::{Random, baked_bytes, field, open_bytes, packed, plain, random_field, unpack};
 use glam::{DMat4, DVec3};
-use mipvog_bake::unstable::bake::{BakeOptions, Changes};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::Group;
-use mipvog_bake::unstable::model::camera::{Camera, Lens, turntable};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::grid::CellMask;
-use mipvog_bake::unstable::view::render::{
-    CameraCoverage, FrameOptions, Renderer, camera_coverage, render,
-};
+use mipvog::bake::{BakeOptions, Changes};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::baked::Group;
+use mipvog::model::camera::{Camera, Lens, turntable};
+use mipvog::model::field::RadianceField;
+use mipvog::model::grid::CellMask;
+use mipvog::view::render::{CameraCoverage, FrameOptions, Renderer, camera_coverage, render};
 
 /// Along each axis of the scenes made here.
 const NODES: [usize; 3] = [24, 20, 28];
@@ -382,6 +379,7 @@ fn what_was_coarsened_bakes_again_to_the_same_bytes() {
     });
     assert_eq!(bytes[0], bytes[1]);
     let unpacked = unpack(&open_bytes(&bytes[0]).expect("valid")).expect("unpacks");
-    let unpacked = Unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
+    let unpacked =
+        mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
     assert_eq!(packed(&unpacked, &Changes::default()).expect("bakes again"), bytes[0]);
 }

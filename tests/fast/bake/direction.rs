@@ -4,15 +4,13 @@
 use crate::common::plain::{all_nodes, halved, index, next_level, sigmoid, trilinear};
 use crate::common::planes::levels;
 use crate::common::{Random, plain_alpha};
-use mipvog_bake::unstable::bake::Filter;
-use mipvog_bake::unstable::levels::sizes::level_sizes;
-use mipvog_bake::unstable::levels::{
-    Content, Direction, LevelFilter, OpticalDepthGrid, RequiredNodes,
-};
-use mipvog_bake::unstable::model::anisotropy::{ANISOTROPY, functions};
-use mipvog_bake::unstable::model::directional::DIRECTIONAL;
-use mipvog_bake::unstable::model::field::{Activation, ColorDomain};
-use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
+use mipvog::bake::Filter;
+use mipvog::levels::sizes::level_sizes;
+use mipvog::levels::{Content, Direction, LevelFilter, OpticalDepthGrid, RequiredNodes};
+use mipvog::model::anisotropy::{ANISOTROPY, functions};
+use mipvog::model::directional::DIRECTIONAL;
+use mipvog::model::field::{Activation, ColorDomain};
+use mipvog::model::grid::{NodeMask, Nodes};
 
 const SIZES: [[usize; 3]; 7] =
     [[3, 2, 2], [2, 7, 33], [8, 9, 10], [2, 2, 150], [31, 2, 4], [5, 40, 3], [24, 23, 20]];

@@ -5,17 +5,17 @@ use crate::common::plain::{all_nodes, sigmoid};
 use crate::common::{
     Random, baked_bytes, field, fixture, open_bytes, packed, random_field, unpack,
 };
-use mipvog_bake::unstable::app::check::check;
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter};
-use mipvog_bake::unstable::base::bytes::Storage;
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
-use mipvog_bake::unstable::model::baked::{Encoding, Group, LevelMetadata};
-use mipvog_bake::unstable::model::camera::turntable;
-use mipvog_bake::unstable::model::field::RadianceField;
+use mipvog::bake::{BakeOptions, Changes, Filter};
+use mipvog::base::bytes::Storage;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::container::Container;
+use mipvog::model::baked::{Encoding, Group, LevelMetadata};
+use mipvog::model::camera::turntable;
+use mipvog::model::field::RadianceField;
+use mipvog::quantize::Bits;
+use mipvog::unpacked::LevelValues;
+use mipvog_bake::check::check;
 
 const COLORS: [Group; 2] = [Group::Diffuse, Group::Features];
 
@@ -179,7 +179,8 @@ fn inheriting_containers_bake_again_to_the_same_bytes_for_any_number_of_threads(
         let container = open_bytes(&bytes[0]).expect("valid");
         assert!(inherited(&container).iter().sum::<usize>() > 0);
         let unpacked = unpack(&container).expect("unpacks");
-        let unpacked = Unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
+        let unpacked =
+            mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("unpacked");
         let again = packed(&unpacked, &Changes::default()).expect("bakes again");
         assert_eq!(again, bytes[0]);
         let folder = common::folder();
@@ -207,7 +208,7 @@ fn inheriting_scene() -> (Container, common::Unpacked) {
 #[test]
 fn other_encodings_keep_their_error_in_inherited_blocks_too() {
     let (container, before) = inheriting_scene();
-    let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    let input = mipvog_inputs::unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     let bits = Changes { bits: Some(Bits::Integer(6)), ..Changes::default() };
     let errors = Changes { max_error: Some(0.03.into()), ..Changes::default() };
     for changes in [bits, errors] {
@@ -236,7 +237,7 @@ fn other_encodings_keep_their_error_in_inherited_blocks_too() {
 #[test]
 fn levels_are_cut_below_inherited_ones() {
     let (container, before) = inheriting_scene();
-    let input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    let input = mipvog_inputs::unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     for levels in 1..container.metadata().levels.len() {
         let changes = Changes { levels: Some(levels), ..Changes::default() };
         let again = open_bytes(&packed(&input, &changes).expect("bakes again")).expect("valid");
@@ -251,7 +252,8 @@ fn levels_are_cut_below_inherited_ones() {
 #[test]
 fn edits_in_inherited_blocks_are_kept() {
     let (container, before) = inheriting_scene();
-    let mut input = Unpacked::open(before.file(), &Limits::default()).expect("unpacked");
+    let mut input =
+        mipvog_inputs::unpacked::open(before.file(), &Limits::default()).expect("unpacked");
     let level = &container.metadata().levels[0];
     let table = before.get("level0.occupied").expect("a table");
     let block = table.iter().position(|&state| state == 2.0).expect("an inherited block");

@@ -3,13 +3,13 @@
 
 use crate::common::plain::{all_nodes, density, index};
 use crate::common::{Random, baked_bytes, field, open_bytes, plain, unpack};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::levels::importance::NodeImportance;
-use mipvog_bake::unstable::levels::sizes::level_sizes;
-use mipvog_bake::unstable::levels::{LevelFilter, OpticalDepthGrid};
-use mipvog_bake::unstable::model::baked::Group;
-use mipvog_bake::unstable::model::field::{Activation, RadianceField};
-use mipvog_bake::unstable::model::grid::Nodes;
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::levels::importance::NodeImportance;
+use mipvog::levels::sizes::level_sizes;
+use mipvog::levels::{LevelFilter, OpticalDepthGrid};
+use mipvog::model::baked::Group;
+use mipvog::model::field::{Activation, RadianceField};
+use mipvog::model::grid::Nodes;
 
 /// Lengths of the box's edges in intervals.
 const EXTENT: [f64; 3] = [20.0, 30.0, 25.0];

@@ -6,19 +6,19 @@ use crate::common;
 use crate::common::{
     Random, baked_bytes, field, grid_values, open_bytes, packed, plain, random_field, unpack,
 };
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
-use mipvog_bake::unstable::base::bytes::Storage;
-use mipvog_bake::unstable::base::error::{ErrorKind, Place};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
-use mipvog_bake::unstable::levels::Visible;
-use mipvog_bake::unstable::levels::visible::masked_planes;
-use mipvog_bake::unstable::model::baked::{Decode, DensityDomain, Encoding, Group};
-use mipvog_bake::unstable::model::field::{Activation, Nonfinite, RadianceField};
-use mipvog_bake::unstable::model::grid::NodeMask;
-use mipvog_bake::unstable::model::harmonics::BAND_GAIN;
+use mipvog::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog::base::bytes::Storage;
+use mipvog::base::error::{ErrorKind, Place};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::levels::Visible;
+use mipvog::levels::visible::masked_planes;
+use mipvog::model::baked::{Decode, DensityDomain, Encoding, Group};
+use mipvog::model::field::{Activation, Nonfinite, RadianceField};
+use mipvog::model::grid::NodeMask;
+use mipvog::model::harmonics::BAND_GAIN;
+use mipvog::quantize::Bits;
+use mipvog::unpacked::{LevelValues, Unpacked};
 
 const ERRORS: [f32; 7] = [0.25, 0.07, 0.02, 0.005, 7e-4, 3e-5, 1e-6];
 
@@ -193,7 +193,7 @@ fn larger_errors_take_no_more_bits_and_threads_never_show() {
 /// An unpacked container, and its file's contents.
 fn unpacked(bytes: &[u8]) -> (Unpacked, common::Unpacked) {
     let file = unpack(&open_bytes(bytes).expect("valid")).expect("unpacks");
-    (Unpacked::open(file.file(), &Limits::default()).expect("an input"), file)
+    (mipvog_inputs::unpacked::open(file.file(), &Limits::default()).expect("an input"), file)
 }
 
 #[test]

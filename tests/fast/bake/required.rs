@@ -2,13 +2,11 @@
 
 use crate::common::Random;
 use crate::common::planes::{Channels, levels};
-use mipvog_bake::unstable::bake::Filter;
-use mipvog_bake::unstable::levels::sizes::level_sizes;
-use mipvog_bake::unstable::levels::{
-    Content, Direction, LevelFilter, OpticalDepthGrid, RequiredNodes,
-};
-use mipvog_bake::unstable::model::field::{Activation, ColorDomain};
-use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
+use mipvog::bake::Filter;
+use mipvog::levels::sizes::level_sizes;
+use mipvog::levels::{Content, Direction, LevelFilter, OpticalDepthGrid, RequiredNodes};
+use mipvog::model::field::{Activation, ColorDomain};
+use mipvog::model::grid::{NodeMask, Nodes};
 
 const SIZES: [[usize; 3]; 8] = [
     [2, 2, 2],

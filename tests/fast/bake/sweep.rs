@@ -7,21 +7,19 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
 use crate::common::{Random, assert_schema, fixture, folder};
-use mipvog_bake::unstable::app::sweep::{
-    Grid, Point, Setting, Share, SweepOptions, SweepReport, front, sweep,
-};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::{Progress, Silent, Step};
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::{Source, SourceOptions};
-use mipvog_bake::unstable::model::camera::{Camera, turntable};
-use mipvog_bake::unstable::view::compare::{Reference, References};
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::{Progress, Silent, Step};
+use mipvog::model::camera::{Camera, turntable};
+use mipvog::view::compare::{Reference, References};
+use mipvog::view::render::Renderer;
+use mipvog_bake::sweep::{Grid, Point, Setting, Share, SweepOptions, SweepReport, front, sweep};
+use mipvog_inputs::{Source, SourceOptions};
 
 fn tiny() -> Source {
     let path = fixture("trained/tiny/fine_last.tar");
-    input::open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a checkpoint")
+    mipvog_inputs::open_with(&path, &SourceOptions::default(), &Limits::default())
+        .expect("a checkpoint")
 }
 
 fn cameras(source: &Source, count: usize) -> Vec<Camera> {
@@ -136,7 +134,7 @@ fn results_do_not_depend_on_threads_or_folders() {
         let read = |folder: usize| std::fs::read(folders[folder].path().join(&one.file));
         assert!(read(0).expect("baked") == read(1).expect("baked"), "{}", one.name);
         assert_eq!(one.errors, other.errors);
-        let bytes = |setting: &mipvog_bake::unstable::app::sweep::SettingReport| -> Vec<bool> {
+        let bytes = |setting: &mipvog_bake::sweep::SettingReport| -> Vec<bool> {
             setting.fronts.iter().map(|fronts| fronts.bytes).collect()
         };
         assert_eq!(bytes(one), bytes(other));

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use crate::common::asset::{NAME, attached, changed, glb, open};
 use crate::common::{Random, chunks, fixture, mend_checksums, open_bytes};
-use mipvog_bake::unstable::app::check::check;
-use mipvog_bake::unstable::base::error::Error;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::output::gltf::attach::AttachOptions;
+use mipvog::base::error::Error;
+use mipvog::base::limits::Limits;
+use mipvog_bake::check::check;
+use mipvog_outputs::gltf::attach::AttachOptions;
 
 const CONTAINER: &str = "dvgo.mask.mipvog";
 
@@ -147,9 +147,8 @@ fn changed_values_of_a_checkpoint_are_noticed() {
         // Without the sign and exponent bits the value stays finite and plausible.
         damaged[at] ^= 1 << random.below(4);
         std::fs::write(&path, &damaged).expect("writable");
-        let baked =
-            mipvog_bake::unstable::input::open_with(&path, &Default::default(), &Limits::default())
-                .and_then(|source| common::baked_bytes(&source.field, &Default::default()));
+        let baked = mipvog_inputs::open_with(&path, &Default::default(), &Limits::default())
+            .and_then(|source| common::baked_bytes(&source.field, &Default::default()));
         // Bytes that no bake reads (alignment, names of other entries) may change without an error;
         // values may not.
         if let Ok(bytes) = baked {

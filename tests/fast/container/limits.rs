@@ -5,22 +5,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::common::fixture;
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::{ErrorKind, Result};
-use mipvog_bake::unstable::base::limits::{LimitName, Limits};
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::model::baked::Group;
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::{ErrorKind, Result};
+use mipvog::base::limits::{LimitName, Limits};
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::baked::Group;
+use mipvog_inputs::SourceOptions;
 
 fn read_scene(path: &Path, limits: &Limits) -> Result<()> {
-    input::open_with(path, &SourceOptions::default(), limits).map(|_| ())
+    mipvog_inputs::open_with(path, &SourceOptions::default(), limits).map(|_| ())
 }
 
 /// Reads a volume's values.
 fn read_volume(path: &Path, limits: &Limits) -> Result<()> {
-    let source = input::open_with(path, &SourceOptions::default(), limits)?;
+    let source = mipvog_inputs::open_with(path, &SourceOptions::default(), limits)?;
     source.field.prepare(&Silent)?;
     let nodes = source.field.scene.nodes.0;
     let mut plane = vec![0.0; nodes[1] * nodes[2]];

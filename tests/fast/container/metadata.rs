@@ -2,10 +2,10 @@
 //! within are taken, those beyond are refused under their key.
 
 use crate::common::asset;
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::check_metadata;
-use mipvog_bake::unstable::model::baked::{
+use mipvog::base::error::Place;
+use mipvog::base::limits::Limits;
+use mipvog::container::check_metadata;
+use mipvog::model::baked::{
     Bends, Blend, Decode, DensityDomain, Encoding, Metadata, NetworkMetadata, NumberType,
     ViewMetadata,
 };

@@ -3,13 +3,13 @@
 use crate::common;
 use crate::common::transcoded::{baked, changed, difference, from_afar, picture};
 use crate::common::{field, open_bytes};
-use mipvog_bake::unstable::bake::{Changes, Filter};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::camera::Camera;
-use mipvog_bake::unstable::model::field::{FreeSpace, Lookup, RadianceField};
-use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{Changes, Filter};
+use mipvog::base::limits::Limits;
+use mipvog::model::camera::Camera;
+use mipvog::model::field::{FreeSpace, Lookup, RadianceField};
+use mipvog::model::grid::{Bounds, Nodes};
+use mipvog::unpacked::Unpacked;
+use mipvog::view::render::Renderer;
 
 /// Two bodies in a box of [-1, 1] x [-0.5, 0.75] x [0, 3], apart along z, and a speck between.
 fn two_bodies() -> RadianceField {

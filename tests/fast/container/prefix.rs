@@ -5,13 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::common::{fixture, open_bytes};
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::{ErrorKind, Result};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::{Container, Prefix};
-use mipvog_bake::unstable::model::camera::turntable;
-use mipvog_bake::unstable::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::{ErrorKind, Result};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::{Container, Prefix};
+use mipvog::model::camera::turntable;
+use mipvog::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 fn read_prefix(bytes: &[u8]) -> Result<Prefix> {
     let file = SourceFile::decoded(bytes.to_vec(), Path::new("cut.mipvog"));

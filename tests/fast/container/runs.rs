@@ -2,9 +2,9 @@
 //! by number.
 
 use crate::common::Random;
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::codec::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
-use mipvog_bake::unstable::model::baked::{Codes, NumberType};
+use mipvog::base::error::Place;
+use mipvog::model::baked::{Codes, NumberType};
+use mipvog::quantize::{Code, Frame, FrameShape, run_bytes, run_codes};
 
 const NUMBERS: [NumberType; 4] =
     [NumberType::U8, NumberType::U16, NumberType::F16, NumberType::F32];

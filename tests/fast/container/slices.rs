@@ -2,9 +2,9 @@
 
 use crate::common::asset::container;
 use crate::common::{folder, unpack};
-use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::codec::unpack::{SliceFormat, write_slices};
-use mipvog_bake::unstable::model::baked::Group;
+use mipvog::model::baked::Group;
+use mipvog::picture;
+use mipvog_outputs::unpack::{SliceFormat, write_slices};
 
 #[test]
 fn opacity_of_every_level_is_that_of_its_encoding() {

@@ -5,17 +5,15 @@ use crate::common::transcoded::{baked, changed, changed_bytes};
 use crate::common::{
     Random, baked_bytes, chunks, field, open_bytes, random_field, trained, unpack,
 };
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
-use mipvog_bake::unstable::base::bytes::Storage;
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::{LevelValues, Unpacked};
-use mipvog_bake::unstable::model::baked::{
-    FootprintNeighbour, Group, LevelMetadata, Metadata, StepRule,
-};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::grid::Bounds;
+use mipvog::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog::base::bytes::Storage;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::model::baked::{FootprintNeighbour, Group, LevelMetadata, Metadata, StepRule};
+use mipvog::model::field::RadianceField;
+use mipvog::model::grid::Bounds;
+use mipvog::quantize::Bits;
+use mipvog::unpacked::{LevelValues, Unpacked};
 
 #[test]
 fn a_container_packs_as_the_file_it_unpacks_to() {
@@ -34,7 +32,8 @@ fn a_container_packs_as_the_file_it_unpacks_to() {
             (options.fill_error, options.block_size) = (filled, 4);
         });
         let unpacked = unpack(&container).expect("unpacks");
-        let file = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+        let file =
+            mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
         let direct = Unpacked::of_container(&container).expect("decodes");
         assert_eq!(direct.digest, file.digest);
         for changes in [&Changes::default(), &errors, &fewer, &bits, &small, &part] {
@@ -81,7 +80,8 @@ fn rules_follow_the_levels_that_are_dropped() {
         }
         // The file is one like any other: it unpacks, packs and loses levels again.
         let unpacked = unpack(&fewer).expect("unpacks");
-        let file = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+        let file =
+            mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
         let again = open_bytes(&common::packed(&file, &Changes::default()).expect("packs"));
         let again = again.expect("valid").read().expect("valid").levels;
         assert_eq!(again, fewer.read().expect("valid").levels);
@@ -250,7 +250,8 @@ fn bits_count_for_nothing_beside_a_size() {
 fn edited_arrays_do_not_pass_for_what_was_unpacked() {
     let container = baked(&trained("tiny/fine_last.tar"), |_| {});
     let unpacked = unpack(&container).expect("unpacks");
-    let open = || Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+    let open =
+        || mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
     let provenance = |input: &Unpacked| {
         let bytes = common::packed(input, &Changes::default()).expect("packs");
         let again = open_bytes(&bytes).expect("valid");

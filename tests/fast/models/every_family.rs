@@ -5,8 +5,8 @@ use crate::common::families::{self, models, open};
 use crate::common::folder;
 use crate::common::models::renderer;
 use glam::DVec3;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::model::camera::Ray;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
 
 /// Distances from which rays come.
 const DISTANCES: [f64; 5] = [0.0, 1e6, 1e12, 1e16, 1e25];

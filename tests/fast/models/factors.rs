@@ -3,14 +3,14 @@
 
 use crate::common::models::{Reference, farthest, is_typed, open, points_agree, renderer};
 use crate::common::{fixture, folder};
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::input::tensor::{self, Value};
-use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
-use mipvog_bake::unstable::input::{inspect, open_tensors};
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Baker};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::tensor::{self, Value};
+use mipvog_inputs::{Family, SourceOptions, ViewChoice};
+use mipvog_inputs::{inspect, open_tensors};
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
 /// threshold, or of the first face.
@@ -125,8 +125,7 @@ fn lies_about_factors_are_refused() {
         let value = change(&other);
         *changed = value;
         let opened = open_tensors(&file, &SourceOptions::default(), &Limits::default());
-        let loaded =
-            opened.and_then(|source| Renderer::of_source(&source, None, &Limits::default()));
+        let loaded = opened.and_then(|source| source.renderer(None, &Limits::default()));
         let error = loaded.err().unwrap_or_else(|| panic!("{name} passes"));
         assert!(is_typed(&error), "{name}: {error}");
     };

@@ -2,7 +2,7 @@
 
 use crate::common::grids::{self, SMALL_GRIDS, SmallGrid, Values};
 use crate::common::models::{is_typed, small, used};
-use mipvog_bake::unstable::model::field::Grid;
+use mipvog::model::field::Grid;
 
 /// A grid, the part that lies, and the lie.
 type LieCase = (fn() -> SmallGrid, &'static str, fn(&mut SmallGrid));

@@ -6,19 +6,19 @@ use std::path::Path;
 use crate::common::grids::{self, Values};
 use crate::common::models::{Reference, agrees, farthest, open, renderer, small};
 use crate::common::{fixture, folder, others};
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::{Family, SourceOptions, ViewChoice};
-use mipvog_bake::unstable::input::{inspect, open_with};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::model::harmonics::Evaluation;
-use mipvog_bake::unstable::model::trained_model::RayColor;
-use mipvog_bake::unstable::model::view_dependence::ViewDependence;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Baker};
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::camera::Ray;
+use mipvog::model::harmonics::Evaluation;
+use mipvog::model::trained_model::RayColor;
+use mipvog::model::view_dependence::ViewDependence;
+use mipvog::quantize::Bits;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::{Family, SourceOptions, ViewChoice};
+use mipvog_inputs::{inspect, open_with};
 
 #[test]
 fn models_by_their_own_rules_agree_with_other_programs() {

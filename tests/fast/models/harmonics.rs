@@ -4,18 +4,17 @@ use crate::common;
 use crate::common::harmonic_field::{harmonic_field, rules};
 use crate::common::transcoded::{baked, changed, changed_bytes, difference, picture};
 use crate::common::{baked_bytes, open_bytes, packed, unpack};
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Filter, MaxErrors};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::{Decode, Group};
-use mipvog_bake::unstable::model::camera::{Camera, turntable};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
-use mipvog_bake::unstable::view::compare::{Reference, compare};
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Changes, Filter, MaxErrors};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::baked::{Decode, Group};
+use mipvog::model::camera::{Camera, turntable};
+use mipvog::model::field::RadianceField;
+use mipvog::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog::quantize::Bits;
+use mipvog::view::compare::{Reference, compare};
+use mipvog::view::render::Renderer;
 
 const NODES: [usize; 3] = [48, 44, 40];
 
@@ -158,7 +157,8 @@ fn unpacked_harmonics_pack_to_the_same_bytes() {
         let unpacked = unpack(&open_bytes(&bytes).expect("valid")).expect("unpacks");
         let features = unpacked.get("level0.features").expect("the higher bands");
         assert_eq!(features.len(), rules(degree).features() * 19 * 22 * 9);
-        let input = Unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
+        let input =
+            mipvog_inputs::unpacked::open(unpacked.file(), &Limits::default()).expect("an input");
         let again = packed(&input, &Changes::default()).expect("packs");
         assert!(again == bytes, "degree {degree}, {bits} bits");
     }

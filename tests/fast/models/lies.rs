@@ -1,6 +1,6 @@
 //! Kinds of errors that lies in files end in.
 
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
+use mipvog::base::error::{Error, ErrorKind};
 
 /// The file is not what its format says.
 pub fn malformed(error: Error, says: &str) {

@@ -5,20 +5,17 @@ use crate::common;
 use std::time::{Duration, Instant};
 
 use crate::common::{Random, baked_bytes, open_bytes, random_field};
-use mipvog_bake::unstable::bake::fit::{FitOptions, fit};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::{Progress, Silent};
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::model::camera::{Camera, turntable};
-use mipvog_bake::unstable::model::field::{ActivationOrder, March, RadianceField};
-use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
-use mipvog_bake::unstable::view::compare::{Reference, compare};
-use mipvog_bake::unstable::view::render::{
-    FrameOptions, Renderer, TrainedLevels, camera_coverage, render,
-};
+use mipvog::bake::fit::{FitOptions, fit};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::error::{Error, ErrorKind};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::{Progress, Silent};
+use mipvog::model::camera::{Camera, turntable};
+use mipvog::model::field::{ActivationOrder, March, RadianceField};
+use mipvog::model::grid::{NodeMask, Nodes};
+use mipvog::view::compare::{Reference, compare};
+use mipvog::view::render::{FrameOptions, Renderer, TrainedLevels, camera_coverage, render};
+use mipvog_inputs::SourceOptions;
 
 /// Steps of which a ray through a small box takes far more than a million.
 const TOO_SHORT: [f32; 3] = [1e-7, 1e-30, f32::MIN_POSITIVE];
@@ -64,7 +61,8 @@ fn steps_that_are_too_short_are_refused_everywhere() {
         assert!(is_about_steps(&error), "{error}");
         let options = SourceOptions { stepsize: Some(stepsize), ..SourceOptions::default() };
         let path = common::fixture("trained/dvgo/flat.safetensors");
-        let error = input::open_with(&path, &options, &Limits::default()).expect_err("too short");
+        let error =
+            mipvog_inputs::open_with(&path, &options, &Limits::default()).expect_err("too short");
         // The user's own setting is at fault here, and not the file.
         let ErrorKind::InvalidOption { option, .. } = error.kind() else { panic!("{error}") };
         assert_eq!(*option, "stepsize");

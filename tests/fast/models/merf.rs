@@ -9,12 +9,12 @@ use crate::common::merf::small_merf;
 use crate::common::models::renderer;
 use crate::common::{Random, folder};
 use glam::DVec3;
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::model::trained_model::RayColor;
+use mipvog::base::error::{Error, ErrorKind};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
+use mipvog::model::trained_model::RayColor;
+use mipvog_inputs::{Family, Source, SourceOptions, open_with};
 
 fn core_alone() -> SourceOptions {
     SourceOptions { drop_background: true, ..SourceOptions::default() }
@@ -137,7 +137,7 @@ fn lies_are_found() {
         malformed(damaged, name);
     }
     let outside = broken(&core_alone(), |folder| {
-        let picture = mipvog_bake::unstable::base::picture::png(4, 16, &[0, 0, 3].repeat(64));
+        let picture = mipvog::picture::png(4, 16, &[0, 0, 3].repeat(64));
         std::fs::write(folder.join("sparse_grid_block_indices.png"), picture.expect("a PNG"))
             .expect("writable");
     });

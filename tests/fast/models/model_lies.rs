@@ -5,8 +5,8 @@ use crate::common::alone::{is_alone, measured};
 use crate::common::factored::{dvgo, tensorf};
 use crate::common::model_lies::LIES;
 use crate::common::models::{is_typed, of_bytes, read};
-use mipvog_bake::unstable::base::error::Error;
-use mipvog_bake::unstable::input::SourceOptions;
+use mipvog::base::error::Error;
+use mipvog_inputs::SourceOptions;
 
 /// Bytes that a small file may make the reader hold, whatever it states.
 const MAX_MEMORY: usize = 16 << 20;

@@ -12,17 +12,17 @@ use crate::common::msgpack::{Pack, gzip, zlib};
 use crate::common::ngp::{CELLS, FEATURES, SmallNgp, small_ngp};
 use crate::common::{Random, folder};
 use glam::DVec3;
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::{Family, Source, SourceOptions, ViewChoice};
-use mipvog_bake::unstable::input::{inspect_tensors, open_tensors, tensor};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Baker};
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::{Error, ErrorKind};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::camera::Ray;
+use mipvog::quantize::Bits;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::{Family, Source, SourceOptions, ViewChoice};
+use mipvog_inputs::{inspect_tensors, open_tensors, tensor};
 
 /// The ratio of levels that follows from a base of 4 and a finest level of 2048.
 const DERIVED: f64 = 8.0;
@@ -313,7 +313,7 @@ fn view_choices_are_followed() {
     assert_eq!(channels(ViewChoice::None), (3, false));
     let options = SourceOptions { resolution: Some(16), ..SourceOptions::default() };
     let path = common::fixture("grids/plenoxels_cubic.npz");
-    let error = mipvog_bake::unstable::input::open_with(&path, &options, &Limits::default());
+    let error = mipvog_inputs::open_with(&path, &options, &Limits::default());
     let error = error.expect_err("it has nodes");
     assert!(error.to_string().contains("--resolution"), "{error}");
 }
@@ -323,7 +323,7 @@ fn with(path: &[&'static str], value: Pack) -> Error {
     let mut pack = small_ngp(1.4, false, CELLS, 2).snapshot(Some(1.4), false);
     pack.set(path, value);
     open(pack.bytes())
-        .and_then(|source| Renderer::of_source(&source, None, &Limits::default()).map(drop))
+        .and_then(|source| source.renderer(None, &Limits::default()).map(drop))
         .expect_err("a lie")
 }
 
@@ -358,7 +358,7 @@ fn lies_are_found() {
         let mut model = small_ngp(1.4, false, CELLS, 2);
         model.table[7] = f32::NAN;
         let source = open(model.snapshot(Some(1.4), false).bytes()).expect("opens");
-        Renderer::of_source(&source, None, &Limits::default()).expect_err("no numbers")
+        source.renderer(None, &Limits::default()).expect_err("no numbers")
     };
     malformed(nan, "no finite number");
     // Lists inside of lists, and maps.

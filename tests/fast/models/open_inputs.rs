@@ -7,13 +7,12 @@ use crate::common::grids::{SmallGrid, Values, lightning, sampled, sampled_blocks
 use crate::common::models::{farthest, of_bytes, renderer, small};
 use crate::common::{fixture, grid_values};
 use glam::DVec3;
-use mipvog_bake::unstable::base::error::{Error, ErrorKind, Place};
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::tensor::{self, Value};
-use mipvog_bake::unstable::input::{Source, SourceOptions, open_with};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::error::{Error, ErrorKind, Place};
+use mipvog::base::limits::{Budget, Limits};
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
+use mipvog_inputs::tensor::{self, Value};
+use mipvog_inputs::{Source, SourceOptions, open_with};
 
 fn input(name: &str) -> PathBuf {
     fixture("inputs").join(name)
@@ -153,7 +152,7 @@ fn the_first_value_that_is_not_finite_is_told_by_its_node() {
     // Node (3, 1, 2) of 5 x 4 x 3.
     densities[(3 * 4 + 1) * 3 + 2] = f32::NAN;
     let source = small(&grid).expect("opens");
-    let error = Renderer::of_source(&source, None, &Limits::default()).expect_err("no number");
+    let error = source.renderer(None, &Limits::default()).expect_err("no number");
     let ErrorKind::NonFinite { count: 1, first: [0, 3, 1, 2] } = error.kind() else {
         panic!("{error}")
     };

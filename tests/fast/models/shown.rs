@@ -1,14 +1,14 @@
 //! What rays see of a model, of its plain rules in float64, and of a bake of it.
 
 use crate::common::folder;
-use mipvog_bake::unstable::bake::{BakeOptions, Baker};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::input::Source;
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::bake::{BakeOptions, Baker};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::camera::Ray;
+use mipvog::quantize::Bits;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::Source;
 
 /// Rays see what `plain` computes from an origin and a direction: a colour, and the light that is
 /// left. A quarter of the rays is stopped, lest they miss the scene.

@@ -9,11 +9,11 @@ use crate::common::factored_values::{self as values, dvgo_color, dvgo_grid, prod
 use crate::common::models::{of_bytes, read, renderer};
 use crate::common::torch::{Item, TorchFile};
 use glam::DVec3;
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::{Family, SourceOptions};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::{Family, SourceOptions};
 
 /// A direction and a position in a box, as shares of its edges.
 fn place(random: &mut Random) -> ([f64; 3], [f64; 3]) {

@@ -9,15 +9,15 @@ use crate::common::models::renderer;
 use crate::common::snerg::{SmallSnerg, small_snerg};
 use crate::common::{Random, folder};
 use glam::DVec3;
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::picture;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::{Family, Source, SourceOptions, ViewChoice};
-use mipvog_bake::unstable::input::{inspect, open_with};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::model::trained_model::RayColor;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::error::{Error, ErrorKind};
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
+use mipvog::model::trained_model::RayColor;
+use mipvog::picture;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::{Family, Source, SourceOptions, ViewChoice};
+use mipvog_inputs::{inspect, open_with};
 
 fn open(path: &Path) -> Result<Source, Error> {
     open_with(path, &SourceOptions::default(), &Limits::default())
@@ -123,7 +123,7 @@ fn broken(change: impl FnOnce(&Path)) -> Error {
     scene.write(here.path());
     change(here.path());
     let read = open(here.path()).and_then(|source| {
-        Renderer::of_source(&source, None, &Limits::default())?;
+        source.renderer(None, &Limits::default())?;
         let mut plane = vec![0.0; 120];
         source.field.density.read_plane(0, 7, &mut plane, |_| {})
     });

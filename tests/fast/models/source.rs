@@ -5,26 +5,26 @@ use std::path::{Path, PathBuf};
 
 use crate::common::checkpoint::Checkpoint;
 
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::{Family, MlpChoice, Source, SourceOptions};
-use mipvog_bake::unstable::model::field::Volume;
-use mipvog_bake::unstable::model::field::{ActivationOrder, Lookup};
-use mipvog_bake::unstable::model::grid::{Element, Nodes};
-use mipvog_bake::unstable::model::view_mlp::ViewInput;
+use mipvog::base::error::ErrorKind;
+use mipvog::base::limits::Limits;
+use mipvog::model::field::Volume;
+use mipvog::model::field::{ActivationOrder, Lookup};
+use mipvog::model::grid::{Element, Nodes};
+use mipvog::model::view_mlp::ViewInput;
+use mipvog_inputs::{Family, MlpChoice, Source, SourceOptions};
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/trained").join(name)
 }
 
 fn open(name: &str) -> Source {
-    input::open_with(&fixture(name), &SourceOptions::default(), &Limits::default())
+    mipvog_inputs::open_with(&fixture(name), &SourceOptions::default(), &Limits::default())
         .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-fn refuse(name: &str) -> mipvog_bake::unstable::base::error::Error {
-    input::open_with(&fixture(name), &SourceOptions::default(), &Limits::default()).expect_err(name)
+fn refuse(name: &str) -> mipvog::base::error::Error {
+    mipvog_inputs::open_with(&fixture(name), &SourceOptions::default(), &Limits::default())
+        .expect_err(name)
 }
 
 fn keys(source: &Source) -> Vec<&str> {
@@ -118,7 +118,8 @@ fn options_win() {
         mlp: MlpChoice::None,
         ..SourceOptions::default()
     };
-    let source = input::open_with(&fixture("dvgo/protocol2.tar"), &options, &Limits::default());
+    let source =
+        mipvog_inputs::open_with(&fixture("dvgo/protocol2.tar"), &options, &Limits::default());
     let source = source.expect("a scene");
     let march = &source.field.scene.march;
     assert_eq!((march.stepsize, march.near, march.far), (0.25, 2.0, Some(6.0)));
@@ -133,7 +134,8 @@ fn options_win() {
         SourceOptions { background: Some([0.0, 2.0, 0.0]), ..SourceOptions::default() },
         SourceOptions { color_threshold: Some(1.0), ..SourceOptions::default() },
     ] {
-        let error = input::open_with(&fixture("dvgo/protocol2.tar"), &broken, &Limits::default());
+        let error =
+            mipvog_inputs::open_with(&fixture("dvgo/protocol2.tar"), &broken, &Limits::default());
         let error = error.expect_err("out of range");
         assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
     }
@@ -178,7 +180,8 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     assert!((threshold(&orphan) - 6.9078).abs() < 1e-3);
     let options =
         SourceOptions { coarse: Some(fixture("old/coarse_last.tar")), ..SourceOptions::default() };
-    let told = input::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
+    let told =
+        mipvog_inputs::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
     let told = told.expect("a scene");
     assert_eq!((keys(&told), threshold(&told)), (vec!["stepsize"], threshold(&beside)));
     let mask = told.field.free_space.expect("mask");
@@ -187,7 +190,8 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
     });
     assert!(low.iter().all(|u| u.abs() < 1e-9), "the mask has its own box: {low:?}");
     let options = SourceOptions { coarse: Some(fixture("nowhere")), ..SourceOptions::default() };
-    let error = input::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
+    let error =
+        mipvog_inputs::open_with(&fixture("orphan/fine_last.tar"), &options, &Limits::default());
     assert!(matches!(error.expect_err("missing").kind(), ErrorKind::Io(_)));
 }
 
@@ -209,13 +213,15 @@ fn other_models_are_refused_with_the_reason() {
     let fitted = open("refused/per_sample.tar");
     assert!(fitted.model.is_some() && fitted.field.harmonics().is_some(), "fitted");
     let options = SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() };
-    let asked = input::open_with(&fixture("refused/per_sample.tar"), &options, &Limits::default());
+    let asked =
+        mipvog_inputs::open_with(&fixture("refused/per_sample.tar"), &options, &Limits::default());
     assert_eq!(asked.expect("diffuse only").field.color_channels(), 3);
     let borrowed = SourceOptions {
         mlp: MlpChoice::File(fixture("tiny/fine_last.tar")),
         ..SourceOptions::default()
     };
-    let borrowed = input::open_with(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
+    let borrowed =
+        mipvog_inputs::open_with(&fixture("refused/diffuse.tar"), &borrowed, &Limits::default());
     assert!(borrowed.expect("a network").field.view.is_some());
     let diffuse = open("refused/diffuse.tar");
     assert_eq!((diffuse.field.color_channels(), keys(&diffuse)), (3, vec!["stepsize", "mlp"]));
@@ -225,7 +231,8 @@ fn other_models_are_refused_with_the_reason() {
 #[test]
 fn a_checkpoint_lists_everything() {
     let options = SourceOptions::default();
-    let found = input::inspect(&fixture("tiny/fine_last.tar"), &options, &Limits::default());
+    let found =
+        mipvog_inputs::inspect(&fixture("tiny/fine_last.tar"), &options, &Limits::default());
     let found = found.expect("a checkpoint");
     assert_eq!(found.optimizer_bytes, 2 * 131_072);
     assert!(found.model_bytes > 1_048_576 && found.model_bytes < found.file_bytes);
@@ -239,7 +246,8 @@ fn a_checkpoint_lists_everything() {
     assert_eq!(value("optimizer_state_dict.param_groups.0.lr").kind, "float");
     assert_eq!(found.scene.as_ref().and_then(|scene| scene.mlp.clone()), Some(vec![34, 16, 16, 3]));
     let refused = fixture("refused/contracted.tar");
-    let refused = input::inspect(&refused, &options, &Limits::default()).expect("still listed");
+    let refused =
+        mipvog_inputs::inspect(&refused, &options, &Limits::default()).expect("still listed");
     assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));
     assert!(refused.values.len() > 30);
 }
@@ -269,8 +277,10 @@ fn a_path_out_of_a_checkpoint_is_not_opened() {
     let checkpoint = masked(&[("mask_cache_path", text), ("mask_cache_thres", "0.001")]);
     let path = folder.path().join("fine.safetensors");
     std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
-    let open =
-        || input::open_with(&path, &SourceOptions::default(), &Limits::default()).expect("a scene");
+    let open = || {
+        mipvog_inputs::open_with(&path, &SourceOptions::default(), &Limits::default())
+            .expect("a scene")
+    };
     let source = open();
     assert!(source.side_files.is_empty(), "{:?}", source.side_files);
     assert!(keys(&source).contains(&"coarse"), "{:?}", source.assumptions);
@@ -288,7 +298,7 @@ fn a_mask_without_a_threshold_can_be_stored() {
     let path = folder.path().join("fine.safetensors");
     let open = |checkpoint: Checkpoint| {
         std::fs::write(&path, checkpoint.to_bytes()).expect("writable");
-        input::open_with(&path, &SourceOptions::default(), &Limits::default())
+        mipvog_inputs::open_with(&path, &SourceOptions::default(), &Limits::default())
     };
     let source = open(masked(&[("mask_cache_thres", "0")])).expect("a scene");
     match source.field.free_space.expect("a mask").lookup {
@@ -310,7 +320,7 @@ fn options_of_checkpoints_are_refused_for_other_models() {
             (SourceOptions { mlp: MlpChoice::None, ..SourceOptions::default() }, "--mlp"),
             (SourceOptions { coarse: Some(path.clone()), ..SourceOptions::default() }, "--coarse"),
         ] {
-            let error = input::open_with(&path, &options, &Limits::default());
+            let error = mipvog_inputs::open_with(&path, &options, &Limits::default());
             let error = error.expect_err("an option without use");
             assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
             assert!(error.to_string().contains(named), "{error}");

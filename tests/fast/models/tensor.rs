@@ -4,9 +4,9 @@ use crate::ONE_IN;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use mipvog_bake::unstable::base::error::{ErrorKind, Place};
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::input::tensor::{self, FileKind, Value};
+use mipvog::base::error::{ErrorKind, Place};
+use mipvog::base::limits::{Budget, Limits};
+use mipvog_inputs::tensor::{self, FileKind, Value};
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/trained").join(name)

@@ -6,8 +6,8 @@ use crate::common::asset::{
     NAME, Written, attached, changed, container, detached, document, glb, open, parts,
 };
 use crate::common::{Random, folder};
-use mipvog_bake::unstable::base::error::ErrorKind;
-use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, NodeChoice};
+use mipvog::base::error::ErrorKind;
+use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice};
 use serde_json::json;
 
 const ONE: &str = "dvgo.mask.mipvog";
@@ -327,7 +327,7 @@ fn options_that_do_not_fit_are_refused() {
         let node = node.parse().map_or(NodeChoice::Name(node.to_owned()), NodeChoice::Index);
         attached(here, asset, ONE, &options(Some(node), false))
     };
-    let usage = |result: mipvog_bake::unstable::base::error::Result<Vec<u8>>, says: &str| {
+    let usage = |result: mipvog::base::error::Result<Vec<u8>>, says: &str| {
         let error = result.expect_err(says);
         assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
         assert!(error.to_string().contains(says), "{error}");
@@ -388,7 +388,7 @@ fn every_prefix_of_a_glb_is_refused_and_nothing_panics() {
             damaged[at] = digits[random.below(digits.len())];
         }
         reads(&damaged);
-        let report = mipvog_bake::unstable::app::check::check(&path, &Default::default());
+        let report = mipvog_bake::check::check(&path, &Default::default());
         report.expect("a file that can be read");
         detached(here, &damaged, None).ok();
         attached(here, &damaged, TWO, &AttachOptions::default()).ok();

@@ -1,10 +1,10 @@
 //! Figures for the distance of pictures, against scikit-image.
 
 use crate::common::{fixture, tensor_values};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input::tensor;
-use mipvog_bake::unstable::view::compare::Picture;
-use mipvog_bake::unstable::view::compare::metrics::ssim;
+use mipvog::base::limits::Limits;
+use mipvog::view::compare::Picture;
+use mipvog::view::compare::metrics::ssim;
+use mipvog_inputs::tensor;
 
 #[test]
 fn structural_similarity_equals_that_of_scikit_image() {

@@ -6,10 +6,10 @@ use std::path::Path;
 use crate::common::asset::{NAME, attached, changed, document, glb, parts};
 use crate::common::folder;
 use jsonschema::Registry;
-use mipvog_bake::unstable::app::check::{Report, check};
-use mipvog_bake::unstable::base::finding::{Code, Severity};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, NodeChoice};
+use mipvog::base::finding::{Code, Severity};
+use mipvog::base::limits::Limits;
+use mipvog_bake::check::{Report, check};
+use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice};
 use serde_json::{Value, json};
 
 const ONE: &str = "dvgo.mask.mipvog";

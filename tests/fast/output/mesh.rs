@@ -4,10 +4,10 @@ use crate::common;
 use std::collections::BTreeMap;
 
 use crate::common::{Random, baked_bytes, field, open_bytes, random_field};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::output::gltf::mesh::{Mesh, meshes};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::error::Result;
+use mipvog::container::Container;
+use mipvog_outputs::gltf::mesh::{Mesh, meshes};
 
 fn options(filter: Filter) -> BakeOptions {
     let mut options = BakeOptions::default();
@@ -73,7 +73,7 @@ fn assert_closed(mesh: &Mesh, case: &str) {
 }
 
 /// An opaque ball of one colour a half space, in the box of `common::field`.
-fn ball(size: usize, radius: f32) -> mipvog_bake::unstable::model::field::RadianceField {
+fn ball(size: usize, radius: f32) -> mipvog::model::field::RadianceField {
     let nodes = [size; 3];
     let middle = (size - 1) as f32 / 2.0;
     let (mut density, mut color) = (Vec::new(), vec![Vec::new(); 3]);

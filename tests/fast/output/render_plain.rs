@@ -7,26 +7,26 @@ use crate::common::plain_render::PlainField;
 use crate::common::rendered::{Differences, baked_levels, finest_level, trained_levels};
 use crate::common::{Random, baked_bytes, grid_values, open_bytes, random_field};
 use glam::{DMat4, DVec3};
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::quantize::Bits;
-use mipvog_bake::unstable::levels::{FilterDomain, Kernel, LevelFilter};
-use mipvog_bake::unstable::model::baked::{
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::error::Place;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::levels::{FilterDomain, Kernel, LevelFilter};
+use mipvog::model::baked::{
     BakedField, Bends, Blend, Codes, Decode, DensityDomain, Encoding, FootprintNeighbour, Group,
     LevelOfDetail, NumberType,
 };
-use mipvog_bake::unstable::model::camera::{Camera, Lens};
-use mipvog_bake::unstable::model::field::{
+use mipvog::model::camera::{Camera, Lens};
+use mipvog::model::field::{
     Activation, ActivationOrder, ColorDomain, FreeSpace, Grid, Lookup, RadianceField,
 };
-use mipvog_bake::unstable::model::grid::{Bounds, Nodes};
-use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
-use mipvog_bake::unstable::model::view_dependence::ViewDependence;
-use mipvog_bake::unstable::model::view_mlp::{Layer, ViewMlp};
-use mipvog_bake::unstable::view::compare::{Reference, compare};
-use mipvog_bake::unstable::view::render::{
+use mipvog::model::grid::{Bounds, Nodes};
+use mipvog::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog::model::view_dependence::ViewDependence;
+use mipvog::model::view_mlp::{Layer, ViewMlp};
+use mipvog::quantize::Bits;
+use mipvog::view::compare::{Reference, compare};
+use mipvog::view::render::{
     FrameOptions, LevelChoice, Renderer, TrainedLevels, camera_coverage, render,
 };
 

@@ -1,9 +1,9 @@
 //! Splats: pictures and derivatives against plain float64 code.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
-use mipvog_bake::unstable::model::camera::{Camera, Lens};
-use mipvog_bake::unstable::model::harmonics::basis_f64;
-use mipvog_bake::unstable::output::splat::{GaussianSplat, PARAMETERS, differentiate, rasterize};
+use mipvog::model::camera::{Camera, Lens};
+use mipvog::model::harmonics::basis_f64;
+use mipvog_outputs::splat::{GaussianSplat, PARAMETERS, differentiate, rasterize};
 
 const BACKGROUND: [f32; 3] = [0.9, 0.5, 0.2];
 const SIZE: [usize; 2] = [37, 21];

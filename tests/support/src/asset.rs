@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use mipvog_bake::unstable::base::bytes::{Output, SourceFile};
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::output::gltf::asset::Asset;
-use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, attach, detach};
+use mipvog::base::bytes::{Output, SourceFile};
+use mipvog::base::error::Result;
+use mipvog::base::limits::Limits;
+use mipvog::container::Container;
+use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::attach::{AttachOptions, attach, detach};
 use serde_json::Value;
 
 use super::{Random, fixture};

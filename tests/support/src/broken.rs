@@ -3,18 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use mipvog_bake::unstable::bake::{BakeOptions, Filter};
-use mipvog_bake::unstable::base::bytes::{Output, SourceFile};
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::container::json::to_canonical;
-use mipvog_bake::unstable::input;
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::model::baked::Metadata;
-use mipvog_bake::unstable::model::field::{FreeSpace, Lookup};
-use mipvog_bake::unstable::model::grid::Nodes;
-use mipvog_bake::unstable::output::gltf::asset::Asset;
-use mipvog_bake::unstable::output::gltf::attach::{AttachOptions, NodeChoice, attach};
+use mipvog::bake::{BakeOptions, Filter};
+use mipvog::base::bytes::{Output, SourceFile};
+use mipvog::base::limits::Limits;
+use mipvog::container::Container;
+use mipvog::container::json::to_canonical;
+use mipvog::model::baked::Metadata;
+use mipvog::model::field::{FreeSpace, Lookup};
+use mipvog::model::grid::Nodes;
+use mipvog_inputs::SourceOptions;
+use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice, attach};
 use serde_json::{Value, json};
 
 use super::asset::{NAME, changed};
@@ -52,7 +51,8 @@ fn sound_container() -> Vec<u8> {
     let folder = folder();
     let path = folder.path().join("sound.safetensors");
     std::fs::write(&path, Checkpoint::sound().to_bytes()).expect("writable");
-    let field = input::open_with(&path, &said(), &Limits::default()).expect("a checkpoint").field;
+    let field =
+        mipvog_inputs::open_with(&path, &said(), &Limits::default()).expect("a checkpoint").field;
     // Half of the opaque nodes are outside, so that the mask shows and stays.
     let inside = (0..8).map(|node| node >= 4).collect();
     let lookup = Lookup::Nearest(inside);
@@ -216,7 +216,8 @@ fn sound_nodes() -> usize {
 /// A checkpoint with a checksum that a value does not fit.
 fn flipped_value() -> Vec<u8> {
     let path = fixture("trained/dvgo/protocol2.tar");
-    let listed = input::inspect(&path, &said(), &Limits::default()).expect("a checkpoint").values;
+    let listed =
+        mipvog_inputs::inspect(&path, &said(), &Limits::default()).expect("a checkpoint").values;
     let density = listed.iter().find(|value| value.key.ends_with("density.grid"));
     let offset = density.and_then(|value| value.offset).expect("stored as it is") as usize;
     let mut bytes = std::fs::read(&path).expect("a checkpoint");

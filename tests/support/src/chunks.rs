@@ -1,7 +1,7 @@
 //! Containers as lists of chunks, so that tests can write containers that the writer would not. The
 //! coding of a chunk's bytes has no place here.
 
-use mipvog_bake::unstable::codec::container::layout::{
+use mipvog::container::layout::{
     ALIGNMENT, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS, META,
 };
 

@@ -8,9 +8,9 @@ use super::merf::small_merf;
 use super::ngp::{CELLS, small_ngp};
 use super::snerg::small_snerg;
 use super::{baked_bytes, fixture, folder, with_threads};
-use mipvog_bake::unstable::bake::BakeOptions;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::input::{Family, Source, SourceOptions, open_with};
+use mipvog::bake::BakeOptions;
+use mipvog::base::limits::Limits;
+use mipvog_inputs::{Family, Source, SourceOptions, open_with};
 
 /// The models, some of them written to a folder.
 pub fn models(here: &Path) -> Vec<(Family, PathBuf)> {

@@ -18,10 +18,10 @@ use super::msgpack::zlib;
 use super::ngp::small_ngp;
 use super::targets::{self, TARGETS, Target};
 use super::{Random, chunks, fixture, root};
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::codec::container::json::to_canonical;
-use mipvog_bake::unstable::input::tensor::Archive;
-use mipvog_bake::unstable::model::baked::Metadata;
+use mipvog::base::bytes::SourceFile;
+use mipvog::container::json::to_canonical;
+use mipvog::model::baked::Metadata;
+use mipvog_inputs::tensor::Archive;
 
 /// Bytes that any input may make the reader hold beyond its own length, under the targets' limits.
 pub const MAX_MEMORY: usize = 256 << 20;

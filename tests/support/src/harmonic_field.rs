@@ -1,8 +1,8 @@
 //! A scene whose colours are harmonics and whose densities may be negative: two glossy bodies in
 //! empty space.
 
-use mipvog_bake::unstable::model::field::{DensityFunction, RadianceField};
-use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, Harmonics};
+use mipvog::model::field::{DensityFunction, RadianceField};
+use mipvog::model::harmonics::{Clamp, Evaluation, Harmonics};
 
 use super::plain::all_nodes;
 

@@ -40,21 +40,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use jsonschema::Validator;
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, Origin, bake, repack};
-use mipvog_bake::unstable::base::bytes::{Output, Storage, WriterSink};
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::unpack::{TensorFormat, write_tensors};
-use mipvog_bake::unstable::input::SourceOptions;
-use mipvog_bake::unstable::input::open_with;
-use mipvog_bake::unstable::input::tensor::{self, TensorFile, Value};
-use mipvog_bake::unstable::model::baked::Group;
-use mipvog_bake::unstable::model::field::{
+use mipvog::bake::{BakeOptions, Changes, Origin, bake, repack};
+use mipvog::base::bytes::{Output, Storage, WriterSink};
+use mipvog::base::error::Result;
+use mipvog::base::limits::{Budget, Limits};
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::baked::Group;
+use mipvog::model::field::{
     Activation, ColorDomain, FreeSpace, Grid, March, RadianceField, Scene, Volume,
 };
-use mipvog_bake::unstable::model::grid::{Bounds, Element, Nodes};
+use mipvog::model::grid::{Bounds, Element, Nodes};
+use mipvog_inputs::SourceOptions;
+use mipvog_inputs::open_with;
+use mipvog_inputs::tensor::{self, TensorFile, Value};
+use mipvog_outputs::unpack::{TensorFormat, write_tensors};
 
 /// Sends a signal such as `-INT` to a program that runs. By the shell's own `kill`: a fresh Debian
 /// has no program of that name.
@@ -195,7 +195,7 @@ pub fn program(path: &str) -> std::process::Command {
 
 /// Runs `work` with this many threads.
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    mipvog_bake::unstable::base::parallel::with_threads(threads, work).expect("threads")
+    mipvog::base::parallel::with_threads(threads, work).expect("threads")
 }
 
 /// A temporary folder that goes with the value. It lies beside the build: a machine's own place for
@@ -239,10 +239,7 @@ pub fn unpack(container: &Container) -> Result<Unpacked> {
 }
 
 /// Bakes an unpacked container again.
-pub fn packed(
-    input: &mipvog_bake::unstable::codec::unpack::Unpacked,
-    changes: &Changes,
-) -> Result<Vec<u8>> {
+pub fn packed(input: &mipvog::unpacked::Unpacked, changes: &Changes) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     repack(input, changes, &Limits::default(), &mut WriterSink::new(&mut bytes), &Silent)?;
     Ok(bytes)

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use mipvog_bake::unstable::base::picture;
+use mipvog::picture;
 use serde_json::{Value, json};
 
 use super::snerg::{Layers, layers, network};

@@ -4,15 +4,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
-use mipvog_bake::unstable::base::bytes::SourceFile;
-use mipvog_bake::unstable::base::error::{Error, ErrorKind};
-use mipvog_bake::unstable::base::limits::{Budget, Limits};
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::input::tensor::{self, Value};
-use mipvog_bake::unstable::input::{Source, SourceOptions};
-use mipvog_bake::unstable::input::{open_tensors, open_with};
-use mipvog_bake::unstable::model::camera::Ray;
-use mipvog_bake::unstable::view::render::Renderer;
+use mipvog::base::bytes::SourceFile;
+use mipvog::base::error::{Error, ErrorKind};
+use mipvog::base::limits::{Budget, Limits};
+use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
+use mipvog::view::render::Renderer;
+use mipvog_inputs::tensor::{self, Value};
+use mipvog_inputs::{Source, SourceOptions};
+use mipvog_inputs::{open_tensors, open_with};
 
 use super::fixture;
 use super::grids::SmallGrid;
@@ -22,7 +22,7 @@ pub fn open(name: &str, options: &SourceOptions) -> Result<Source, Error> {
 }
 
 pub fn renderer(source: &Source) -> Renderer {
-    Renderer::of_source(source, None, &Limits::default()).expect("a model")
+    source.renderer(None, &Limits::default()).expect("a model")
 }
 
 /// The tensors of a reference.
@@ -122,7 +122,7 @@ pub fn used(grid: &SmallGrid) -> Result<(), Error> {
 
 /// Loads a model, and reads all nodes of its field.
 pub fn read(source: &Source) -> Result<(), Error> {
-    Renderer::of_source(source, None, &Limits::default())?;
+    source.renderer(None, &Limits::default())?;
     let [nx, ny, nz] = source.field.scene.nodes.0;
     for grid in source.field.grids() {
         let mut plane = vec![0.0; ny * nz];

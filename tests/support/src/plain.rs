@@ -1,7 +1,7 @@
 //! The reference implementation: every stage as its definition says, in float64, one node at a
 //! time.
 
-use mipvog_bake::unstable::model::field::{Activation, DensityFunction};
+use mipvog::model::field::{Activation, DensityFunction};
 
 /// Every node of a grid, z fastest.
 pub fn all_nodes([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {

@@ -1,10 +1,10 @@
 //! The reference implementation of filtering alpha and premultiplied colours, in float64: see the
 //! module docs of `levels::alpha`.
 
-use mipvog_bake::unstable::levels::AlphaDomain;
-use mipvog_bake::unstable::model::baked::DensityDomain;
-use mipvog_bake::unstable::model::field::{ColorDomain, Scene};
-use mipvog_bake::unstable::model::grid::Bounds;
+use mipvog::levels::AlphaDomain;
+use mipvog::model::baked::DensityDomain;
+use mipvog::model::field::{ColorDomain, Scene};
+use mipvog::model::grid::Bounds;
 
 use super::plain::{all_nodes, density, halved, index, next_level, sigmoid, trilinear};
 

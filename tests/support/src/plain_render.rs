@@ -1,13 +1,13 @@
 //! The renderer's reference implementation: one pixel at a time as `formats/mipvog.md`, section 6,
 //! says it, in float64 over dense arrays. It visits every sample of every ray and skips nothing.
 
-use mipvog_bake::unstable::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
-use mipvog_bake::unstable::model::camera::Camera;
-use mipvog_bake::unstable::model::field::{ActivationOrder, ColorDomain, FreeSpace, Lookup};
-use mipvog_bake::unstable::model::harmonics::{Clamp, Evaluation, basis_f64};
-use mipvog_bake::unstable::model::view_dependence::ViewDependence;
-use mipvog_bake::unstable::model::view_mlp::{ViewInput, ViewMlp};
-use mipvog_bake::unstable::view::render::{LevelChoice, View};
+use mipvog::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
+use mipvog::model::camera::Camera;
+use mipvog::model::field::{ActivationOrder, ColorDomain, FreeSpace, Lookup};
+use mipvog::model::harmonics::{Clamp, Evaluation, basis_f64};
+use mipvog::model::view_dependence::ViewDependence;
+use mipvog::model::view_mlp::{ViewInput, ViewMlp};
+use mipvog::view::render::{LevelChoice, View};
 
 use super::plain::{density, index, sigmoid, trilinear};
 

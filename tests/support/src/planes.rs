@@ -3,12 +3,10 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::progress::{Silent, Step};
-use mipvog_bake::unstable::levels::{
-    Content, Plane, PlaneSink, PlaneSource, Pyramid, RequiredNodes,
-};
-use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
+use mipvog::base::error::Result;
+use mipvog::base::progress::{Silent, Step};
+use mipvog::levels::{Content, Plane, PlaneSink, PlaneSource, Pyramid, RequiredNodes};
+use mipvog::model::grid::{NodeMask, Nodes};
 
 /// Channels of a level, `[channel][node]`.
 pub type Channels = Vec<Vec<f32>>;

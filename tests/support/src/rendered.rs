@@ -1,19 +1,17 @@
 //! Fields as the renderer's reference implementation takes them, and how far pictures are from the
 //! reference's.
 
-use mipvog_bake::unstable::model::baked::{
-    BakedField, BakedLevel, DensityDomain, Group, LevelMetadata,
-};
-use mipvog_bake::unstable::model::camera::Camera;
-use mipvog_bake::unstable::model::field::{Nonfinite, RadianceField};
-use mipvog_bake::unstable::model::grid::NodeMask;
+use mipvog::model::baked::{BakedField, BakedLevel, DensityDomain, Group, LevelMetadata};
+use mipvog::model::camera::Camera;
+use mipvog::model::field::{Nonfinite, RadianceField};
+use mipvog::model::grid::NodeMask;
 
-use mipvog_bake::unstable::base::parallel;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::quantize::decode_codes;
-use mipvog_bake::unstable::levels::LevelFilter;
-use mipvog_bake::unstable::levels::visible::masked_planes;
-use mipvog_bake::unstable::view::render::{Frame, LevelChoice};
+use mipvog::base::parallel;
+use mipvog::base::progress::Silent;
+use mipvog::levels::LevelFilter;
+use mipvog::levels::visible::masked_planes;
+use mipvog::quantize::decode_codes;
+use mipvog::view::render::{Frame, LevelChoice};
 
 use super::plain::{all_nodes, halved, index, next_level};
 use super::plain_render::{PlainField, PlainLevel, Pruned};

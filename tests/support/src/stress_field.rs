@@ -1,20 +1,20 @@
 //! The stages that make levels: filters, weighted averages, quantization, against their reference
 //! implementations.
 
-use mipvog_bake::unstable::bake::Filter;
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::codec::quantize::{
+use mipvog::bake::Filter;
+use mipvog::base::error::Place;
+use mipvog::levels::sizes::level_sizes;
+use mipvog::levels::taps::AxisTaps;
+use mipvog::levels::{
+    AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
+};
+use mipvog::model::baked::{Codes, DensityDomain, Encoding, NumberType};
+use mipvog::model::field::ColorDomain;
+use mipvog::model::grid::{NodeMask, Nodes};
+use mipvog::quantize::{
     Bits, BlockEncoder, BlockSource, Code, CodePlanes, FrameShape, GroupCodes, color_encoding,
     decode_codes, density_encoding, run_bytes, run_codes,
 };
-use mipvog_bake::unstable::levels::sizes::level_sizes;
-use mipvog_bake::unstable::levels::taps::AxisTaps;
-use mipvog_bake::unstable::levels::{
-    AlphaDomain, Content, Kernel, LevelFilter, OpticalDepthGrid, RequiredNodes, Visibility,
-};
-use mipvog_bake::unstable::model::baked::{Codes, DensityDomain, Encoding, NumberType};
-use mipvog_bake::unstable::model::field::ColorDomain;
-use mipvog_bake::unstable::model::grid::{NodeMask, Nodes};
 
 use std::sync::OnceLock;
 

@@ -1,18 +1,16 @@
 //! The stages along a ray: interpolation, transmittance, sums, levels, against the slow renderer.
 
 use glam::{DMat4, DVec3};
-use mipvog_bake::unstable::bake::Filter;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::model::activate;
-use mipvog_bake::unstable::model::anisotropy::ANISOTROPY;
-use mipvog_bake::unstable::model::camera::{Camera, Lens};
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::model::grid::Bounds;
-use mipvog_bake::unstable::view::render::{
-    Frame, FrameOptions, LevelChoice, Renderer, TrainedLevels, render,
-};
-use mipvog_bake::unstable::view::sample::{Dense, Sample};
+use mipvog::bake::Filter;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::model::activate;
+use mipvog::model::anisotropy::ANISOTROPY;
+use mipvog::model::camera::{Camera, Lens};
+use mipvog::model::field::RadianceField;
+use mipvog::model::grid::Bounds;
+use mipvog::view::render::{Frame, FrameOptions, LevelChoice, Renderer, TrainedLevels, render};
+use mipvog::view::sample::{Dense, SampleLevels};
 
 use std::sync::OnceLock;
 

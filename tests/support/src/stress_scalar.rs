@@ -1,12 +1,12 @@
 //! Single numbers and the network: the stages that take no field, against their reference
 //! implementations.
 
-use mipvog_bake::unstable::base::error::Place;
-use mipvog_bake::unstable::levels::AlphaDomain;
-use mipvog_bake::unstable::model::activate::{self, lanes};
-use mipvog_bake::unstable::model::baked::DensityDomain;
-use mipvog_bake::unstable::model::field::Activation;
-use mipvog_bake::unstable::model::view_mlp::{Layer, RAYS, ViewMlp};
+use mipvog::base::error::Place;
+use mipvog::levels::AlphaDomain;
+use mipvog::model::activate::{self, lanes};
+use mipvog::model::baked::DensityDomain;
+use mipvog::model::field::Activation;
+use mipvog::model::view_mlp::{Layer, RAYS, ViewMlp};
 
 use super::plain_render::specular;
 use super::stress::Worst;

@@ -1,16 +1,16 @@
 //! Containers that are changed without the checkpoint, and their pictures.
 
-use mipvog_bake::unstable::bake::{BakeOptions, Changes, repack};
-use mipvog_bake::unstable::base::bytes::{ByteSink, WriterSink};
-use mipvog_bake::unstable::base::error::Result;
-use mipvog_bake::unstable::base::limits::Limits;
-use mipvog_bake::unstable::base::progress::Silent;
-use mipvog_bake::unstable::codec::container::Container;
-use mipvog_bake::unstable::codec::unpack::Unpacked;
-use mipvog_bake::unstable::model::baked::Metadata;
-use mipvog_bake::unstable::model::camera::Camera;
-use mipvog_bake::unstable::model::field::RadianceField;
-use mipvog_bake::unstable::view::render::{Frame, Renderer};
+use mipvog::bake::{BakeOptions, Changes, repack};
+use mipvog::base::bytes::{ByteSink, WriterSink};
+use mipvog::base::error::Result;
+use mipvog::base::limits::Limits;
+use mipvog::base::progress::Silent;
+use mipvog::container::Container;
+use mipvog::model::baked::Metadata;
+use mipvog::model::camera::Camera;
+use mipvog::model::field::RadianceField;
+use mipvog::unpacked::Unpacked;
+use mipvog::view::render::{Frame, Renderer};
 
 use super::{baked_bytes, open_bytes};
 

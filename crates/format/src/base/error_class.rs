@@ -1,0 +1,42 @@
+//! What a program does about an error.
+
+use super::error::ErrorKind;
+
+/// Kinds of errors that call for the same response, such as an exit code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorClass {
+    /// The caller asked for something that cannot be.
+    Usage,
+    /// The input is damaged, or no file of the expected kind.
+    Malformed,
+    /// The input is sound, and this version does not know it.
+    Unsupported,
+    /// The operating system refused to read or write.
+    InputOutput,
+    /// The input asks for more than the limits or the memory allow.
+    Limit,
+    /// The output would replace a file.
+    Exists,
+    /// The caller asked to stop.
+    Cancelled,
+}
+
+impl ErrorKind {
+    /// The class of this kind.
+    pub const fn class(&self) -> ErrorClass {
+        match self {
+            Self::Usage { .. } | Self::InvalidOption { .. } => ErrorClass::Usage,
+            Self::Truncated { .. }
+            | Self::Overflow { .. }
+            | Self::Checksum { .. }
+            | Self::Malformed { .. }
+            | Self::WrongKind { .. }
+            | Self::NonFinite { .. } => ErrorClass::Malformed,
+            Self::Unsupported { .. } => ErrorClass::Unsupported,
+            Self::Io(_) => ErrorClass::InputOutput,
+            Self::OverLimit { .. } | Self::TooLittleMemory { .. } => ErrorClass::Limit,
+            Self::Exists | Self::IsInput => ErrorClass::Exists,
+            Self::Cancelled => ErrorClass::Cancelled,
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! Reports of the library on its current step. It never prints.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A part of the work, in the order in which a bake does them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Step {
+    /// Finding the views that see each part of a scene, to which colours are fitted.
+    Views,
+    /// Finding the visible nodes of every level.
+    Prune,
+    /// Finding the parts that cameras see, camera by camera.
+    Cover,
+    /// Rendering the pictures that coarser levels are fitted to.
+    Targets,
+    /// Fitting coarser levels.
+    Fit,
+    /// Finding the lowest and the highest values of every level.
+    Ranges,
+    /// Filtering, quantizing and compressing.
+    Encode,
+    /// Writing the output.
+    Write,
+    /// Reading and decoding an input.
+    Decode,
+    /// Rendering frames, tile by tile.
+    Render,
+    /// Baking over settings, and rendering the results.
+    Sweep,
+}
+
+impl Step {
+    /// A verb for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Views => "find views",
+            Self::Prune => "prune",
+            Self::Cover => "look from the cameras",
+            Self::Targets => "reference pictures",
+            Self::Fit => "fit",
+            Self::Ranges => "find ranges",
+            Self::Encode => "encode",
+            Self::Write => "write",
+            Self::Decode => "decode",
+            Self::Render => "render",
+            Self::Sweep => "sweep",
+        }
+    }
+}
+
+/// Called from worker threads; [`Silent`] does nothing.
+pub trait Progress: Sync {
+    /// `step` begins and will advance by `total` in all.
+    fn begin(&self, _step: Step, _total: u64) {}
+    /// `by` more of `step` is done.
+    fn advance(&self, _step: Step, _by: u64) {}
+    /// `step` comes to a part of itself, in words: `picture 3/30`.
+    fn part(&self, _step: Step, _name: &str) {}
+    /// Asked between pieces of work that only make a result better; `true` ends them with the
+    /// result so far.
+    fn enough(&self) -> bool {
+        false
+    }
+    /// Asked between pieces of work; `true` ends it with
+    /// [`crate::base::error::ErrorKind::Cancelled`].
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// A request to stop that can be passed around: clones of a token are one token.
+///
+/// ```
+/// use mipvog_format::{CancelToken, Progress};
+///
+/// let token = CancelToken::new();
+/// let other = token.clone();
+/// std::thread::spawn(move || other.cancel()).join().expect("a thread");
+/// assert!(token.cancelled());
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct CancelToken(Arc<AtomicBool>);
+
+impl CancelToken {
+    /// A token that nobody has cancelled.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks all work that has a clone of this token to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Progress for CancelToken {
+    fn cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Progress without a watcher.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {}

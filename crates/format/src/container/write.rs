@@ -1,0 +1,184 @@
+//! A container from its parts, coarse to fine.
+
+use super::json::to_canonical;
+use super::layout::{
+    ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
+    PROVENANCE, TABLE, VMLP, content_checksum,
+};
+use super::metadata_rules::check_metadata;
+use super::rules::{level_prefix, required_features};
+use super::runs::{EncodedAtlas, compress};
+use super::{mask, network};
+use crate::base::bytes::ByteSink;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::limits::Limits;
+use crate::model::baked::{GROUPS, Group, Metadata, Table};
+use crate::model::scene::{FreeSpace, Lookup};
+use crate::model::view_mlp::ViewMlp;
+
+/// A level as it is written.
+#[derive(Debug)]
+pub struct EncodedLevel {
+    /// The indirection table.
+    pub table: Table,
+    /// Atlases by [`Group`].
+    pub atlases: [Option<EncodedAtlas>; GROUPS],
+}
+
+/// An ancillary chunk that this version does not know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OtherChunk {
+    /// Four letters.
+    pub kind: ChunkKind,
+    /// The level that it belongs to, if any; 0 is the finest.
+    pub level: Option<u32>,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+/// The container's parts beside the levels.
+#[derive(Debug)]
+pub struct Head<'a> {
+    /// All that is not bulk.
+    pub metadata: &'a Metadata,
+    /// View-dependent colour.
+    pub view_mlp: Option<&'a ViewMlp>,
+    /// The free-space mask, where it shows.
+    pub free_space: Option<&'a FreeSpace>,
+    /// Origin of the content.
+    pub provenance: &'a serde_json::Value,
+    /// Chunks of a former container, kept as they are.
+    pub others: &'a [OtherChunk],
+    /// Compression level of zstd.
+    pub zstd_level: i32,
+    /// Limits that the metadata must keep.
+    pub limits: &'a Limits,
+}
+
+struct Chunk<'a> {
+    kind: ChunkKind,
+    level: Option<u32>,
+    content: Content<'a>,
+}
+
+enum Content<'a> {
+    Bytes(Vec<u8>),
+    Atlas(&'a EncodedAtlas),
+}
+
+impl Content<'_> {
+    fn length_and_checksum(&self) -> Result<(u64, u32)> {
+        match self {
+            Self::Bytes(bytes) => Ok((bytes.len() as u64, crc32fast::hash(bytes))),
+            Self::Atlas(atlas) => atlas.length_and_checksum(),
+        }
+    }
+
+    fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        match self {
+            Self::Bytes(bytes) => take(bytes),
+            Self::Atlas(atlas) => atlas.for_each_piece(take),
+        }
+    }
+}
+
+/// Writes a container of these levels, finest first, to `output` and returns its directory.
+pub fn write(
+    head: &Head,
+    levels: &[EncodedLevel],
+    output: &mut dyn ByteSink,
+) -> Result<Vec<Entry>> {
+    check(head)?;
+    let chunks = chunks(head, levels)?;
+    let (entries, length) = directory(&chunks, head.metadata)?;
+    let features = required_features(head.metadata);
+    output.append(&Header::with_directory(features, length, &entries)?)?;
+    for chunk in &chunks {
+        chunk.content.for_each_piece(|piece| output.append(piece))?;
+        output.pad(ALIGNMENT)?;
+    }
+    Ok(entries)
+}
+
+/// The [`content_checksum`] of the container that [`write()`] would write.
+pub fn content_checksum_of(head: &Head, levels: &[EncodedLevel]) -> Result<u32> {
+    let (entries, _) = directory(&chunks(head, levels)?, head.metadata)?;
+    Ok(content_checksum(&entries))
+}
+
+/// The entries of chunks in their order, and the bytes of the whole file.
+fn directory(chunks: &[Chunk], metadata: &Metadata) -> Result<(Vec<Entry>, u64)> {
+    let mut entries = Vec::with_capacity(chunks.len());
+    let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
+    for chunk in chunks {
+        let (length, checksum) = chunk.content.length_and_checksum()?;
+        let (kind, level) = (chunk.kind, chunk.level);
+        let entry = Entry { kind, level, offset, length, prefix: 0, checksum };
+        offset = entry.padded_end();
+        entries.push(entry);
+    }
+    let prefix = |level| level_prefix(&entries, metadata, level, offset);
+    let prefixes: Vec<_> = entries.iter().map(|entry| entry.level.map_or(0, prefix)).collect();
+    entries.iter_mut().zip(prefixes).for_each(|(entry, prefix)| entry.prefix = prefix);
+    Ok((entries, offset))
+}
+
+/// Refuses everything that a reader would refuse: values of inputs and options meet here.
+fn check(head: &Head) -> Result<()> {
+    check_metadata(head.metadata, head.limits, &Place::File)?;
+    let layers = head.view_mlp.iter().flat_map(|network| &network.layers);
+    let mut weights = layers.flat_map(|layer| layer.weights.iter().chain(&layer.bias));
+    if weights.any(|weight| !weight.is_finite()) {
+        let place = Place::Key("view network".to_owned());
+        return Err(Error::malformed(place, "a weight that is not finite", "finite weights"));
+    }
+    let mask_is_finite = head.free_space.is_none_or(|mask| {
+        let map = mask.scale.iter().chain(&mask.shift).all(|value| value.is_finite());
+        map && match &mask.lookup {
+            Lookup::Nearest(_) => true,
+            Lookup::Trilinear { values, threshold } => {
+                threshold.is_finite() && values.iter().all(|value| value.is_finite())
+            }
+        }
+    });
+    if mask_is_finite {
+        return Ok(());
+    }
+    let place = Place::Key("free-space mask".to_owned());
+    Err(Error::malformed(place, "a number that is not finite", "finite numbers"))
+}
+
+fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>> {
+    let global = |kind, bytes| Chunk { kind, level: None, content: Content::Bytes(bytes) };
+    let mut chunks = vec![global(META, to_canonical(head.metadata)?.into_bytes())];
+    if let Some(view_mlp) = head.view_mlp {
+        chunks.push(global(VMLP, network::to_bytes(view_mlp)));
+    }
+    if let Some(free_space) = head.free_space {
+        chunks.push(global(MASK, mask::to_bytes(free_space, head.zstd_level)?));
+    }
+    chunks.push(global(PROVENANCE, to_canonical(head.provenance)?.into_bytes()));
+    let others = |level: Option<u32>| {
+        let own = head.others.iter().filter(move |chunk| chunk.level == level);
+        own.map(|OtherChunk { kind, level, bytes }| Chunk {
+            kind: *kind,
+            level: *level,
+            content: Content::Bytes(bytes.clone()),
+        })
+    };
+    chunks.extend(others(None));
+    for (number, level) in levels.iter().enumerate().rev() {
+        let number = u32::try_from(number)
+            .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
+        let level_chunk = |kind, content| Chunk { kind, level: Some(number), content };
+        let occupancy: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
+        chunks.push(level_chunk(TABLE, Content::Bytes(compress(&occupancy, head.zstd_level)?)));
+        for ((_, kind), atlas) in Group::ALL.iter().zip(ATLASES).zip(&level.atlases) {
+            if let Some(atlas) = atlas {
+                chunks.push(level_chunk(kind, Content::Atlas(atlas)));
+            }
+        }
+        chunks.extend(others(Some(number)));
+    }
+    Ok(chunks)
+}

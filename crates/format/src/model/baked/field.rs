@@ -1,0 +1,75 @@
+//! A container's content, decoded to codes.
+
+use super::{Codes, GROUPS, Group, Metadata, Table};
+use crate::base::error::{Error, Place, Result};
+use crate::model::scene::FreeSpace;
+use crate::model::view_mlp::ViewMlp;
+
+/// A container's content, decoded to codes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BakedField {
+    /// All that is not bulk.
+    pub metadata: Metadata,
+    /// View-dependent colour, if there is any.
+    pub view_mlp: Option<ViewMlp>,
+    /// The free-space mask, where dropping it would show.
+    pub free_space: Option<FreeSpace>,
+    /// Finest first.
+    pub levels: Vec<BakedLevel>,
+    /// The finest level that was read; 0 but for a prefix of a container. Levels before it are
+    /// empty.
+    pub finest: usize,
+}
+
+impl BakedField {
+    /// Refuses levels whose tables or codes do not fit the metadata. The metadata itself is held to
+    /// the rules of a container elsewhere.
+    ///
+    /// # Errors
+    /// `Malformed`, with the level as its place.
+    pub fn check(&self) -> Result<()> {
+        let refuse = |key: String, found: &str, expected: &str| {
+            Err(Error::malformed(Place::Key(key), found, expected))
+        };
+        if self.levels.len() != self.metadata.levels.len() || self.finest >= self.levels.len() {
+            return refuse(
+                "levels".to_owned(),
+                "another number of levels",
+                "those of the metadata",
+            );
+        }
+        for (number, (level, metadata)) in self.levels.iter().zip(&self.metadata.levels).enumerate()
+        {
+            let key = || format!("levels[{number}]");
+            if level.table.grid() != metadata.grid() {
+                return refuse(key(), "a table of other blocks", "those of the metadata");
+            }
+            for (group, codes) in Group::ALL.into_iter().zip(&level.atlases) {
+                let channels = group.channels(self.metadata.layout());
+                let count = level.table.frames() * channels * metadata.grid().block_nodes();
+                let fits = match (metadata.encoding(group), codes) {
+                    (Some(encoding), Some(codes)) => codes.fit(encoding.number, count),
+                    (None, None) => true,
+                    _ => false,
+                };
+                if !fits {
+                    let found = format!("codes of {} that do not fit", group.name());
+                    return refuse(key(), &found, "those of the metadata's encoding and blocks");
+                }
+            }
+        }
+        if let Some(network) = &self.view_mlp {
+            network.check(self.metadata.features, &Place::Key("view network".to_owned()))?;
+        }
+        self.free_space.as_ref().map_or(Ok(()), FreeSpace::check)
+    }
+}
+
+/// One level's codes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BakedLevel {
+    /// The indirection table.
+    pub table: Table,
+    /// Codes by [`Group`]; `None` where the level has no such values.
+    pub atlases: [Option<Codes>; GROUPS],
+}

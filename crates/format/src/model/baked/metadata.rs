@@ -1,0 +1,153 @@
+//! The renderer's settings beside the bulk: the JSON of a container's `META` chunk.
+
+use super::generated::{Encoding, LevelMetadata, Metadata, NetworkMetadata, ViewMetadata};
+use super::harmonics::HarmonicsMetadata;
+use super::{ColorLayout, Decode, DensityDomain, Group};
+use crate::model::activate;
+use crate::model::grid::{BlockGrid, Nodes};
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+use crate::model::scene::ColorDomain;
+use crate::model::view_dependence::ViewDependence;
+use crate::model::view_mlp::ViewMlp;
+
+impl Metadata {
+    /// The meaning of colours.
+    pub fn color_domain(&self) -> ColorDomain {
+        let diffuse = self.levels.first().and_then(|level| level.diffuse.as_ref());
+        match diffuse.map(|encoding| encoding.decode) {
+            Some(Decode::Linear | Decode::Coefficient(_)) => ColorDomain::Linear,
+            _ => ColorDomain::Logit,
+        }
+    }
+
+    /// The view dependence that is stated, with its `network` where it has one.
+    pub fn view_dependence(&self, network: Option<&ViewMlp>) -> Option<ViewDependence> {
+        match self.view.as_ref()? {
+            ViewMetadata::Harmonics(harmonics) => Some(ViewDependence::Harmonics(harmonics.rules)),
+            ViewMetadata::Network(_) => network.cloned().map(ViewDependence::Network),
+        }
+    }
+
+    /// A colour channel from 0 to 1 of a diffuse value; of harmonics the mean over all directions.
+    pub fn mean_color(&self, value: f32) -> f64 {
+        let view = self.view.as_ref().and_then(ViewMetadata::harmonics);
+        match (view, self.color_domain()) {
+            (Some(rules), _) => {
+                let band_0 = Harmonics { degree: 0, ..*rules };
+                let [color, ..] = band_0.color(&[BAND_0; FUNCTIONS], &[value; 3]);
+                f64::from(color).clamp(0.0, 1.0)
+            }
+            (None, ColorDomain::Linear) => f64::from(value).clamp(0.0, 1.0),
+            (None, ColorDomain::Logit) => activate::sigmoid(value.into()),
+        }
+    }
+
+    /// The parts of a node's values beside density.
+    pub fn layout(&self) -> ColorLayout {
+        let harmonics = self.view.as_ref().and_then(ViewMetadata::harmonics);
+        ColorLayout {
+            features: if harmonics.is_some() { 0 } else { self.features },
+            degree: harmonics.map_or(0, |harmonics| harmonics.degree),
+            directional: self.has_directional(),
+            anisotropy: self.has_anisotropy(),
+        }
+    }
+
+    /// True if a level has directional brightness.
+    pub fn has_directional(&self) -> bool {
+        self.levels.iter().any(|level| level.directional.is_some())
+    }
+
+    /// True if a level has anisotropy.
+    pub fn has_anisotropy(&self) -> bool {
+        self.levels.iter().any(|level| level.anisotropy.is_some())
+    }
+}
+
+impl LevelMetadata {
+    /// The cut into blocks.
+    pub fn grid(&self) -> BlockGrid {
+        BlockGrid { nodes: Nodes(self.dimensions), edge: self.block_size }
+    }
+
+    /// The domain of the level's density; raw where it has none, as every file's level 0 may be.
+    pub fn density_domain(&self) -> DensityDomain {
+        let stated = self.density.as_ref().and_then(|density| density.decode.density());
+        stated.unwrap_or(DensityDomain::Raw)
+    }
+
+    /// True if colours are stored in integer codes, as inherited blocks require.
+    pub fn has_integer_colors(&self) -> bool {
+        let mut colors = Group::COLORS.into_iter().filter_map(|group| self.encoding(group));
+        colors.all(|encoding| !encoding.number.is_float())
+    }
+
+    /// All encodings with their groups, to be changed, in the order of [`Group::ALL`].
+    pub fn encodings_mut(&mut self) -> impl Iterator<Item = (Group, &mut Encoding)> {
+        let bands = self.bands.iter_mut().enumerate();
+        let groups = [
+            (Group::Density, self.density.as_mut()),
+            (Group::Diffuse, self.diffuse.as_mut()),
+            (Group::Features, self.features.as_mut()),
+        ];
+        let groups = groups.into_iter().filter_map(|(group, encoding)| Some((group, encoding?)));
+        let directional = self.directional.as_mut().map(|encoding| (Group::Directional, encoding));
+        let anisotropy = self.anisotropy.as_mut().map(|encoding| (Group::Anisotropy, encoding));
+        let bands = bands.map(|(i, encoding)| (Group::Band(i + 1), encoding));
+        groups.chain(bands).chain(directional).chain(anisotropy)
+    }
+
+    /// The encoding of a group, to be changed.
+    pub fn encoding_mut(&mut self, group: Group) -> Option<&mut Encoding> {
+        match group {
+            Group::Density => self.density.as_mut(),
+            Group::Diffuse => self.diffuse.as_mut(),
+            Group::Features => self.features.as_mut(),
+            Group::Band(band) => self.bands.get_mut(band - 1),
+            Group::Directional => self.directional.as_mut(),
+            Group::Anisotropy => self.anisotropy.as_mut(),
+        }
+    }
+
+    /// The encoding of a group.
+    pub fn encoding(&self, group: Group) -> Option<&Encoding> {
+        match group {
+            Group::Density => self.density.as_ref(),
+            Group::Diffuse => self.diffuse.as_ref(),
+            Group::Features => self.features.as_ref(),
+            Group::Band(band) => self.bands.get(band - 1),
+            Group::Directional => self.directional.as_ref(),
+            Group::Anisotropy => self.anisotropy.as_ref(),
+        }
+    }
+}
+
+impl ViewMetadata {
+    /// The network, if it is one.
+    pub fn network(&self) -> Option<&NetworkMetadata> {
+        match self {
+            Self::Network(network) => Some(network),
+            Self::Harmonics(_) => None,
+        }
+    }
+
+    /// The harmonics, if it is them.
+    pub fn harmonics(&self) -> Option<&Harmonics> {
+        match self {
+            Self::Network(_) => None,
+            Self::Harmonics(harmonics) => Some(&harmonics.rules),
+        }
+    }
+
+    /// The facts of a field's view dependence.
+    pub fn of(view: &ViewDependence) -> Self {
+        match view {
+            ViewDependence::Network(network) => Self::Network(NetworkMetadata {
+                widths: network.widths(),
+                frequencies: network.frequencies,
+                input: network.input,
+            }),
+            ViewDependence::Harmonics(rules) => Self::Harmonics(HarmonicsMetadata::new(*rules)),
+        }
+    }
+}

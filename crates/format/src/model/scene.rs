@@ -1,0 +1,178 @@
+//! The renderer's settings beside the grids.
+
+use crate::base::error::{Error, Place, Result};
+use crate::model::activate;
+pub use crate::model::free_space::{FreeSpace, Lookup};
+pub use crate::model::generated::{Activation, ActivationOrder, DensityFunction, March};
+use crate::model::grid::{Bounds, Nodes};
+
+/// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
+pub const INVISIBLE_OPACITY: f64 = 1e-10;
+
+/// Logit of empty space.
+pub const EMPTY_LOGIT: f32 = -100.0;
+
+/// Opacity of raw density, and the march of rays.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The box that every level spans.
+    pub bounds: Bounds,
+    /// Nodes of level 0.
+    pub nodes: Nodes,
+    /// Raw density to opacity.
+    pub activation: Activation,
+    /// Steps along a ray.
+    pub march: March,
+    /// Colour behind the field, in the colour space of training, 0 to 1.
+    pub background: [f32; 3],
+}
+
+/// The meaning of stored colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ColorDomain {
+    /// Logits: `sigmoid(value)` is a colour.
+    #[default]
+    Logit,
+    /// Colours themselves, or coefficients of harmonics.
+    Linear,
+}
+
+impl Activation {
+    /// Of raw densities that are logits, interpolated as they are.
+    pub const fn logits(shift: f32, interval: f32) -> Self {
+        let (order, function) = (ActivationOrder::Raw, DensityFunction::Softplus);
+        Self { shift, interval, order, function }
+    }
+
+    /// Of raw densities that may be negative, interpolated as they are.
+    pub const fn relu(interval: f32) -> Self {
+        let (order, function) = (ActivationOrder::Raw, DensityFunction::Relu);
+        Self { shift: 0.0, interval, order, function }
+    }
+    /// The raw density of an opacity of 1e-10. Renderers need not look at cells whose corners are
+    /// all at or below it, and bakes give don't-care nodes at most this value.
+    pub fn invisible_raw(&self) -> f32 {
+        self.raw_at_opacity(INVISIBLE_OPACITY) as f32
+    }
+
+    /// Density of a raw density: optical depth over one interval, divided by the interval.
+    pub fn density(&self, raw: f64) -> f64 {
+        match self.function {
+            DensityFunction::Softplus => activate::softplus(raw + f64::from(self.shift)),
+            DensityFunction::Relu => raw.max(0.0),
+        }
+    }
+
+    /// Opacity over one interval of a raw density, 0 to 1. It never falls where raw densities rise.
+    pub fn opacity(&self, raw: f64) -> f64 {
+        -libm::expm1(-self.density(raw) * f64::from(self.interval))
+    }
+
+    /// The raw density of this opacity over one interval.
+    pub fn raw_at_opacity(&self, opacity: f64) -> f64 {
+        match self.function {
+            DensityFunction::Softplus => {
+                activate::raw_at_opacity(opacity, self.shift.into(), self.interval.into())
+            }
+            DensityFunction::Relu => -libm::log1p(-opacity) / f64::from(self.interval),
+        }
+    }
+
+    /// Raw density of a node that is not there. For logits it is far below any threshold, and the
+    /// value that invisible nodes of trained scenes hold.
+    pub fn empty_raw(&self) -> f32 {
+        match self.function {
+            DensityFunction::Softplus => EMPTY_LOGIT,
+            DensityFunction::Relu => 0.0,
+        }
+    }
+}
+
+impl March {
+    /// Steps of this length in voxels, through all of the box and from the camera on, of which all
+    /// count.
+    pub const fn new(stepsize: f32, voxel_size: f32) -> Self {
+        Self {
+            stepsize,
+            voxel_size,
+            voxel: None,
+            near: 0.0,
+            far: None,
+            color_threshold: 0.0,
+            alpha_threshold: 0.0,
+            sampled: None,
+        }
+    }
+
+    /// Samples that a ray may have, at most: `floor(|(Nx+1, Ny+1, Nz+1)| / stepsize)` for level 0's
+    /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
+    /// counts samples in f32, whose whole numbers end at 2^24.
+    pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    /// The interval that opacities are stated over, in world units.
+    pub fn interval_length(&self) -> f64 {
+        f64::from(self.stepsize) * f64::from(self.voxel_size)
+    }
+
+    /// Length of a step along a unit direction, in world units.
+    pub fn step_length(&self, direction: [f64; 3]) -> f64 {
+        let Some(voxel) = self.voxel else { return self.interval_length() };
+        let square = |axis: usize| (direction[axis] / f64::from(voxel[axis])).powi(2);
+        f64::from(self.stepsize) / (square(0) + square(1) + square(2)).sqrt()
+    }
+
+    /// Length of the longest step in any direction, in world units.
+    pub fn longest_step(&self) -> f64 {
+        let edges = self.voxel.unwrap_or([self.voxel_size; 3]);
+        f64::from(self.stepsize) * f64::from(edges.into_iter().fold(0.0, f32::max))
+    }
+
+    /// The part of a box in which rays are sampled, 0 to 1 along each axis.
+    pub fn sampled_shares(&self, bounds: &Bounds) -> [[f64; 2]; 3] {
+        let Some(sampled) = &self.sampled else { return [[0.0, 1.0]; 3] };
+        let extent = bounds.extent();
+        std::array::from_fn(|axis| {
+            let corners = [sampled.min[axis], sampled.max[axis]];
+            corners.map(|at| (f64::from(at) - f64::from(bounds.min[axis])) / extent[axis])
+        })
+    }
+
+    /// True if the part in which rays are sampled is a box within `bounds`.
+    pub fn samples_within(&self, bounds: &Bounds) -> bool {
+        let Some(sampled) = &self.sampled else { return true };
+        let within = |axis: usize| {
+            let (low, high) = (sampled.min[axis], sampled.max[axis]);
+            bounds.min[axis] <= low && low < high && high <= bounds.max[axis]
+        };
+        (0..3).all(within)
+    }
+
+    /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
+    pub fn last_sample(&self, nodes: Nodes) -> f64 {
+        let [x, y, z] = nodes.0.map(|size| size as f64 + 1.0);
+        ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
+    }
+
+    /// Refuses steps that no ray can take: lengths that are not positive, and those of more than
+    /// [`Self::MAX_SAMPLES`].
+    ///
+    /// # Errors
+    /// `Malformed`, with the key as its place.
+    pub fn check(&self, nodes: Nodes) -> Result<()> {
+        let edges = self.voxel.into_iter().flatten().map(|edge| ("voxel", edge));
+        let lengths = [("stepsize", self.stepsize), ("voxel_size", self.voxel_size)];
+        for (key, length) in lengths.into_iter().chain(edges) {
+            if !(length > 0.0 && length.is_finite()) {
+                let place = Place::Key(format!("march.{key}"));
+                return Err(Error::malformed(place, length.to_string(), "a positive number"));
+            }
+        }
+        let samples = self.last_sample(nodes);
+        if samples <= f64::from(Self::MAX_SAMPLES) {
+            return Ok(());
+        }
+        let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
+        let expected = format!("steps of which a ray takes at most {}", Self::MAX_SAMPLES);
+        Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
+    }
+}

@@ -1,0 +1,172 @@
+//! Planes of values to planes of codes.
+//!
+//! Values are quantized plane by plane, as soon as they are known and while they are in a
+//! processor's caches; codes are a quarter as large or less. They wait until all planes of a slab
+//! are there, and blocks are cut from them.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+
+use super::code::{Quantizer, decode_codes};
+use super::code_word::Code;
+use crate::base::lock::lock;
+use crate::model::baked::{Codes, Encoding, with_codes};
+use crate::model::grid::{NodeMask, row};
+use crate::model::scene::Activation;
+
+/// Don't-care nodes, but fewer than these in a row are quantized too: stopping costs more.
+const GAP: usize = 16;
+
+/// Quantizes the planes of a level from any thread.
+#[derive(Debug)]
+pub struct CodePlanes<'a> {
+    retained: &'a NodeMask,
+    activation: Activation,
+    channels: Vec<Channel>,
+    /// `[x][channel]`; empty before planes come and once they are taken.
+    planes: Vec<Vec<Mutex<Codes>>>,
+}
+
+#[derive(Debug)]
+struct Channel {
+    /// The same for all channels of a group.
+    quantizer: Arc<Quantizer>,
+    bound: Option<f32>,
+    everywhere: bool,
+    /// Planes to be used again.
+    spare: Mutex<Vec<Codes>>,
+}
+
+/// A group's part of the planes.
+#[derive(Debug, Clone, Copy)]
+pub struct GroupCodes<'a> {
+    pub encoding: &'a Encoding,
+    /// Channels of a node.
+    pub channels: usize,
+    /// The most that a colour or opacity may move, where there is a bound.
+    pub bound: Option<f32>,
+    /// True if all nodes are quantized, retained or not.
+    pub everywhere: bool,
+}
+
+/// A value that its code moves too far.
+#[derive(Debug, Clone, Copy)]
+pub struct Moved {
+    /// The node's place along y and z.
+    pub at: [usize; 2],
+    /// Largest error of its colour or opacity.
+    pub bound: f32,
+}
+
+/// Codes of consecutive planes.
+#[derive(Debug)]
+pub struct CodeSlab {
+    first: usize,
+    /// `[plane][channel]`.
+    planes: Vec<Vec<Codes>>,
+}
+
+impl CodeSlab {
+    /// The codes of plane `x`, counted as the level's, of one channel.
+    pub(super) fn plane(&self, x: usize, channel: usize) -> &Codes {
+        &self.planes[x - self.first][channel]
+    }
+}
+
+impl<'a> CodePlanes<'a> {
+    /// For the `retained` nodes of a level and its groups.
+    pub fn new<'e>(
+        retained: &'a NodeMask,
+        activation: Activation,
+        groups: impl IntoIterator<Item = GroupCodes<'e>>,
+    ) -> Self {
+        let mut channels = Vec::new();
+        for GroupCodes { encoding, channels: count, bound, everywhere } in groups {
+            let quantizer = Arc::new(Quantizer::new(encoding.clone()));
+            let channel = || {
+                let quantizer = Arc::clone(&quantizer);
+                Channel { quantizer, bound, everywhere, spare: Mutex::default() }
+            };
+            channels.extend(std::iter::repeat_with(channel).take(count));
+        }
+        let empty = |_| channels.iter().map(|_| Mutex::new(Codes::U8(Vec::new()))).collect();
+        let planes = (0..retained.nodes().0[0]).map(empty).collect();
+        Self { retained, activation, channels, planes }
+    }
+
+    /// Quantizes the retained nodes of a plane. Returns the first that is moved by more than its
+    /// group's bound, if there is one.
+    pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
+        let Channel { quantizer, bound, everywhere, spare } = &self.channels[channel];
+        let used = lock(spare).pop();
+        let number = quantizer.encoding().number;
+        let mut codes = used.unwrap_or_else(|| Codes::zeroed(number, values.len()));
+        match everywhere {
+            true => with_codes!(&mut codes, codes => quantizer.encode(values, codes)),
+            false => with_codes!(&mut codes, codes => self.quantize(x, quantizer, values, codes)),
+        }
+        let moved = bound.and_then(|bound| self.moved(x, quantizer, values, &codes, bound));
+        *lock(&self.planes[x][channel]) = codes;
+        moved
+    }
+
+    /// Takes away planes that have come.
+    pub fn take(&self, planes: Range<usize>) -> CodeSlab {
+        let take = |plane: &Mutex<Codes>| {
+            let mut plane = lock(plane);
+            std::mem::replace(&mut *plane, Codes::U8(Vec::new()))
+        };
+        let first = planes.start;
+        let planes = self.planes[planes].iter().map(|plane| plane.iter().map(take).collect());
+        CodeSlab { first, planes: planes.collect() }
+    }
+
+    /// Takes planes back for reuse.
+    pub fn reuse(&self, slab: CodeSlab) {
+        for plane in slab.planes {
+            for (channel, codes) in self.channels.iter().zip(plane) {
+                lock(&channel.spare).push(codes);
+            }
+        }
+    }
+
+    fn quantize<T: Code>(&self, x: usize, quantizer: &Quantizer, values: &[f32], codes: &mut [T]) {
+        let nz = self.retained.nodes().0[2];
+        let rows = values.chunks_exact(nz).zip(codes.chunks_exact_mut(nz));
+        for (y, (values, codes)) in rows.enumerate() {
+            for (start, end) in row::spans(self.retained.row(x, y), nz, GAP) {
+                quantizer.encode(&values[start..end], &mut codes[start..end]);
+            }
+        }
+    }
+
+    /// Place of the first retained node whose colour or opacity is not within `bound`.
+    fn moved(
+        &self,
+        x: usize,
+        quantizer: &Quantizer,
+        values: &[f32],
+        codes: &Codes,
+        bound: f32,
+    ) -> Option<Moved> {
+        let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.retained.nodes().0);
+        let activated = |value: f32| encoding.decode.activated(value.into(), &self.activation);
+        let mut decoded = vec![0.0; nz];
+        for y in 0..ny {
+            for (start, end) in row::runs(self.retained.row(x, y)) {
+                let run = y * nz + start..y * nz + end;
+                let decoded = &mut decoded[..run.len()];
+                decode_codes(encoding, codes, run.clone(), decoded);
+                let is_moved = |(&value, &decoded): (&f32, &f32)| {
+                    let error = || (activated(decoded) - activated(value)).abs();
+                    // A value that is no number is within no bound.
+                    decoded != value && (error().is_nan() || error() > bound.into())
+                };
+                if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {
+                    return Some(Moved { at: [y, start + at], bound });
+                }
+            }
+        }
+        None
+    }
+}

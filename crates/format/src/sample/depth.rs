@@ -1,0 +1,38 @@
+//! Interpolated density to optical depth.
+
+use super::view::View;
+use crate::model::activate::lanes;
+use crate::model::baked::DensityDomain;
+use crate::model::scene::{Activation, ActivationOrder, DensityFunction};
+
+/// The optical depth over one interval of an interpolated density. Finite even of the largest
+/// numbers, so that mixing two of them gives no NaN.
+#[inline(always)]
+pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
+    let Activation { shift, interval, order, function } = view.activation;
+    match (domain, order) {
+        (DensityDomain::Raw, ActivationOrder::Raw) if function == DensityFunction::Softplus => {
+            raw_depth(density, shift, interval)
+        }
+        (DensityDomain::Raw, ActivationOrder::Raw | ActivationOrder::Density) => {
+            (density.max(0.0) * interval).min(f32::MAX)
+        }
+        (DensityDomain::SqrtOpticalDepth, _) => {
+            (density * density * view.depth_scale).min(f32::MAX)
+        }
+        // Opacities of nodes are over the file's interval, which a picture may change.
+        (DensityDomain::Raw, ActivationOrder::Opacity) | (DensityDomain::Opacity, _) => {
+            opaque_depth(density) * view.depth_scale
+        }
+    }
+}
+
+/// The same of raw density whose function is softplus, interpolated as it is.
+#[inline(always)]
+pub fn raw_depth(raw: f32, shift: f32, interval: f32) -> f32 {
+    (lanes::softplus(raw + shift) * interval).min(f32::MAX)
+}
+
+fn opaque_depth(alpha: f32) -> f32 {
+    -libm::log1pf(-alpha.clamp(0.0, 1.0 - f32::EPSILON))
+}

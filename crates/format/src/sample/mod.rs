@@ -1,0 +1,29 @@
+//! Reading fields between nodes.
+//!
+//! A renderer reads a field through [`SampleLevels`]: values at positions of a level, and empty space.
+//! [`Sparse`] is that of a baked field; the crate `mipvog` has one of a field as trained.
+//! Both have the same arrays: a level's density, and its colours interleaved node by node. Each
+//! finds the lowest node of a position's cell in its own way. Colours have `C` lanes, so that
+//! interpolating them is a handful of vector instructions. Lanes without a channel are zero.
+//!
+//! Stored values are interpolated. Raw density is interpolated in the form that the activation's
+//! order names: raw density, density or opacity.
+
+mod depth;
+mod field;
+pub mod free_cells;
+mod level;
+mod point;
+mod sampler;
+mod skip;
+mod sparse;
+mod view;
+
+pub use depth::{optical_depth, raw_depth};
+pub use field::SampleLevels;
+pub use level::{Cell, Values, interpolated_density, split};
+pub use point::{Sample, brightness, depth, is_sampled, on_faces, sample_at, world_of};
+pub use sampler::{Sampler, check_level};
+pub use skip::{Macro, OccupiedMacroCells, SkipGrid};
+pub use sparse::Sparse;
+pub use view::View;

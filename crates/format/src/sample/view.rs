@@ -1,0 +1,98 @@
+//! The rules of rendering that a trained scene or a container states, as one set.
+
+use crate::base::error::{Place, Result};
+use crate::model::baked::{BakedField, Blend, LevelOfDetail, StepRule};
+use crate::model::grid::{Bounds, Nodes};
+use crate::model::scene::{Activation, ColorDomain, FreeSpace, March};
+use crate::model::view_dependence::ViewDependence;
+
+/// Everything but the values between nodes.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// The box.
+    pub bounds: Bounds,
+    /// Nodes of level 0.
+    pub nodes: Nodes,
+    /// Density to opacity.
+    pub activation: Activation,
+    /// Steps along a ray.
+    pub march: March,
+    /// Colour behind the field.
+    pub background: [f32; 3],
+    /// Optical depths that levels store, times this, are those over one interval.
+    pub depth_scale: f32,
+    /// Mixing of two levels.
+    pub blend: Blend,
+    /// Distance of samples of coarser levels.
+    pub step_rule: StepRule,
+    /// The rule for the level that a sample reads; none reads the finest.
+    pub level_of_detail: Option<LevelOfDetail>,
+    /// The finest level that samples may read: 0 but for prefixes of containers.
+    pub finest: usize,
+    /// View-dependent colour.
+    pub view_dependence: Option<ViewDependence>,
+    /// Meaning of colours between nodes.
+    pub color_domain: ColorDomain,
+    /// True if levels have directional brightness, in the last lanes of their values.
+    pub directional: bool,
+    /// True if levels have anisotropy.
+    pub anisotropic: bool,
+    /// The space in which samples count.
+    pub free_space: Option<FreeSpace>,
+    /// Specular features.
+    pub features: usize,
+}
+
+impl View {
+    /// The rules of a baked field, which has at least one level.
+    pub fn of_baked(field: &BakedField) -> Self {
+        let metadata = &field.metadata;
+        Self {
+            bounds: metadata.bounds,
+            nodes: metadata.levels[0].grid().nodes,
+            activation: metadata.activation,
+            march: metadata.march,
+            background: metadata.background,
+            depth_scale: 1.0,
+            blend: metadata.blend,
+            step_rule: metadata.step_rule,
+            level_of_detail: Some(metadata.level_of_detail),
+            finest: field.finest,
+            view_dependence: metadata.view_dependence(field.view_mlp.as_ref()),
+            color_domain: metadata.color_domain(),
+            directional: metadata.has_directional(),
+            anisotropic: metadata.has_anisotropy(),
+            free_space: field.free_space.clone(),
+            features: metadata.features,
+        }
+    }
+
+    /// Refuses rules that no picture can be made by.
+    ///
+    /// # Errors
+    /// `Malformed`, with the rule as its place.
+    pub fn check(&self) -> Result<()> {
+        self.bounds.check(&Place::Key("bounds".to_owned()))?;
+        self.march.check(self.nodes)?;
+        match &self.view_dependence {
+            Some(view) => view.check(self.features, &Place::Key("view dependence".to_owned())),
+            None => Ok(()),
+        }
+    }
+
+    /// Takes another step length, in voxels; the interval goes with it.
+    pub fn set_stepsize(&mut self, stepsize: f32) {
+        self.activation.interval *= stepsize / self.march.stepsize;
+        self.depth_scale *= stepsize / self.march.stepsize;
+        self.march.stepsize = stepsize;
+    }
+
+    /// True if the free-space mask keeps a sample at a place in shares of the box.
+    pub fn keeps(&self, position: [f64; 3]) -> bool {
+        let Some(free_space) = &self.free_space else { return true };
+        let extent = self.bounds.extent();
+        let world =
+            [0, 1, 2].map(|axis| f64::from(self.bounds.min[axis]) + position[axis] * extent[axis]);
+        free_space.contains(world)
+    }
+}

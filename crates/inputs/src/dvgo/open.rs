@@ -1,0 +1,84 @@
+//! Opens a checkpoint whose network runs for every sample.
+
+use std::sync::Arc;
+
+use super::model::DvgoFile;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::checkpoint::{self, Inner, NamedValues, StoredGrid};
+use crate::model::field::{ColorDomain, Grid, RadianceField};
+use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
+use crate::model::view_dependence::ViewDependence;
+use crate::network::{FittedColors, Inputs, NetworkFile, StoredFeatures, fit_assumption};
+use crate::options::{MlpChoice, SourceOptions, ViewChoice};
+use crate::source::{Family, Source};
+use crate::tensor::{Tensor, TensorFile};
+
+/// Channels of `k0` whose network runs once a ray.
+const DEFERRED_CHANNELS: u64 = 7;
+/// Octaves of a direction, at most.
+const OCTAVES: u64 = 16;
+/// Added to the sum of harmonics.
+const OFFSET: f32 = 0.5;
+/// The degree of a fit that nobody asked for another of.
+const DEGREE: usize = 2;
+
+/// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
+pub fn knows(file: &TensorFile) -> bool {
+    let names = NamedValues::new(file);
+    // Contracted scenes have no other network, and no flag.
+    let direct =
+        names.weight("scene_center").is_some() || names.flag("rgbnet_direct").unwrap_or(false);
+    let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
+        (Some(grid), _) => grid.shape().get(1).copied(),
+        (None, factors) => factors.and_then(|factors| factors.shape().get(1).copied()),
+    };
+    direct
+        && channels.is_some_and(|channels| (3..=256).contains(&channels))
+        && channels != Some(DEFERRED_CHANNELS)
+        && names.tensor("rgbnet.0.weight").is_some()
+        && names.tensor("viewfreq").is_some_and(|tensor| tensor.count() <= OCTAVES)
+}
+
+/// Opens a checkpoint. Without the network it is opened as any other.
+///
+/// # Errors
+/// Those of [`checkpoint::open_tensors`], and layers that do not follow each other.
+pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    if options.mlp != MlpChoice::Auto || options.view == ViewChoice::None {
+        return checkpoint::open_tensors(file, options, limits);
+    }
+    let plain = SourceOptions { mlp: MlpChoice::None, view: ViewChoice::Keep, ..options.clone() };
+    let mut source = checkpoint::open_tensors(file, &plain, limits)?;
+    let names = NamedValues::new(file);
+    let (density, color) =
+        (StoredGrid::find(&names, "density", limits)?, StoredGrid::find(&names, "k0", limits)?);
+    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
+    let direction = u32::try_from(octaves).unwrap_or(0);
+    let inputs = Inputs { features: 0, position: 0, direction };
+    let layers = checkpoint::layer_tensors(&names)?;
+    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
+    let network = NetworkFile::new(layers, inputs, color.channels)?;
+    let inner = Inner::find(&names, options)?;
+    let degree = match options.view {
+        ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
+        _ => DEGREE,
+    };
+    let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
+    let harmonics = Harmonics { degree, evaluation, offset: OFFSET, clamp };
+    source.assumptions.retain(|assumption| assumption.key != "mlp");
+    source.assumptions.push(fit_assumption(degree, false, &options.cameras));
+    source.family = Family::Dvgo;
+    let field = source.field.clone();
+    let geometry = RadianceField { color: Vec::new(), ..field.clone() };
+    let (features, cameras) = (color.clone().into_grid(), &options.cameras);
+    let features = StoredFeatures::new(features, network.clone(), limits);
+    let colors = FittedColors::new(features, harmonics, geometry, cameras, limits);
+    let model = Arc::new(DvgoFile { field, density, color, network, inner });
+    source.field.color = vec![Grid::Values(Arc::new(colors))];
+    source.field.color_domain = ColorDomain::Linear;
+    source.field.view = Some(ViewDependence::Harmonics(harmonics));
+    source.field.check()?;
+    source.model = Some(model);
+    Ok(source)
+}

@@ -1,0 +1,53 @@
+//! A network that runs once a ray, on what the ray gathered over the background.
+
+use super::network::narrow;
+use crate::base::error::{Error, Result};
+use crate::model::view_mlp::ViewMlp;
+use crate::options::{MlpChoice, SourceOptions, ViewChoice};
+use crate::source::Assumption;
+
+/// Refuses options that a folder's own network leaves no room for.
+///
+/// # Errors
+/// `Usage` for harmonics, and for another network.
+pub fn refuse_other_views(system: &str, options: &SourceOptions) -> Result<()> {
+    if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
+        return Err(Error::usage(format!(
+            "a {system} folder has its own network, once a ray: --view takes keep or none, --mlp \
+             auto or none"
+        )));
+    }
+    Ok(())
+}
+
+/// True if the network is to be left out.
+pub fn drops_network(options: &SourceOptions) -> bool {
+    options.view == ViewChoice::None || options.mlp == MlpChoice::None
+}
+
+/// A property of such a network that a container cannot state.
+pub fn assumption(system: &str) -> Assumption {
+    Assumption {
+        key: "background",
+        value: "before the network".to_owned(),
+        message: format!(
+            "{system}'s viewer adds the background before the network runs; a container adds it \
+             after: half-transparent pixels of a bake differ, empty ones too where the viewer's \
+             network brightens them, and a background that is not white may be brightened; compare \
+             measures it"
+        ),
+    }
+}
+
+/// The light that a network adds to a colour and features; none without a network.
+pub fn added_light(
+    network: Option<&ViewMlp>,
+    direction: [f64; 3],
+    color: [f64; 3],
+    features: &[f64],
+) -> [f64; 3] {
+    let Some(network) = network else { return [0.0; 3] };
+    let inputs: Vec<f32> = color.iter().chain(features).copied().map(narrow).collect();
+    let [seen, ..] = network.colors(&[direction], &[&inputs]);
+    seen.map(f64::from)
+}

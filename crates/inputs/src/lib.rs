@@ -1,0 +1,64 @@
+//! Trained models. [`tensor`] reads file syntax and knows no names. Each other folder reads one
+//! family of models, and [`families`] tells them apart by content.
+//!
+//! A family makes a [`Source`]: a field of nodes for the bake, and, where its own renderer follows
+//! other rules, a model that shows the unbaked input by these.
+//!
+//! ```no_run
+//! use mipvog::{BakeOptions, Baker};
+//!
+//! let source = mipvog_inputs::open("fine_last.tar".as_ref())?;
+//! Baker::new(BakeOptions::default()).to_file(&source, "scene.mipvog", false)?;
+//! # Ok::<(), mipvog::Error>(())
+//! ```
+
+use mipvog::{base, container, model, picture, view};
+
+#[doc(hidden)]
+pub mod checkpoint;
+#[doc(hidden)]
+pub mod dvgo;
+#[doc(hidden)]
+pub mod factors;
+mod families;
+mod folder;
+mod inspect;
+mod lazy;
+#[doc(hidden)]
+pub mod merf;
+#[doc(hidden)]
+pub mod network;
+#[doc(hidden)]
+pub mod ngp;
+mod open;
+mod options;
+mod other_models;
+#[doc(hidden)]
+pub mod plenoctree;
+#[doc(hidden)]
+pub mod plenoxels;
+#[doc(hidden)]
+pub mod sampled;
+mod scale;
+mod settings;
+#[doc(hidden)]
+pub mod snerg;
+mod source;
+mod source_use;
+#[doc(hidden)]
+pub mod sparse;
+#[doc(hidden)]
+pub mod tensor;
+#[doc(hidden)]
+pub mod tensorf;
+#[doc(hidden)]
+pub mod unpacked;
+#[doc(hidden)]
+pub mod vdb;
+
+pub use families::{UNPACKED, family, open_tensors};
+pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};
+pub use open::{file_of, open, open_with};
+pub use options::{MlpChoice, SourceOptions, ViewChoice};
+pub use settings::SceneSettings;
+pub use source::{Assumption, Family, SideFile, Source};

@@ -1,0 +1,240 @@
+//! Harmonics at nodes, fitted to a network along the directions from which each is seen.
+//!
+//! Directions are those of the node's cell of [`CellViews`]: the middle of the cell stands for all of
+//! its nodes, so that the fit, and what the network needs of directions, are prepared once for all
+//! of them. The network is asked along these very directions, so no error comes of that.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use super::cell_views::{CellViews, most};
+use super::fit::Fit;
+use super::planes::{PlaneCache, visit};
+use super::views::Views;
+use super::visible_nodes::VisibleNodes;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::base::progress::{Progress, Silent};
+use crate::lazy::Lazy;
+use crate::model::field::{NodeValues, RadianceField};
+use crate::model::grid::Nodes;
+use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
+
+/// Planes that threads fill at once, at most.
+const AT_ONCE: u64 = 8;
+
+/// Red, green and blue along directions.
+pub type Colors = [Vec<f64>; 3];
+
+/// Finds a node's colours along directions.
+pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
+
+/// Sees a node `(y, z)` of a plane.
+pub type OnNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
+
+/// Colours that a network gives the nodes of a grid.
+pub trait NodeColors: Debug + Send + Sync {
+    /// The network in memory.
+    type Network: Debug + Send + Sync;
+    /// Directions, prepared for the network.
+    type Along;
+
+    /// Nodes along each axis.
+    fn nodes(&self) -> Nodes;
+
+    /// Bytes of a plane that is filled along so many directions, and of all else, at most.
+    fn memory_bytes(&self, directions: usize) -> [u64; 2];
+
+    /// Feeds a digest with samples of the bytes that stand for all values.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
+
+    /// Reads the network, and prepares its inputs.
+    ///
+    /// # Errors
+    /// Those of reading, and a request to stop.
+    fn load(&self, progress: &dyn Progress) -> Result<Arc<Self::Network>>;
+
+    /// Prepares unit directions.
+    fn along(&self, network: &Self::Network, directions: &[[f64; 3]]) -> Self::Along;
+
+    /// Shows the nodes `(y, z)` of plane `x` in a region (rows of bits along z), row by row. Nodes
+    /// that are empty may be left out.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn visit(
+        &self,
+        network: &Self::Network,
+        x: usize,
+        region: &[u64],
+        on_node: OnNode<'_, Self::Along>,
+    ) -> Result<()>;
+}
+
+/// The harmonics of colours.
+#[derive(Debug)]
+pub struct FittedColors<N: NodeColors> {
+    colors: N,
+    /// The rules of the harmonics.
+    harmonics: Harmonics,
+    /// True for band 0 alone, as colours.
+    is_plain: bool,
+    /// The field that hides nodes from views.
+    geometry: RadianceField,
+    views: Views,
+    limits: Limits,
+    prepared: Lazy<Prepared<N::Network>>,
+    visible: VisibleNodes,
+    planes: PlaneCache,
+}
+
+/// All that nodes have in common.
+#[derive(Debug)]
+struct Prepared<Network> {
+    network: Arc<Network>,
+    cells: CellViews,
+}
+
+/// All that the nodes of a cell have in common.
+struct Cell<Along> {
+    at: [usize; 3],
+    fit: Fit,
+    along: Along,
+}
+
+impl<N: NodeColors> FittedColors<N> {
+    /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
+    /// `geometry` is the field without its colours.
+    pub fn new(
+        colors: N,
+        harmonics: Harmonics,
+        geometry: RadianceField,
+        cameras: &[[f64; 3]],
+        limits: &Limits,
+    ) -> Self {
+        let (views, limits) = (Views::new(cameras), limits.clone());
+        let (prepared, visible, planes) =
+            (Lazy::default(), VisibleNodes::default(), PlaneCache::with_archive());
+        Self {
+            colors,
+            harmonics,
+            is_plain: false,
+            geometry,
+            views,
+            limits,
+            prepared,
+            visible,
+            planes,
+        }
+    }
+
+    /// The same as colours that do not depend on the view.
+    #[must_use]
+    pub fn plain(self) -> Self {
+        Self { harmonics: Harmonics { degree: 0, ..self.harmonics }, is_plain: true, ..self }
+    }
+
+    fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
+        self.prepared.get(|| {
+            let Self { colors, harmonics, geometry, views, limits, .. } = self;
+            let network = colors.load(progress)?;
+            let cells =
+                CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
+            Ok(Prepared { network, cells })
+        })
+    }
+
+    /// The fit of a cell's nodes.
+    fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
+        let directions = prepared.cells.directions(at);
+        let fit = Fit::new(&directions, self.harmonics.functions());
+        Cell { at, fit, along: self.colors.along(&prepared.network, &directions) }
+    }
+
+    /// All channels of the nodes of plane `x` in a region, channel by channel.
+    #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
+    fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
+        let prepared = self.prepared(&Silent)?;
+        let Nodes([_, ny, nz]) = self.nodes();
+        let offset = f64::from(self.harmonics.offset);
+        let visible = self.visible.within(&self.geometry, x, region)?;
+        let black = if self.is_plain { 0.0 } else { -self.harmonics.offset / BAND_0 };
+        visit(self.nodes(), &without(region, &visible), |[y, z]| {
+            let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
+            out.take(3).for_each(|value| *value = black);
+        });
+        // Nodes come row by row: the cells of one row are in use at a time.
+        let mut cells: Vec<Cell<N::Along>> = Vec::new();
+        let mut colors = [(); 3].map(|()| Vec::new());
+        self.colors.visit(&prepared.network, x, &visible, &mut |[y, z], find| {
+            let at = prepared.cells.cell([x, y, z]);
+            if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
+                cells.clear();
+            }
+            let known = cells.iter().position(|cell| cell.at == at);
+            let known = known.unwrap_or_else(|| {
+                cells.push(self.cell(&prepared, at));
+                cells.len() - 1
+            });
+            let Some(cell) = cells.get(known) else { return };
+            find(&cell.along, &mut colors);
+            colors.iter_mut().flatten().for_each(|value| *value -= offset);
+            let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
+            let found = cell.fit.coefficients(&colors).map(|value| value as f32);
+            if self.is_plain {
+                let mut band_0 = [0.0; 3];
+                band_0.iter_mut().zip(found).for_each(|(value, found)| *value = found);
+                let color = self.harmonics.color(&[BAND_0; FUNCTIONS], &band_0);
+                out.zip(color).for_each(|(out, value)| *out = value);
+            } else {
+                out.zip(found).for_each(|(out, value)| *out = value);
+            }
+        })
+    }
+}
+
+/// The bits of a set that are not in another one.
+fn without(set: &[u64], other: &[u64]) -> Vec<u64> {
+    set.iter().zip(other).map(|(set, other)| set & !other).collect()
+}
+
+impl<N: NodeColors> NodeValues for FittedColors<N> {
+    fn nodes(&self) -> Nodes {
+        self.colors.nodes()
+    }
+
+    fn channels(&self) -> usize {
+        3 * self.harmonics.functions()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        let planes = self.planes.bytes(self.nodes(), self.channels());
+        let [plane, all] = self.colors.memory_bytes(most(self.harmonics.degree));
+        let cells = CellViews::memory_bytes(&self.views);
+        planes + self.visible.memory_bytes(self.nodes()) + cells + AT_ONCE * plane + all
+    }
+
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        if let Views::Cameras(places) = &self.views {
+            places.iter().flatten().for_each(|value| hash(&value.to_le_bytes()));
+        }
+        self.colors.digest(hash)
+    }
+
+    fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        self.prepared(progress).map(drop)
+    }
+
+    fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
+        let channels = [channel, self.channels()];
+        // Before the plane is locked.
+        self.prepare(&Silent)?;
+        self.planes.read(self.nodes(), x, channels, region, out, |missing, values| {
+            self.fill(x, missing, values)
+        })?;
+        Ok(0)
+    }
+}

@@ -1,0 +1,166 @@
+//! torch-ngp's checkpoints.
+//!
+//! | key of `model` | meaning |
+//! |---|---|
+//! | `encoder.embeddings`, `encoder.offsets` | the table, and the first entry of each level |
+//! | `sigma_net.N.weight`, `color_net.N.weight` | matrices; the second takes the direction first |
+//! | `density_bitfield` | a bit for each cell, Morton order, cubes of growing size |
+//! | `aabb_train` | the box that the table spans |
+
+use super::file::{Matrix, NgpFile, Rules, Values, check_network};
+use super::frame::Frame;
+use super::layout::Sizes;
+use super::occupancy::Occupancy;
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::{Budget, Limits};
+use crate::lazy::Lazy;
+use crate::model::grid::Element;
+use crate::model::harmonics::FUNCTIONS;
+use crate::options::SourceOptions;
+use crate::tensor::{Tensor, TensorFile, Value};
+
+/// Nodes along an axis of the first level, and of the finest one for a box from -1 to 1.
+const BASE: u64 = 16;
+const FINEST: f64 = 2048.0;
+/// Cells along an edge.
+const SIDE: usize = 128;
+/// Matrices of a network, at most.
+const MOST_LAYERS: usize = 16;
+
+/// A tensor of the dictionary `model`, or of a flat file with its name before.
+pub(super) fn model<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Tensor> {
+    let flat = || file.root.get(&format!("model.{name}"));
+    file.root.at(&["model", name]).or_else(flat).and_then(Value::tensor)
+}
+
+fn required<'a>(file: &'a TensorFile, name: &str) -> Result<&'a Tensor> {
+    model(file, name).ok_or_else(|| {
+        let place = Place::Tensor(format!("model.{name}"));
+        Error::malformed(place, "no such tensor", "one, as a training with --cuda_ray writes it")
+    })
+}
+
+/// Reads everything but the parameters.
+pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<NgpFile> {
+    let mut budget = Budget::new(limits);
+    let bound = bound(required(file, "aabb_train")?, &mut budget)?;
+    if bound > 1.0 && !options.drop_background {
+        let place = Place::Tensor("model.aabb_train".to_owned());
+        let found = format!("a scene from {} to {bound}, in steps that grow", -bound);
+        let expected = "-1 to 1 (--drop-background keeps that)";
+        return Err(Error::unsupported(place, found, expected));
+    }
+    let embeddings = required(file, "encoder.embeddings")?;
+    let offsets = required(file, "encoder.offsets")?;
+    let stated = match offsets.count() {
+        2..=65 => offsets.read_f64(&mut budget)?,
+        count => {
+            let found = format!("{count} offsets of levels");
+            return Err(Error::malformed(offsets.place(), found, "2 to 65"));
+        }
+    };
+    let &[entries, features] = embeddings.shape() else {
+        let found = format!("shape {:?}", embeddings.shape());
+        return Err(Error::malformed(embeddings.place(), found, "[entries, features]"));
+    };
+    let largest = stated.windows(2).filter_map(|pair| match pair {
+        [from, to] => Some(to - from),
+        _ => None,
+    });
+    let largest = largest.fold(1.0, f64::max);
+    #[expect(clippy::cast_possible_truncation, reason = "small")]
+    let log2_entries = libm::ceil(libm::log2(largest)) as u64;
+    let levels = offsets.count() - 1;
+    let sizes = Sizes { levels, features, log2_entries, base: BASE, more: 1 };
+    sizes.check(&embeddings.place())?;
+    let steps = levels.saturating_sub(1).max(1) as f64;
+    #[expect(clippy::cast_possible_truncation, reason = "evaluated in float32")]
+    let log2_ratio = (libm::log2(FINEST * bound / BASE as f64) / steps) as f32;
+    let layout = sizes.layout(log2_ratio, &embeddings.place())?;
+    let same = layout.offsets().zip(&stated).all(|(own, stated)| own as f64 == *stated);
+    if !same || layout.entries() != entries {
+        let found = format!("levels from {stated:?}");
+        let own: Vec<u64> = layout.offsets().collect();
+        let expected = format!("{own:?}, as {levels} levels in this box have");
+        return Err(Error::unsupported(offsets.place(), found, expected));
+    }
+    let density = matrices(file, "sigma_net")?;
+    let color = matrices(file, "color_net")?;
+    let geometry = density.last().map_or(0, |matrix| matrix.outputs);
+    let place = |name: &str| Place::Tensor(format!("model.{name}"));
+    check_network(&density, layout.width(), 2, &place("sigma_net"))?;
+    check_network(&color, FUNCTIONS + geometry - 1, 3, &place("color_net"))?;
+    // The unit cube of cells spans as much of the box as there is, -1 to 1 at most.
+    let half = bound.min(1.0);
+    let frame = Frame { scale: 0.5 / half, offset: [0.5; 3] };
+    let step = libm::sqrt(3.0) / 1024.0 / half;
+    Ok(NgpFile {
+        layout,
+        table: values(embeddings)?,
+        density,
+        color,
+        direction_first: true,
+        reach: bound / half,
+        per_edge: 2.0 * half,
+        frame,
+        occupancy: occupancy(required(file, "density_bitfield")?, limits)?,
+        rules: Rules { step, min_transmittance: 1e-4, divides: false },
+        limits: limits.clone(),
+        loaded: Lazy::default(),
+    })
+}
+
+/// Half the edge of a box around 0.
+fn bound(tensor: &Tensor, budget: &mut Budget) -> Result<f64> {
+    let corners = if tensor.count() == 6 { tensor.read_f64(budget)? } else { Vec::new() };
+    match corners.as_slice() {
+        &[a, b, c, x, y, z] if x > 0.0 && x < 1e3 && [a, b, c] == [-x; 3] && [y, z] == [x; 2] => {
+            Ok(x)
+        }
+        _ => {
+            let found = format!("{corners:?}");
+            Err(Error::unsupported(tensor.place(), found, "a cube around 0"))
+        }
+    }
+}
+
+/// All numbers of a tensor that lie one after the other.
+fn values(tensor: &Tensor) -> Result<Values> {
+    let element = tensor.element();
+    let is_float = matches!(element, Element::F16 | Element::BF16 | Element::F32);
+    if !is_float {
+        let found = format!("{} numbers", element.name());
+        return Err(Error::malformed(tensor.place(), found, "float16, bfloat16 or float32"));
+    }
+    Ok(Values { tensor: tensor.clone(), element, first: 0, count: tensor.count() })
+}
+
+/// The matrices of a network, first to last.
+fn matrices(file: &TensorFile, name: &str) -> Result<Vec<Matrix>> {
+    let mut found = Vec::new();
+    for number in 0..MOST_LAYERS {
+        let Some(tensor) = model(file, &format!("{name}.{number}.weight")) else { break };
+        let &[outputs @ 1..=1024, inputs @ 1..=1024] = tensor.shape() else {
+            let shape = format!("shape {:?}", tensor.shape());
+            return Err(Error::malformed(tensor.place(), shape, "[outputs, inputs], 1 to 1024"));
+        };
+        let [outputs, inputs] = [outputs, inputs].map(|n| usize::try_from(n).unwrap_or(0));
+        found.push(Matrix { values: values(tensor)?, outputs, inputs });
+    }
+    Ok(found)
+}
+
+/// The cells of the first cube.
+fn occupancy(tensor: &Tensor, limits: &Limits) -> Result<Occupancy> {
+    let bytes = SIDE.pow(3) / 8;
+    if tensor.element() != Element::U8 || tensor.count() < bytes as u64 {
+        let found = format!("{} {} numbers", tensor.count(), tensor.element().name());
+        let expected = format!("{bytes} bytes at least");
+        return Err(Error::malformed(tensor.place(), found, expected));
+    }
+    let mut budget = Budget::new(limits);
+    let mut bits: Vec<u8> = budget.zeroed(bytes, "bytes of cells", &tensor.place())?;
+    tensor.storage(&mut budget)?.read_into(0, &mut bits)?;
+    let cells = bits.into_iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1));
+    Ok(Occupancy::new(SIDE, cells.collect()))
+}

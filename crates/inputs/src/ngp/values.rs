@@ -1,0 +1,155 @@
+//! Density and colours at nodes, plane by plane.
+
+use std::sync::Arc;
+
+use super::evaluate::{Ngp, harmonics};
+use super::file::NgpFile;
+use super::frame::Frame;
+use super::perceptron::{LANES, Lanes};
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::model::activate;
+use crate::model::field::{EMPTY_LOGIT, NodeValues};
+use crate::model::grid::Nodes;
+use crate::model::harmonics::FUNCTIONS;
+use crate::network::{NodeColors, OnNode, visit};
+
+/// Optical depth of a voxel from which nothing is seen behind it.
+const OPAQUE: f64 = 60.0;
+
+/// Nodes at which a model is evaluated: `side` along each axis of its cube.
+#[derive(Debug, Clone)]
+pub(super) struct Samples {
+    pub(super) file: Arc<NgpFile>,
+    pub(super) side: usize,
+}
+
+impl Samples {
+    /// Edges of the unit cube between two nodes.
+    fn spacing(&self) -> f64 {
+        1.0 / (self.side - 1) as f64
+    }
+
+    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and what the density network
+    /// makes of them. Nodes that touch no occupied cell are left out.
+    fn for_each(
+        &self,
+        model: &Ngp,
+        x: usize,
+        region: &[u64],
+        mut on_nodes: impl FnMut(&[[usize; 2]], &[Lanes]),
+    ) {
+        let (mut nodes, mut positions) = (Vec::new(), Vec::new());
+        let spacing = self.spacing();
+        let mut found = |nodes: &mut Vec<[usize; 2]>, positions: &mut Vec<[f64; 3]>| {
+            on_nodes(nodes, &model.geometry(positions));
+            nodes.clear();
+            positions.clear();
+        };
+        visit(Nodes([self.side; 3]), region, |[y, z]| {
+            let at = Frame::turned([x, y, z].map(|at| at as f64 * spacing));
+            if !self.file.occupancy.touches(at, spacing) {
+                return;
+            }
+            nodes.push([y, z]);
+            positions.push(at);
+            if nodes.len() == LANES {
+                found(&mut nodes, &mut positions);
+            }
+        });
+        if !nodes.is_empty() {
+            found(&mut nodes, &mut positions);
+        }
+    }
+}
+
+/// Raw densities: logits of the optical depth of a voxel.
+#[derive(Debug)]
+pub(super) struct DensityValues(pub(super) Samples);
+
+impl NodeValues for DensityValues {
+    fn nodes(&self) -> Nodes {
+        Nodes([self.0.side; 3])
+    }
+
+    fn channels(&self) -> usize {
+        1
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.0.file.memory_bytes()
+    }
+
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.0.file.digest(hash)
+    }
+
+    fn prepare(&self, _: &dyn Progress) -> Result<()> {
+        self.0.file.load().map(drop)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
+    fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
+        let model = self.0.file.load()?;
+        out.fill(EMPTY_LOGIT);
+        let spacing = self.0.spacing();
+        self.0.for_each(&model, x, region, |nodes, geometry| {
+            for (&[y, z], density) in nodes.iter().zip(model.densities(geometry)) {
+                if let Some(out) = out.get_mut(y * self.0.side + z) {
+                    let depth = (density * spacing).min(OPAQUE);
+                    let raw = activate::inverse_softplus(depth);
+                    *out = raw.max(EMPTY_LOGIT.into()) as f32;
+                }
+            }
+        });
+        Ok(0)
+    }
+}
+
+impl NodeColors for Samples {
+    type Network = Ngp;
+    /// The directions' number, and their harmonics.
+    type Along = (usize, Vec<[Lanes; FUNCTIONS]>);
+
+    fn nodes(&self) -> Nodes {
+        Nodes([self.side; 3])
+    }
+
+    fn memory_bytes(&self, _: usize) -> [u64; 2] {
+        // Those of density stand for the model.
+        [0; 2]
+    }
+
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.file.digest(hash)
+    }
+
+    fn load(&self, _: &dyn Progress) -> Result<Arc<Ngp>> {
+        self.file.load()
+    }
+
+    fn along(&self, _: &Ngp, directions: &[[f64; 3]]) -> Self::Along {
+        (directions.len(), harmonics(directions))
+    }
+
+    fn visit(
+        &self,
+        model: &Ngp,
+        x: usize,
+        region: &[u64],
+        on_node: OnNode<'_, Self::Along>,
+    ) -> Result<()> {
+        self.for_each(model, x, region, |nodes, geometry| {
+            for (lane, &node) in nodes.iter().enumerate() {
+                on_node(node, &mut |(count, directions), colors| {
+                    colors.iter_mut().for_each(Vec::clear);
+                    for color in model.colors_along(geometry, lane, directions).iter().take(*count)
+                    {
+                        colors.iter_mut().zip(color).for_each(|(out, value)| out.push(*value));
+                    }
+                });
+            }
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! The choices that a user has about an input.
+
+use std::path::PathBuf;
+
+use mipvog::bake::option_rules;
+
+use crate::base::error::{Error, Result};
+
+/// The user's settings for an input.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SourceOptions {
+    /// Step length in voxels. Default: 0.5, with an assumption
+    pub stepsize: Option<f32>,
+    /// The coarse checkpoint that the mask comes from. Default: where the checkpoint says, else
+    /// beside it
+    pub coarse: Option<PathBuf>,
+    /// The network to bake. Default: the checkpoint's
+    pub mlp: MlpChoice,
+    /// Start of rays, in units of the unnormalised direction. Default: 0
+    pub near: Option<f32>,
+    /// Farthest entry of rays into the box, likewise. Default: without bound
+    pub far: Option<f32>,
+    /// Colour behind the field. Default: white
+    pub background: Option<[f32; 3]>,
+    /// Samples of at most this weight add no colour. Default: the checkpoint's
+    /// `fast_color_thres`, else 1e-4
+    pub color_threshold: Option<f32>,
+    /// The input's world is the scene's times this, above 0: positions are divided by it, and
+    /// densities are multiplied. Default: as the input says, else 1
+    pub scene_scale: Option<f32>,
+    /// The part of the view-dependent colour that is kept. Default: all
+    pub view: ViewChoice,
+    /// Places of the cameras that colours are fitted for, where a model's colours have to be; one
+    /// in eight is left out. Default, and if there are fewer than 16: all around
+    pub cameras: Vec<[f64; 3]>,
+    /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
+    /// space. Default: such inputs are refused
+    pub drop_background: bool,
+    /// Nodes along the longest axis of a model that has none. Default: 256. Of PeRFception's Plenoxels
+    /// the cells along each axis. Default: the least power of 2 that holds them
+    pub resolution: Option<usize>,
+}
+
+/// The part of the view-dependent colour that is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ViewChoice {
+    /// All that the model has.
+    #[default]
+    Keep,
+    /// Harmonics up to this degree, 0 to 3.
+    Harmonics(usize),
+    /// Colours that do not depend on the view.
+    None,
+}
+
+/// The network to bake.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum MlpChoice {
+    /// The checkpoint's, if it has one.
+    #[default]
+    Auto,
+    /// None: only the first three channels of colour, as they are.
+    None,
+    /// The `rgbnet` of another file.
+    File(PathBuf),
+}
+
+impl SourceOptions {
+    /// Scales that scenes have: beyond them float32 loses boxes.
+    pub(crate) const SCALES: std::ops::RangeInclusive<f32> = 1e-9..=1e9;
+
+    /// Refuses values that no scene has.
+    pub fn check(&self) -> Result<()> {
+        let refuse = |option, found: &dyn std::fmt::Debug, expected: &str| {
+            Err(Error::invalid_option(option, format!("{found:?}"), expected))
+        };
+        if let Some(step) = self.stepsize.filter(|step| !(*step > 0.0 && *step <= 64.0)) {
+            return refuse("stepsize", &step, "a number of voxels above 0, up to 64");
+        }
+        self.near.map_or(Ok(()), option_rules::near)?;
+        let near = self.near.unwrap_or(0.0);
+        if let Some(far) = self.far.filter(|far| !(*far > near && far.is_finite())) {
+            return refuse("far", &far, "a distance beyond near");
+        }
+        self.background.map_or(Ok(()), option_rules::background)?;
+        if let Some(nodes) = self.resolution.filter(|nodes| !(2..=1 << 16).contains(nodes)) {
+            return refuse("resolution", &nodes, "2 to 65536 nodes");
+        }
+        let scale = self.scene_scale;
+        if let Some(scale) = scale.filter(|scale| !Self::SCALES.contains(scale)) {
+            return refuse("scene_scale", &scale, "a number from 1e-9 to 1e9");
+        }
+        self.color_threshold.map_or(Ok(()), option_rules::color_threshold)
+    }
+}

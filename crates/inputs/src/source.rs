@@ -1,0 +1,120 @@
+//! A trained model whose file is understood.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::base::bytes::SourceFile;
+use crate::model::field::RadianceField;
+use crate::model::trained_model::LoadModel;
+use crate::tensor::FileKind;
+
+/// A trained model, understood.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The trained scene; its grids are still in the file.
+    pub field: RadianceField,
+    /// The model by the rules of its own program, where they differ from the field's. Pictures of
+    /// the unbaked input are made of it.
+    pub model: Option<Arc<dyn LoadModel>>,
+    /// The program family that wrote it.
+    pub family: Family,
+    /// Format of the file.
+    pub kind: FileKind,
+    /// True if the digest holds checksums of all values.
+    pub has_checksums: bool,
+    /// The input's world is the scene's times this, unless the user says otherwise.
+    pub scene_scale: f32,
+    /// Settings that it lacks and that were assumed, to be shown to the user.
+    pub assumptions: Vec<Assumption>,
+    /// Names of the settings of [`SourceOptions`](super::SourceOptions) that the file records.
+    pub recorded: Vec<&'static str>,
+    /// SHA-256 that stands for its content; see
+    /// [`crate::tensor::TensorFile::digest`].
+    pub digest: [u8; 32],
+    /// The open file.
+    pub file: Arc<SourceFile>,
+    /// Other files that were used: the coarse checkpoint, the network's.
+    pub side_files: Vec<SideFile>,
+}
+
+/// Another file that a scene was read from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SideFile {
+    /// `coarse`, `mlp` or `args`.
+    pub role: &'static str,
+    /// Its path.
+    pub path: PathBuf,
+    /// SHA-256 that stands for its content.
+    pub digest: [u8; 32],
+}
+
+/// The code that wrote a checkpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum Family {
+    /// Mip-VoG's research code.
+    MipVog,
+    /// DirectVoxGO, either generation of names.
+    Dvgo,
+    /// Plenoxels (svox2).
+    Plenoxels,
+    /// PlenOctrees (svox, volrend).
+    #[serde(rename = "plenoctree")]
+    PlenOctree,
+    /// Arrays of density and colour that anybody's code sampled.
+    Sampled,
+    /// TensoRF, vector-matrix or CP.
+    Tensorf,
+    /// SNeRG's folders of assets.
+    Snerg,
+    /// The core of MERF's folders of assets.
+    Merf,
+    /// Instant-NGP's snapshots.
+    InstantNgp,
+    /// torch-ngp.
+    TorchNgp,
+    /// Volumes of programs for effects, in OpenVDB files.
+    Vdb,
+}
+
+impl Family {
+    /// True for models without values at the nodes of a grid: the field is made of samples.
+    pub const fn is_resampled(self) -> bool {
+        matches!(self, Self::PlenOctree) || self.is_sampled()
+    }
+
+    /// True for models without a grid of values: nodes are placed as the user says.
+    pub const fn is_sampled(self) -> bool {
+        matches!(self, Self::InstantNgp | Self::TorchNgp)
+    }
+
+    /// Its name, as people know it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::MipVog => "Mip-VoG",
+            Self::Dvgo => "DirectVoxGO",
+            Self::Plenoxels => "Plenoxels",
+            Self::PlenOctree => "PlenOctree",
+            Self::Sampled => "sampled",
+            Self::Tensorf => "TensoRF",
+            Self::Snerg => "SNeRG",
+            Self::Merf => "MERF",
+            Self::InstantNgp => "Instant-NGP",
+            Self::TorchNgp => "torch-ngp",
+            Self::Vdb => "OpenVDB",
+        }
+    }
+}
+
+/// Something that a checkpoint does not say.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Assumption {
+    /// The missing setting, in a word.
+    pub key: &'static str,
+    /// The assumed value.
+    pub value: String,
+    /// The warning: the missing setting, the assumed value, and the option that sets it.
+    pub message: String,
+}

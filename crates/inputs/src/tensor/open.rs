@@ -1,0 +1,71 @@
+//! Opens a file of tensors of any kind.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::file::TensorFile;
+use super::kind::{describe, is_splats};
+use super::zip::Archive;
+use super::{msgpack, npz, parameters, safetensors, torch, vdb};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Place, Result};
+use crate::base::file_kind::{
+    VDB_MAGIC, is_safetensors, is_zip, no_download, old_checkpoint, start,
+};
+use crate::base::limits::Limits;
+
+/// Opens a file of tensors, whatever its name.
+///
+/// # Errors `Io` where it cannot be read or is a folder, `Unsupported` for files of another kind
+/// and for features that only a newer reader would know, `Malformed`, `Truncated`, `Checksum` for
+/// damaged ones, `OverLimit` for those that ask for too much.
+pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
+    let file = Arc::new(SourceFile::open(path)?);
+    open_file(&file, limits)
+}
+
+/// The same for a file of which only the bytes are known.
+///
+/// # Errors
+/// Those of [`open()`].
+pub fn open_file(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    open_kind(file, limits).map_err(|error| error.in_file(file.path()))
+}
+
+fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    let start = start(file)?;
+    if is_zip(&start) {
+        let archive = Arc::new(Archive::open(file, limits)?);
+        return match torch::find_pickle(&archive)? {
+            Some(root) => torch::open(file, &archive, &root, limits),
+            None => npz::open(file, &archive, limits),
+        };
+    }
+    if is_safetensors(&start) {
+        return safetensors::open(file, limits);
+    }
+    if parameters::is_parameters(file)? {
+        return parameters::open(file, limits);
+    }
+    if start.starts_with(&VDB_MAGIC) {
+        return vdb::open(file, limits);
+    }
+    if let Some(packing) = msgpack::packing(&start) {
+        return msgpack::open(file, packing, limits);
+    }
+    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
+                    snapshot, a SNeRG folder, or an OpenVDB file";
+    if is_splats(file)? {
+        let error = Error::unsupported(Place::File, "Gaussian splats (a PLY file)", expected);
+        return Err(error.advise("splats have no density to bake: name the file of a field"));
+    }
+    Err(match old_checkpoint(&start) {
+        Some(found) => Error::unsupported(Place::File, found, expected)
+            .advise("save the model again with torch.save, as a dictionary of tensors"),
+        None => match no_download(&start) {
+            Some(found) => Error::unsupported(Place::File, found, expected)
+                .advise("name the file itself: what a download left here only stands for it"),
+            None => Error::wrong_kind(describe(file)?, expected),
+        },
+    })
+}

@@ -1,0 +1,31 @@
+//! Blocks that become empty.
+
+use crate::base::error::Result;
+use crate::model::baked::{Occupancy, Table};
+use crate::unpacked::Unpacked;
+
+/// Keeps the stored blocks of a level that `keep` says so of, by their place. The others become
+/// empty.
+///
+/// # Errors
+///
+/// None of its own.
+pub fn keep_blocks(
+    unpacked: &mut Unpacked,
+    level: usize,
+    keep: impl Fn([usize; 3]) -> bool,
+) -> Result<()> {
+    let table = &unpacked.levels[level].table;
+    let [_, rows, length] = table.grid().counts();
+    let mut occupancy = table.occupancy().to_vec();
+    for (block, state) in occupancy.iter_mut().enumerate() {
+        if !keep([block / length / rows, block / length % rows, block % length]) {
+            *state = Occupancy::Empty;
+        }
+    }
+    let table = Table::new(table.grid(), occupancy)?;
+    let metadata = &mut unpacked.metadata.levels[level];
+    (metadata.blocks_stored, metadata.blocks_filled) = (table.frames(), table.inherited());
+    unpacked.levels[level].table = table;
+    Ok(())
+}

@@ -1,0 +1,148 @@
+//! The best quality that fits into a number of bytes.
+//!
+//! Quality is one number: the factor of the errors of `--preset web`, which divide bytes well
+//! between the groups, and of the codes that colours may move by. Factors go down by an eighth root of two from one to the next. The smallest
+//! that fits is found by halving the rest, so the result depends on nothing but the sizes. Where
+//! the coarsest error does not fit, the finest level is dropped, then the next.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::MaxErrors;
+use super::quality::errors_of;
+use crate::base::error::{Error, ErrorKind, Result};
+
+/// The largest factor: the error of opacity is then the largest that may be asked for.
+const LARGEST: f64 = 12.5;
+/// Factors on each halving, and how many there are.
+const PER_HALVING: usize = 8;
+const STEPS: usize = 128;
+
+/// A container that was packed, but not written.
+pub struct Attempt<T> {
+    /// Its bytes.
+    pub bytes: u64,
+    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    pub nearby_coarseness: Option<f32>,
+    /// Its parts.
+    pub packed: T,
+}
+
+/// The quality that a search found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Chosen {
+    /// Bytes of the container.
+    pub bytes: u64,
+    /// Errors of the values; none where all fitted as they were.
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<serde_json::Value>"))]
+    pub max_error: Option<MaxErrors>,
+    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nearby_coarseness: Option<f32>,
+    /// Finest levels that had to be dropped, and those that were to be dropped anyway.
+    pub without_finest: usize,
+}
+
+impl fmt::Display for Chosen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.max_error {
+            Some(errors) => write!(f, "the best that fits has --max-error {errors}")?,
+            None => write!(f, "it fits as it is")?,
+        }
+        match self.without_finest {
+            0 => {}
+            count => write!(f, " and --without-finest {count}")?,
+        }
+        match self.nearby_coarseness {
+            Some(_) => write!(f, ", and colours that move where viewers nearby see little"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Finds the smallest factor with which `attempt(finest levels dropped, factor)` has at most
+/// `max_bytes` bytes, of a container of so many levels.
+///
+/// # Errors
+///
+/// [`crate::base::error::ErrorKind::InvalidOption`] where nothing fits; those of `attempt`.
+pub fn search<T>(
+    max_bytes: u64,
+    levels: usize,
+    mut attempt: impl FnMut(usize, f64) -> Result<Attempt<T>>,
+) -> Result<(T, Chosen)> {
+    let mut least = u64::MAX;
+    for dropped in 0..levels {
+        let coarsest = match attempt(dropped, factor(0)) {
+            // Some levels cannot be dropped: those that are left are too large.
+            Err(error)
+                if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
+            {
+                break;
+            }
+            coarsest => coarsest?,
+        };
+        least = least.min(coarsest.bytes);
+        if coarsest.bytes > max_bytes {
+            continue;
+        }
+        let (mut best, mut fits, mut too_large) = (coarsest, 0, STEPS + 1);
+        while too_large - fits > 1 {
+            let middle = (fits + too_large) / 2;
+            let tried = attempt(dropped, factor(middle))?;
+            if tried.bytes <= max_bytes {
+                (best, fits) = (tried, middle);
+            } else {
+                too_large = middle;
+            }
+        }
+        let chosen = Chosen {
+            bytes: best.bytes,
+            max_error: Some(errors_of(factor(fits))),
+            nearby_coarseness: best.nearby_coarseness,
+            without_finest: dropped,
+        };
+        return Ok((best.packed, chosen));
+    }
+    let expected = format!("at least {least}, the smallest container of this scene");
+    Err(Error::invalid_option("max_bytes", max_bytes.to_string(), expected))
+}
+
+/// The factor of a step, the largest first.
+fn factor(step: usize) -> f64 {
+    LARGEST * libm::exp2(-(step as f64) / PER_HALVING as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::baked::Group;
+
+    #[test]
+    fn errors_are_valid_and_fall() {
+        let all: Vec<MaxErrors> = (0..=STEPS).map(|step| errors_of(factor(step))).collect();
+        assert!(all.iter().all(|errors| errors.check().is_ok()));
+        let diffuse = |errors: &MaxErrors| errors.of(Group::Diffuse);
+        assert!(all.windows(2).all(|pair| diffuse(&pair[0]) > diffuse(&pair[1])));
+    }
+
+    #[test]
+    fn the_smallest_error_that_fits_is_found() {
+        let bytes = |dropped: usize, factor: f64| {
+            let errors = errors_of(factor);
+            let bytes = (100.0 / errors.of(Group::Diffuse)) as u64 >> (3 * dropped);
+            Ok(Attempt { bytes, nearby_coarseness: None, packed: bytes })
+        };
+        for limit in [60, 500, 3000, 100_000] {
+            let (bytes, chosen) = search(limit, 3, bytes).expect("fits");
+            assert!(bytes <= limit && chosen.bytes == bytes);
+            let finer = chosen.max_error.expect("an error").of(Group::Diffuse) * 0.9;
+            assert!(limit < 444 || (100.0 / finer) as u64 > limit, "{chosen:?}");
+            assert_eq!(chosen.without_finest, usize::from(limit < 444), "{chosen:?}");
+        }
+        let error = search(3, 2, bytes).expect_err("too little").to_string();
+        assert!(error.contains("at least 55"), "{error}");
+    }
+}

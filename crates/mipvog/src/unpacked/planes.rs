@@ -1,0 +1,62 @@
+//! Planes of a decoded level.
+
+use crate::base::error::{Error, Place, Result};
+use crate::container::Container;
+use crate::model::baked::{BakedLevel, Group, LevelMetadata};
+use crate::quantize::decode_codes;
+
+/// Refuses levels that a container does not have, and one a slab of which takes too much memory.
+pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
+    for (number, level) in container.metadata().levels.iter().enumerate() {
+        if levels.is_empty() || levels.contains(&number) {
+            let place = Place::Key(format!("levels[{number}].dimensions"));
+            level.grid().nodes.check_planes(level.block_size, container.limits(), &place)?;
+        }
+    }
+    let count = container.metadata().levels.len();
+    match levels.iter().find(|&&level| level >= count) {
+        None => Ok(()),
+        Some(beyond) => Err(Error::invalid_option(
+            "levels",
+            format!("level {beyond}"),
+            format!("levels 0 to {}", count.saturating_sub(1)),
+        )),
+    }
+}
+
+/// Writes one x plane, `ny * nz` values, of one channel of a group. `false`, and nothing done, if
+/// the level has no such group.
+pub fn fill_plane(
+    level: &BakedLevel,
+    metadata: &LevelMetadata,
+    group: Group,
+    channel: usize,
+    x: usize,
+    out: &mut [f32],
+) -> bool {
+    let (Some(codes), Some(encoding)) = (&level.atlases[group.index()], metadata.encoding(group))
+    else {
+        return false;
+    };
+    out.fill(encoding.empty);
+    let grid = metadata.grid();
+    let [_, ny, nz] = grid.nodes.0;
+    let (edge, block_nodes) = (grid.edge, grid.block_nodes());
+    let Some(channels) = (codes.len() / block_nodes).checked_div(level.table.frames()) else {
+        return true;
+    };
+    let [_, by, bz] = grid.counts();
+    for j in 0..by {
+        for k in 0..bz {
+            let Some(frame) = level.table.frame([x / edge, j, k]) else { continue };
+            let block = (frame * channels + channel) * block_nodes;
+            let count = edge.min(nz - k * edge);
+            for y in j * edge..ny.min((j + 1) * edge) {
+                let at = block + (x % edge * edge + y % edge) * edge;
+                let row = &mut out[y * nz + k * edge..][..count];
+                decode_codes(encoding, codes, at..at + count, row);
+            }
+        }
+    }
+    true
+}

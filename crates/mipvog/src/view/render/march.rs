@@ -1,0 +1,75 @@
+//! One ray.
+
+use super::color_rule::ColorRule;
+use super::packet::{Packet, Sums};
+use super::route::{EVERY_SAMPLE, Route};
+use crate::model::activate::lanes;
+use crate::model::camera::Ray;
+use crate::view::sample::SampleLevels;
+use crate::view::sample::View;
+
+/// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over
+/// white.
+pub(super) const OPAQUE_DEPTH: f64 = 11.6;
+
+/// Sums along a ray.
+#[derive(Debug, Clone, Copy)]
+pub struct Gathered<const C: usize> {
+    /// Weighted activated colour and features.
+    pub color: [f32; C],
+    /// Light left behind the field.
+    pub transmittance: f32,
+    /// Weighted distance from the camera, in world units.
+    pub distance: f32,
+    /// Weighted level.
+    pub level: f32,
+    /// Samples that were interpolated.
+    pub samples: u32,
+    /// Samples between entry and exit, looked at or not.
+    pub steps: u32,
+}
+
+/// Follows a ray; `neighbours` are the rays half a pixel aside along x and y, if the level depends
+/// on them.
+pub fn march<const C: usize>(
+    view: &View,
+    field: &impl SampleLevels<C>,
+    ray: &Ray,
+    neighbours: Option<[Ray; 2]>,
+    fixed_level: Option<usize>,
+) -> Gathered<C> {
+    let mut sums = Sums::nothing();
+    let direction = ray.direction / ray.direction.length();
+    let rule = ColorRule::of(view, direction.to_array());
+    let Some(route) = Route::new(view, field.levels(), ray, neighbours, fixed_level) else {
+        return Gathered::of(&sums, &rule, 0);
+    };
+    let path = &route.path;
+    let steps = (path.last - path.first) as u32 + 1;
+    let mut packet = Packet::empty();
+    route.walk(view, field.skip(), EVERY_SAMPLE, |k, lambda, interval| {
+        let level = lambda as usize;
+        if packet.refuses(level) {
+            packet.shade(view, field, path, &rule, &mut sums);
+        }
+        packet.push(k, level, lambda - level as f32, interval);
+        sums.depth < OPAQUE_DEPTH
+    });
+    packet.shade(view, field, path, &rule, &mut sums);
+    Gathered::of(&sums, &rule, steps)
+}
+
+impl<const C: usize> Gathered<C> {
+    fn of(sums: &Sums<C>, rule: &ColorRule, steps: u32) -> Self {
+        let mut color = sums.color.map(|sum| sum as f32);
+        rule.finish(&mut color);
+        Self {
+            color,
+            transmittance: lanes::exp(-sums.depth as f32),
+            distance: sums.distance as f32,
+            level: sums.level as f32,
+            samples: sums.samples,
+            steps,
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! The reference renderer of trained and baked fields.
+//!
+//! One code path above [`crate::view::sample::SampleLevels`]. A [`View`] is the one set of
+//! rules of a trained scene or of a container's metadata; [`route`] walks a ray: level of detail from the
+//! pixel's footprint, jumps over empty space, transmittance as accumulated optical depth;
+//! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles
+//! of a picture in parallel and adds the view-dependent colour, many rays at a time. The picture
+//! does not depend on the number of threads.
+
+mod color_rule;
+mod coverage;
+mod footprint;
+mod frame;
+mod march;
+mod packet;
+mod path;
+mod rays;
+mod renderer;
+mod route;
+mod sample;
+mod shade;
+mod trained;
+
+pub use crate::view::sample::View;
+pub use color_rule::ColorRule;
+pub use coverage::{CameraCoverage, camera_coverage};
+pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
+pub use path::Path;
+pub use renderer::Renderer;
+pub(crate) use renderer::{Lanes, with_lanes};
+pub use route::Route;
+pub use sample::Directions;
+pub use trained::TrainedLevels;

@@ -1,0 +1,142 @@
+//! The samples of a ray.
+
+use crate::model::anisotropy::{ANISOTROPY, functions};
+use crate::model::baked::FootprintNeighbour;
+use crate::model::camera::Ray;
+use crate::view::sample::View;
+
+/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries
+/// are faces, and rounding must not decide whether a ray's first sample counts.
+const ON_FACE: f64 = 1e-9;
+
+/// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each
+/// axis.
+#[derive(Debug, Clone, Copy)]
+pub struct Path {
+    /// Sample 0.
+    pub start: [f64; 3],
+    /// From one sample to the next.
+    pub step: [f64; 3],
+    /// The first sample inside the box.
+    pub first: f64,
+    /// End of the samples.
+    pub last: f64,
+    /// `t` of sample 0, and for each step.
+    entry: f64,
+    t_step: f64,
+    /// World units for a unit of `t`.
+    length: f64,
+    /// Intervals in a step.
+    intervals: f32,
+    /// Values of the functions of anisotropy in the ray's direction; zeros where no level has any.
+    pub along: [f32; ANISOTROPY],
+}
+
+impl Path {
+    /// The part of the ray that samples the box; none if it misses it.
+    pub fn new(view: &View, ray: &Ray) -> Option<Self> {
+        let (entry, length) = (entry_t(view, ray), ray.direction.length());
+        let step_length = step_length(view, ray);
+        let t_step = step_length / length;
+        let intervals = (step_length / view.march.interval_length()) as f32;
+        let (start, step) = samples(view, ray, entry, t_step);
+        // The first and the last sample inside, along every axis.
+        let (mut first, mut last) = (0.0f64, view.march.last_sample(view.nodes));
+        for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
+            let (from, by) = (start[axis], step[axis]);
+            if by == 0.0 {
+                if !(low - ON_FACE..=high + ON_FACE).contains(&from) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low - ON_FACE - from) / by, (high + ON_FACE - from) / by);
+            first = first.max(a.min(b).ceil());
+            last = last.min(a.max(b));
+        }
+        if first > last {
+            return None;
+        }
+        let along = match view.anisotropic {
+            true => functions((ray.direction / length).to_array()),
+            false => [0.0; ANISOTROPY],
+        };
+        Some(Self { start, step, first, last, entry, t_step, length, intervals, along })
+    }
+
+    /// Sample `k`.
+    #[inline(always)]
+    pub fn position(&self, k: f64) -> [f64; 3] {
+        let along = |axis: usize| (self.start[axis] + k * self.step[axis]).clamp(0.0, 1.0);
+        [along(0), along(1), along(2)]
+    }
+
+    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample
+    /// 0, and its growth with each step.
+    pub fn offsets(
+        &self,
+        view: &View,
+        neighbour: FootprintNeighbour,
+        other: &Ray,
+    ) -> [[f64; 3]; 2] {
+        let (start, step) = match neighbour {
+            FootprintNeighbour::SameIndex => {
+                let t_step = step_length(view, other) / other.direction.length();
+                samples(view, other, entry_t(view, other), t_step)
+            }
+            FootprintNeighbour::SameDistance => samples(view, other, self.entry, self.t_step),
+        };
+        // Positions are shares of the box, which is N voxels along an axis.
+        let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
+        [
+            [0, 1, 2].map(|axis| (start[axis] - self.start[axis]) * voxels(axis)),
+            [0, 1, 2].map(|axis| (step[axis] - self.step[axis]) * voxels(axis)),
+        ]
+    }
+
+    /// Intervals that a step stands for: one, unless voxels are no cubes.
+    pub fn intervals(&self) -> f32 {
+        self.intervals
+    }
+
+    /// Distance of sample `k` from the camera, in world units.
+    pub fn distance(&self, k: f64) -> f64 {
+        (self.entry + k * self.t_step) * self.length
+    }
+}
+
+/// `t` at which a ray enters the sampled box, clamped to near and far.
+fn entry_t(view: &View, ray: &Ray) -> f64 {
+    let mut entry = f64::NEG_INFINITY;
+    let extent = view.bounds.extent();
+    for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
+        let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+        // A ray along a face, or a hair beside it, is between the faces from the start or never.
+        if direction == 0.0 {
+            continue;
+        }
+        let first = f64::from(view.bounds.min[axis]);
+        let [min, max] = [low, high].map(|share| first + share * extent[axis]);
+        entry = entry.max(((min - origin) / direction).min((max - origin) / direction));
+    }
+    let far = view.march.far.map_or(f64::INFINITY, f64::from);
+    entry.max(f64::from(view.march.near)).min(far)
+}
+
+/// Length of a ray's steps in world units.
+fn step_length(view: &View, ray: &Ray) -> f64 {
+    view.march.step_length((ray.direction / ray.direction.length()).to_array())
+}
+
+/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along
+/// each axis of the box.
+fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
+    let extent = view.bounds.extent();
+    let start =
+        [0, 1, 2].map(|axis| to_box(view, axis, ray.origin[axis] + ray.direction[axis] * entry));
+    (start, [0, 1, 2].map(|axis| ray.direction[axis] * t_step / extent[axis]))
+}
+
+fn to_box(view: &View, axis: usize, world: f64) -> f64 {
+    (world - f64::from(view.bounds.min[axis])) / view.bounds.extent()[axis]
+}

@@ -1,0 +1,219 @@
+//! A field to be rendered: its rules, and its values in as many lanes as its channels need, or the
+//! model that evaluates itself.
+
+use super::trained::{TrainedLevels, view_of};
+use crate::base::error::{Error, Place, Result};
+use crate::base::limits::Limits;
+use crate::container::{Container, check_metadata};
+use crate::model::baked::BakedField;
+use crate::model::directional::DIRECTIONAL;
+use crate::model::field::RadianceField;
+use crate::model::grid::Bounds;
+use crate::model::trained_model::{LoadModel, TrainedModel};
+use crate::view::sample::{Dense, SampleLevels as _, Sparse, Stored, View};
+
+/// A field to be rendered.
+#[derive(Debug)]
+pub struct Renderer {
+    view: View,
+    content: Content,
+}
+
+/// The source of a field's colours.
+#[derive(Debug)]
+pub(crate) enum Content {
+    /// Values at nodes, rendered by the rules of a [`View`].
+    Values(Lanes),
+    /// A model that has rules of its own; of the view's it takes box, background, near and far.
+    Model(Box<dyn TrainedModel>),
+}
+
+/// Values whose colours and features have so many lanes; lanes without a channel are zero.
+#[derive(Debug)]
+pub(crate) enum Lanes {
+    Four(Stored<4>),
+    Eight(Stored<8>),
+    Twelve(Stored<12>),
+    Sixteen(Stored<16>),
+    ThirtyTwo(Stored<32>),
+    SixtyFour(Stored<64>),
+}
+
+/// The same with values in lanes of each width.
+macro_rules! with_lanes {
+    ($lanes:expr, $stored:ident => $result:expr) => {
+        match $lanes {
+            $crate::view::render::Lanes::Four($stored) => $result,
+            $crate::view::render::Lanes::Eight($stored) => $result,
+            $crate::view::render::Lanes::Twelve($stored) => $result,
+            $crate::view::render::Lanes::Sixteen($stored) => $result,
+            $crate::view::render::Lanes::ThirtyTwo($stored) => $result,
+            $crate::view::render::Lanes::SixtyFour($stored) => $result,
+        }
+    };
+}
+pub(crate) use with_lanes;
+
+/// The same with values of each kind. The kind is chosen once a picture and not once a sample.
+macro_rules! with_values {
+    ($lanes:expr, $values:ident => $result:expr) => {
+        $crate::view::render::with_lanes!($lanes, stored => match stored {
+            $crate::view::sample::Stored::Dense($values) => $result,
+            $crate::view::sample::Stored::Sparse($values) => $result,
+        })
+    };
+}
+pub(crate) use with_values;
+
+/// Values for so many channels of colour and features, in the fewest lanes that hold them.
+macro_rules! in_lanes {
+    ($channels:expr, $values:expr) => {
+        match $channels {
+            0..=4 => Ok(Lanes::Four($values)),
+            5..=8 => Ok(Lanes::Eight($values)),
+            9..=12 => Ok(Lanes::Twelve($values)),
+            13..=16 => Ok(Lanes::Sixteen($values)),
+            17..=32 => Ok(Lanes::ThirtyTwo($values)),
+            33..=64 => Ok(Lanes::SixtyFour($values)),
+            channels => {
+                let found = format!("{channels} channels of colour and features");
+                Err(Error::unsupported(Place::File, found, "at most 64"))
+            }
+        }
+    };
+}
+
+impl Renderer {
+    /// A trained field, with coarser levels if `levels` says so. All of its values are read.
+    ///
+    /// # Errors `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64
+    /// channels of colour and features, and errors of reading the values.
+    pub fn trained(
+        field: &RadianceField,
+        levels: Option<TrainedLevels>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        field.check()?;
+        let view = view_of(field, levels);
+        let filter = levels.map(|levels| (levels.filter, levels.count));
+        let channels = field.color_channels() + if view.directional { DIRECTIONAL } else { 0 };
+        let values: Result<Lanes> =
+            in_lanes!(channels, Stored::Dense(Dense::new(field, filter, limits)?));
+        Ok(Self { view, content: Content::Values(values?) })
+    }
+
+    /// A model with rules of its own, which takes box, background, near and far from `field`.
+    ///
+    /// # Errors
+    /// `Malformed` where the field's parts do not fit each other, and those of loading.
+    pub fn of_model(field: &RadianceField, model: &dyn LoadModel, limits: &Limits) -> Result<Self> {
+        field.check()?;
+        Ok(Self { view: view_of(field, None), content: Content::Model(model.load(limits)?) })
+    }
+
+    /// A baked field.
+    ///
+    /// # Errors
+    /// `Malformed` where metadata or codes break the rules of a container.
+    pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
+        check_metadata(&field.metadata, limits, &Place::File)?;
+        field.check()?;
+        let channels = field.metadata.layout().color_channels();
+        let values: Result<Lanes> =
+            in_lanes!(channels, Stored::Sparse(Sparse::new(field, limits)?));
+        Ok(Self { view: View::of_baked(field), content: Content::Values(values?) })
+    }
+
+    /// All levels of a container, within the limits that it was opened with.
+    ///
+    /// # Errors
+    /// `Malformed` where its levels are damaged, and more memory than the limits allow.
+    pub fn of_container(container: &Container) -> Result<Self> {
+        Self::baked(&container.read()?, container.limits())
+    }
+
+    /// A model in memory with rules of its own, which takes box, background, near and far from the
+    /// view of another field.
+    pub fn with_view(view: &View, model: Box<dyn TrainedModel>) -> Self {
+        Self { view: view.clone(), content: Content::Model(model) }
+    }
+
+    /// True if colours come from a model with rules of its own.
+    pub fn is_model(&self) -> bool {
+        matches!(self.content, Content::Model(_))
+    }
+
+    /// Leaves out all samples outside of a box.
+    ///
+    /// # Errors
+    /// `InvalidOption` for a box that is none, or that misses the field's, and `Usage` for a model
+    /// with rules of its own.
+    pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
+        if self.is_model() {
+            let message = "--crop works on values at nodes, and this model is evaluated by its own \
+                           rules: bake it first";
+            return Err(Error::usage(message));
+        }
+        let bounds = self.view.march.sampled.unwrap_or(self.view.bounds);
+        let sampled = Bounds {
+            min: std::array::from_fn(|axis| crop.min[axis].max(bounds.min[axis])),
+            max: std::array::from_fn(|axis| crop.max[axis].min(bounds.max[axis])),
+        };
+        let found = format!("{:?} to {:?}", crop.min, crop.max);
+        let expected = format!("a box that meets {:?} to {:?}", bounds.min, bounds.max);
+        sampled.check(&Place::File).map_err(|_| Error::invalid_option("crop", found, expected))?;
+        self.view.march.sampled = Some(sampled);
+        Ok(())
+    }
+
+    /// A trained field as it is, without coarser levels. All of its values are read.
+    ///
+    /// # Errors
+    /// As [`Self::trained`].
+    pub fn of_field(field: &RadianceField) -> Result<Self> {
+        Self::trained(field, None, &Limits::default())
+    }
+
+    /// The rules.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// Levels, finest first; those that a prefix of a container lacks count.
+    pub fn level_count(&self) -> usize {
+        match &self.content {
+            Content::Values(lanes) => with_values!(lanes, values => values.levels()),
+            Content::Model(_) => 1,
+        }
+    }
+
+    /// The rules, to be overridden.
+    pub fn view_mut(&mut self) -> &mut View {
+        &mut self.view
+    }
+
+    /// The source of colours.
+    pub(super) fn content(&self) -> &Content {
+        &self.content
+    }
+
+    /// The values at nodes.
+    pub(super) fn lanes(&self) -> Result<&Lanes> {
+        match &self.content {
+            Content::Values(lanes) => Ok(lanes),
+            Content::Model(_) => Err(without_nodes()),
+        }
+    }
+
+    /// Rules and values at nodes.
+    pub(crate) fn into_parts(self) -> Result<(View, Lanes)> {
+        match self.content {
+            Content::Values(lanes) => Ok((self.view, lanes)),
+            Content::Model(_) => Err(without_nodes()),
+        }
+    }
+}
+
+fn without_nodes() -> Error {
+    Error::usage("this works on values at nodes, and the model is evaluated by its own rules")
+}

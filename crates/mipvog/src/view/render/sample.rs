@@ -1,0 +1,213 @@
+//! A renderer's values at points of the world.
+
+use super::renderer::{Content, Renderer, with_values};
+use crate::base::error::Result;
+use crate::model::activate::lanes;
+use crate::model::directional::DIRECTIONAL;
+use crate::model::harmonics::{Basis, basis};
+use crate::model::trained_model::TrainedModel;
+use crate::model::view_dependence::ViewDependence;
+use crate::model::view_mlp::RAYS;
+use crate::view::sample::{
+    Macro, Sample, SampleLevels as _, View, check_level, depth, is_sampled, sample_at, world_of,
+};
+
+/// Voxels before a point that are searched for what hides it.
+const BEFORE: u32 = 4;
+/// A point that is seen less than this from everywhere lies inside a solid.
+const HIDDEN: f64 = 1e-3;
+/// Directions with less than this share of the freest one's light do not count.
+const FAINTEST: f64 = 1e-2;
+
+impl Renderer {
+    /// Levels of the field; 0 is the finest.
+    pub fn levels(&self) -> usize {
+        self.level_count()
+    }
+
+    /// Refuses a level that the field does not have.
+    pub(super) fn check_level(&self, level: usize) -> Result<()> {
+        check_level(level, self.levels())
+    }
+
+    /// The field's values at a `position` in world units, interpolated in one level. Outside the
+    /// box, outside the free-space mask and where nothing is stored, opacity is 0.
+    ///
+    /// ```
+    /// use mipvog::{RadianceField, Renderer};
+    ///
+    /// let field = RadianceField::builder([4; 3], vec![9.0; 64], vec![0.0; 192]).build()?;
+    /// let renderer = Renderer::of_field(&field)?;
+    /// let inside = renderer.sample([0.2, 0.0, -0.4], 0)?;
+    /// assert_eq!(inside.color, [0.5; 3]);
+    /// assert_eq!(renderer.sample([5.0; 3], 0)?.opacity, 0.0, "outside the box");
+    /// assert!(renderer.sample([0.0; 3], 1).is_err(), "there is one level");
+    /// # Ok::<(), mipvog::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// A level that the field does not have, or a position that is not finite.
+    pub fn sample(&self, position: [f64; 3], level: usize) -> Result<Sample> {
+        self.check_level(level)?;
+        let (world, share) = self.view().places(position)?;
+        Ok(self.sample_both(world, share, level))
+    }
+
+    /// As [`Self::sample`], at a place in shares of the box, `0..=1` along each axis, in a level
+    /// that the field has.
+    pub fn sample_at(&self, share: [f64; 3], level: usize) -> Sample {
+        self.sample_both(world_of(self.view(), share), share, level)
+    }
+
+    /// The density alone of [`Self::sample_at`]: optical depth per world unit.
+    pub fn density_at(&self, share: [f64; 3], level: usize) -> f32 {
+        let view = self.view();
+        let world = world_of(view, share);
+        match self.content() {
+            Content::Model(model) => model.density(world),
+            Content::Values(_) if !is_sampled(view, world, share) => 0.0,
+            Content::Values(lanes) => {
+                let depth = with_values!(lanes, values => depth(view, values, share, level));
+                depth / (view.march.stepsize * view.march.voxel_size)
+            }
+        }
+    }
+
+    fn sample_both(&self, world: [f64; 3], share: [f64; 3], level: usize) -> Sample {
+        match self.content() {
+            Content::Values(lanes) => {
+                with_values!(lanes, values => sample_at(self.view(), values, (world, share), level))
+            }
+            Content::Model(model) => of_model(&**model, self.view(), world),
+        }
+    }
+
+    /// True where no place of a part of the box, given by two corners in shares of it, is visible
+    /// in a level; false says nothing.
+    pub fn is_empty(&self, [low, high]: [[f64; 3]; 2], level: usize) -> bool {
+        let Content::Values(lanes) = self.content() else { return false };
+        with_values!(lanes, values => {
+            let skip = values.skip();
+            let (low, high) = (skip.place(low), skip.place(high));
+            let cells = (low[0]..=high[0]).flat_map(|x| {
+                (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]))
+            });
+            let owner = if values.density_level(level) { level } else { 0 };
+            cells.into_iter().all(|cell| matches!(skip.state([owner; 2], cell), Macro::Empty(_)))
+        })
+    }
+
+    /// The mean of a place's colours over directions, each limited to 0 to 1; its diffuse colour
+    /// where no colour depends on the direction. A direction counts as far as light passes the
+    /// nearest density towards the eye: nobody has trained what walls look like from inside.
+    /// `share` is a place in shares of the box.
+    pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
+        let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
+        let mut add = |weight: f64, color: [f32; 3]| {
+            let shown = color.map(|channel| f64::from(channel.clamp(0.0, 1.0)));
+            sum.iter_mut().zip(shown).for_each(|(sum, value)| *sum += weight * value);
+            weights += weight;
+        };
+        let seen = || directions.seen_from(self, share, level);
+        let model = match self.content() {
+            Content::Model(model) => Some(&**model),
+            Content::Values(_) => None,
+        };
+        if let Some(model) = model {
+            let seen = seen();
+            let vectors: Vec<[f64; 3]> = seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
+            let colors = model.colors(world_of(self.view(), share), &vectors);
+            seen.iter().zip(colors).for_each(|(&(_, weight), color)| add(weight, color));
+            return sum.map(|sum| (sum / weights) as f32);
+        }
+        let sample = self.sample_at(share, level);
+        match &self.view().view_dependence {
+            None if sample.directional == [0.0; DIRECTIONAL] => return sample.color,
+            None => {
+                for (i, weight) in seen() {
+                    add(weight, sample.diffuse_from(directions.vectors[i]));
+                }
+            }
+            Some(ViewDependence::Harmonics(rules)) => {
+                for (i, weight) in seen() {
+                    add(weight, rules.color(&directions.bases[i], &sample.coefficients));
+                }
+            }
+            Some(ViewDependence::Network(network)) => {
+                for seen in seen().chunks(RAYS) {
+                    let vectors: Vec<[f64; 3]> =
+                        seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
+                    let values: Vec<Vec<f32>> =
+                        vectors.iter().map(|&v| sample.values_from(v)).collect();
+                    let values: Vec<&[f32]> = values.iter().map(|values| &values[..]).collect();
+                    let added = network.colors(&vectors, &values);
+                    for ((&(_, weight), added), vector) in seen.iter().zip(added).zip(vectors) {
+                        let diffuse = sample.diffuse_from(vector);
+                        add(weight, [0, 1, 2].map(|channel| diffuse[channel] + added[channel]));
+                    }
+                }
+            }
+        }
+        sum.map(|sum| (sum / weights) as f32)
+    }
+
+    /// True if colours of a point come from a network, which takes time.
+    pub fn has_network(&self) -> bool {
+        let view = &self.view().view_dependence;
+        view.as_ref().is_some_and(|view| view.network().is_some())
+    }
+}
+
+/// Unit directions spread evenly over the sphere, and the harmonics of each.
+#[derive(Debug)]
+pub struct Directions {
+    vectors: Vec<[f64; 3]>,
+    bases: Vec<Basis>,
+}
+
+impl Directions {
+    /// So many, on a spiral of equal steps in height and turns of the golden angle.
+    pub fn spread(count: usize) -> Self {
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let vectors: Vec<[f64; 3]> = (0..count)
+            .map(|i| {
+                let height = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+                let radius = (1.0 - height * height).max(0.0).sqrt();
+                let (sine, cosine) = libm::sincos(golden * i as f64);
+                [radius * cosine, radius * sine, height]
+            })
+            .collect();
+        let bases = vectors.iter().map(|&vector| basis(vector)).collect();
+        Self { vectors, bases }
+    }
+
+    /// The directions along which a place is seen, by their numbers, and the share of light that
+    /// passes what is before it. All of them count the same where none is free.
+    fn seen_from(&self, field: &Renderer, share: [f64; 3], level: usize) -> Vec<(usize, f64)> {
+        let extent = field.view().bounds.extent();
+        let step = f64::from(field.view().march.voxel_size);
+        let seen = self.vectors.iter().enumerate().map(|(number, vector)| {
+            let depth = (1..=BEFORE).map(|steps| {
+                let back = f64::from(steps) * step;
+                let at = [0, 1, 2].map(|axis| share[axis] - back * vector[axis] / extent[axis]);
+                f64::from(field.density_at(at, level)) * step
+            });
+            (number, libm::exp(-depth.sum::<f64>()))
+        });
+        let seen: Vec<(usize, f64)> = seen.collect();
+        let most = seen.iter().fold(0.0, |most: f64, (_, weight)| most.max(*weight));
+        if most < HIDDEN {
+            return seen.into_iter().map(|(number, _)| (number, 1.0)).collect();
+        }
+        seen.into_iter().filter(|(_, weight)| *weight > FAINTEST * most).collect()
+    }
+}
+
+/// Of a model that is evaluated by its own rules.
+fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample {
+    let density = model.density(position);
+    let seen = model.colors(position, &[[0.0, 0.0, -1.0]]);
+    let opacity = lanes::opacity(density * view.march.stepsize * view.march.voxel_size);
+    Sample::plain(opacity, density, seen.first().copied().unwrap_or_default())
+}

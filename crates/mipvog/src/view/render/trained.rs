@@ -1,0 +1,56 @@
+//! The rules of rendering that a trained scene states.
+
+use crate::levels::{Direction, LevelFilter};
+use crate::model::baked::{Blend, LevelOfDetail, StepRule};
+use crate::model::field::{March, RadianceField, Scene};
+use crate::model::trained_model::RayRules;
+use crate::view::sample::View;
+
+/// Coarser levels of a trained field, and the rule to render them by.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainedLevels<'a> {
+    /// The rules to make, mix and march through them.
+    pub filter: &'a dyn LevelFilter,
+    /// Levels in all, at most.
+    pub count: usize,
+    /// The rule for the level that a sample reads.
+    pub level_of_detail: LevelOfDetail,
+}
+
+impl<'a> TrainedLevels<'a> {
+    /// As many levels as `filter` makes of a scene, rendered by the rules of training where
+    /// training had such levels.
+    pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
+        Self { filter, count: filter.level_count(scene.nodes), level_of_detail: filter.rule() }
+    }
+}
+
+/// The rules of a trained field.
+pub(super) fn view_of(field: &RadianceField, levels: Option<TrainedLevels>) -> View {
+    let scene = &field.scene;
+    let direction = levels.and_then(|levels| Direction::of(levels.filter, field));
+    View {
+        bounds: scene.bounds,
+        nodes: scene.nodes,
+        activation: scene.activation,
+        march: scene.march,
+        background: scene.background,
+        depth_scale: 1.0,
+        blend: levels.map_or(Blend::BeforeActivation, |levels| levels.filter.blend()),
+        step_rule: levels.map_or(StepRule::Constant, |levels| levels.filter.step_rule()),
+        level_of_detail: levels.map(|levels| levels.level_of_detail),
+        finest: 0,
+        view_dependence: field.view.clone(),
+        color_domain: field.color_domain,
+        directional: direction.is_some_and(|direction| direction.moments.is_some()),
+        anisotropic: direction.is_some(),
+        free_space: field.free_space.clone(),
+        features: field.color_channels().saturating_sub(3),
+    }
+}
+
+/// The rules that models with rules of their own take from a picture.
+pub(super) fn ray_rules(view: &View) -> RayRules {
+    let March { near, far, .. } = view.march;
+    RayRules { near, far, background: view.background }
+}

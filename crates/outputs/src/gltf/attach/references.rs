@@ -1,0 +1,63 @@
+//! Numbers of nodes and buffer views, at every place of a document that refers to them.
+//!
+//! Unknown extensions refer to things by number too. By convention such a property is named after
+//! the thing it refers to, so every property of these names counts, at any depth.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::base::error::Result;
+use crate::gltf::asset::Asset;
+use crate::gltf::asset::json::Node;
+
+/// Properties that hold the number of a node, or several.
+const NODES: [&str; 6] = ["node", "nodes", "children", "joints", "skeleton", "rootNodes"];
+
+/// References of a document.
+#[derive(Debug, Default)]
+pub struct References {
+    /// Nodes that something other than a scene refers to.
+    pub nodes: BTreeSet<u64>,
+    /// Number of references to each buffer view.
+    pub views: BTreeMap<u64, usize>,
+}
+
+impl References {
+    /// Goes through the whole document.
+    pub fn of(asset: &Asset) -> Result<Self> {
+        let mut found = Self::default();
+        let mut add = |name: &str, value: &Node| found.property(name, value);
+        for (name, value) in asset.document()?.members()? {
+            match name.as_str() {
+                "nodes" => value.visit(&mut add)?,
+                // A scene's own list can be edited; references of its extensions cannot.
+                "scenes" => {
+                    for scene in value.elements().unwrap_or_default() {
+                        let members = scene.members().unwrap_or_default();
+                        for (name, value) in members.iter().filter(|(name, _)| *name != "nodes") {
+                            add(name, value);
+                            value.visit(&mut add)?;
+                        }
+                    }
+                }
+                _ => {
+                    add(&name, &value);
+                    value.visit(&mut add)?;
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    fn property(&mut self, name: &str, value: &Node) {
+        if NODES.contains(&name) {
+            let several = value.elements().unwrap_or_default();
+            let numbers = several.iter().chain([value]).filter_map(|node| node.index().ok());
+            self.nodes.extend(numbers.map(|number| number as u64));
+        }
+        if name == "bufferView"
+            && let Ok(view) = value.index()
+        {
+            *self.views.entry(view as u64).or_default() += 1;
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Formats that other programs read, a file or a folder each.
+//!
+//! [`mod@format`] is the trait of a format of `export`. [`volume`] is a field's
+//! level as the formats of volumes have it.
+
+use mipvog::{base, container, levels, model, picture, unpacked, view};
+
+#[doc(hidden)]
+pub mod export_files;
+#[doc(hidden)]
+pub mod flipbook;
+#[doc(hidden)]
+pub mod format;
+#[doc(hidden)]
+pub mod gltf;
+#[doc(hidden)]
+pub mod measure;
+#[doc(hidden)]
+pub mod snerg;
+#[doc(hidden)]
+pub mod splat;
+#[doc(hidden)]
+pub mod unpack;
+#[doc(hidden)]
+pub mod usd;
+#[doc(hidden)]
+pub mod vdb;
+#[doc(hidden)]
+pub mod volume;

@@ -1,0 +1,133 @@
+//! `attach`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::common::Common;
+use super::gltf;
+use super::outcome::{Outcome, readable, warn};
+use super::output::{create as create_output, refuse_stdout};
+use crate::base::bytes::{ByteSink, SourceFile};
+use crate::base::error::{Error, Result};
+use crate::container::Container;
+use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice, attach, companions};
+
+/// Add a container to a glTF asset as a radiance field; everything else stays as it is
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  mipvog-bake attach scene.glb scene.mipvog --node statue -o both.glb")]
+pub struct Arguments {
+    /// The asset, .glb or .gltf
+    asset: PathBuf,
+    /// The container
+    container: PathBuf,
+    /// The asset to write, of the same kind
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// Number or name of the node that shows the field; other viewers show its mesh [default: a new
+    /// node in the default scene]
+    #[arg(long, value_name = "INDEX|NAME", value_parser = parse_node)]
+    node: Option<NodeChoice>,
+    /// Link a .glb to the container by URI instead of embedding it
+    #[arg(long)]
+    external: bool,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// What `attach` did.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct AttachReport {
+    asset: String,
+    container: String,
+    output: String,
+    output_bytes: u64,
+    /// Number of the new field.
+    field: usize,
+    /// The node that it is on.
+    node: usize,
+    /// True if the container is inside the asset.
+    embedded: bool,
+    /// Of the container, in hexadecimal digits.
+    sha256: String,
+}
+
+/// Attaches.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let limits = common.limits();
+    let asset = Asset::open(Arc::new(SourceFile::open(&arguments.asset)?), &limits)?;
+    let file = Arc::new(SourceFile::open(&arguments.container)?);
+    let container = Container::open(file, &limits)?;
+    let path = &arguments.output;
+    refuse_stdout(path, "the names of other files depend on the asset's own")?;
+    check_kind(&asset, path)?;
+    let mut output = create_output(path, arguments.force)?;
+    let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };
+    let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
+    let bytes = output.length();
+    output.finish()?;
+    warn_of_companions(&asset, &arguments.asset, path, common)?;
+    let report = AttachReport {
+        asset: arguments.asset.to_string_lossy().into_owned(),
+        container: arguments.container.to_string_lossy().into_owned(),
+        output: path.to_string_lossy().into_owned(),
+        output_bytes: bytes,
+        field: attached.field,
+        node: attached.node,
+        embedded: attached.embedded,
+        sha256: attached.sha256,
+    };
+    let (field, node) = (attached.field, attached.node);
+    let text = format!("{}: field {field} on node {node}, {}\n", path.display(), readable(bytes));
+    Outcome::new("attach", &report, text)
+}
+
+/// Refuses an output whose name says another kind than the asset is of.
+pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
+    let is_glb = asset.chunks().is_some();
+    match gltf::is_glb(output) {
+        Ok(named_glb) if named_glb != is_glb => {
+            let kind = if is_glb { "a .glb" } else { "a .gltf" };
+            let message = format!("{} is {kind}, and stays one", asset.path().display());
+            Err(Error::usage(message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Names the files that `asset` refers to and that do not go with it from the folder of `input` to
+/// that of `output`.
+pub fn warn_of_companions(
+    asset: &Asset,
+    input: &Path,
+    output: &Path,
+    common: &Common,
+) -> Result<()> {
+    let folder = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.unwrap_or(Path::new(".")).canonicalize().ok()
+    };
+    if folder(input) == folder(output) {
+        return Ok(());
+    }
+    let names = companions(asset)?;
+    if !names.is_empty() {
+        let names = names.join(", ");
+        warn(&format!("{} needs files beside it too: {names}", output.display()), common);
+    }
+    Ok(())
+}
+
+fn parse_node(text: &str) -> std::result::Result<NodeChoice, String> {
+    Ok(match text.parse() {
+        Ok(index) => NodeChoice::Index(index),
+        Err(_) => NodeChoice::Name(text.to_owned()),
+    })
+}

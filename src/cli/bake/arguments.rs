@@ -1,0 +1,193 @@
+//! The arguments of `bake`, and the kinds of input.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::{ArgGroup, Args};
+
+use super::super::common::Common;
+use super::super::field::FieldArguments;
+use super::super::fit::FitArguments;
+use super::super::gate::GateArguments;
+use super::super::gltf::GltfArguments;
+use super::super::incremental::IncrementalArguments;
+use super::super::manifest::{ExplicitOptions, ManifestArguments};
+use super::super::scene::SceneArguments;
+use super::super::stdin;
+use super::super::stored::StoredArguments;
+use super::super::values::by_name;
+use super::super::view_report::ColorFit;
+use crate::bake::{BakeOptions, Preset};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::unpacked::Unpacked;
+use mipvog_inputs::tensor::{self, TensorFile};
+
+/// Convert a trained scene to a container, or a container to another one
+#[derive(Debug, Args)]
+#[command(group(ArgGroup::new("source").required(true).args(["input", "manifest"])))]
+#[command(after_help = "\
+Examples:
+  mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
+  mipvog-bake bake fine_last.tar --preset web --gltf scene.glb -o scene.mipvog
+  mipvog-bake bake fine_last.tar -o scene.mipvog --cameras transforms.json --require-psnr 40
+  mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run
+  mipvog-bake bake --manifest scenes.jsonl --shard 0/4 --if-changed -o out/")]
+pub struct Arguments {
+    // First: the others take their values out of the matches.
+    #[command(flatten)]
+    pub given: ExplicitOptions,
+    /// A trained model (a file, or a folder of SNeRG or MERF), a container (unpacked or not), or a
+    /// glTF asset with one; - means standard input
+    #[arg(requires = "output", default_value = ".", hide_default_value = true)]
+    pub input: PathBuf,
+    /// The container to write; - means standard output. With --manifest, the output folder
+    #[arg(short, long, value_name = "OUT.mipvog", default_value = ".", hide_default_value = true)]
+    pub output: PathBuf,
+    /// Forecast time, memory and size from parts of the scene, and write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    pub force: bool,
+    /// A set of options, which explicit options override
+    #[arg(long, value_parser = by_name::<Preset>())]
+    pub preset: Option<Preset>,
+    #[command(flatten)]
+    pub which: FieldArguments,
+    #[command(flatten, next_help_heading = "Size and error")]
+    pub stored: StoredArguments,
+    #[command(flatten, next_help_heading = "Fit")]
+    pub fit: FitArguments,
+    #[command(flatten, next_help_heading = "Scene")]
+    pub scene: SceneArguments,
+    #[command(flatten, next_help_heading = "Quality gate")]
+    pub gate: GateArguments,
+    #[command(flatten, next_help_heading = "glTF")]
+    pub gltf: GltfArguments,
+    #[command(flatten, next_help_heading = "Incremental builds")]
+    pub incremental: IncrementalArguments,
+    #[command(flatten, next_help_heading = "Batches")]
+    pub many: ManifestArguments,
+    /// The input, where it is no file.
+    #[arg(skip)]
+    pub held: Option<Arc<SourceFile>>,
+    /// The fit that its colours come from, where it was made before.
+    #[arg(skip)]
+    pub color_fit: Option<ColorFit>,
+}
+
+/// The content of an input.
+pub enum Content {
+    /// A trained scene.
+    Trained(TensorFile),
+    /// A container's levels.
+    Stored(Box<Unpacked>),
+}
+
+/// An open input.
+pub struct Input {
+    /// Its content.
+    pub content: Content,
+    /// Bytes of a container, and those that were read: all levels are in memory.
+    container_bytes: [u64; 2],
+    /// The file that is read during the bake, if there is one.
+    file: Option<Arc<SourceFile>>,
+}
+
+impl Input {
+    /// Its bytes.
+    pub fn length(&self) -> u64 {
+        self.container_bytes[0] + self.file.as_ref().map_or(0, |file| file.length())
+    }
+
+    /// Bytes that were read of it so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.container_bytes[1] + self.file.as_ref().map_or(0, |file| file.bytes_read())
+    }
+}
+
+impl Arguments {
+    /// Opens the input, by its content.
+    pub fn open(&self, limits: &Limits) -> Result<Input> {
+        let container = match &self.held {
+            Some(held) => self.which.container_of(Arc::clone(held), limits)?,
+            None => {
+                self.which.check(&[&self.input])?;
+                self.which.container(&self.input, limits)?
+            }
+        };
+        if let Some(container) = container {
+            let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
+            let file = container.file();
+            let container_bytes = [file.length(), file.bytes_read()];
+            return Ok(Input { content, container_bytes, file: None });
+        }
+        let tensors = match &self.held {
+            Some(held) => tensor::open_file(held, limits)?,
+            None => tensor::open(&stdin::resolve(&self.input)?, limits)?,
+        };
+        let file = Some(Arc::clone(&tensors.file));
+        let content = match tensors.unpacked_metadata() {
+            Some(_) => Content::Stored(Box::new(mipvog_inputs::unpacked::open(&tensors, limits)?)),
+            None => Content::Trained(tensors),
+        };
+        Ok(Input { content, container_bytes: [0; 2], file })
+    }
+
+    /// The options that all arguments but the cameras of [`BakeOptions::seen_from`] give. The
+    /// settings of a container stay, unless an option or a preset says otherwise.
+    pub fn options(&self, content: &Content, common: &Common) -> Result<BakeOptions> {
+        let mut options = match (self.preset, content) {
+            (Some(preset), _) => preset.options(),
+            (None, Content::Stored(unpacked)) => {
+                BakeOptions::of_container(&unpacked.metadata, &unpacked.provenance)
+            }
+            (None, Content::Trained(_)) => BakeOptions::default(),
+        };
+        let measures = self.gate.measures()?;
+        self.stored.apply(&mut options, measures)?;
+        self.fit.apply(&mut options, || self.gate.cameras_of_file(common), common)?;
+        options.limits = common.limits();
+        // Those of a container count only where it is baked anew, and are checked there.
+        self.check_options(&options, matches!(content, Content::Trained(_)))?;
+        Ok(options)
+    }
+
+    /// Refuses values that no input is baked with. No file is opened.
+    pub fn check_values(&self) -> Result<()> {
+        let mut options = self.preset.map_or_else(BakeOptions::default, Preset::options);
+        self.stored.apply(&mut options, self.gate.measures()?)?;
+        self.fit.apply_numbers(&mut options);
+        self.check_options(&options, true)
+    }
+
+    fn check_options(&self, options: &BakeOptions, is_trained: bool) -> Result<()> {
+        let measures = self.gate.measures()?;
+        if options.memory.is_some() && measures {
+            let message = "--memory excludes --cameras and --turntable: pictures are rendered \
+                           from the whole field; use compare afterwards";
+            return Err(Error::usage(message));
+        }
+        if options.memory.is_some() && self.gate.required_view_psnr().is_some() {
+            let message = "--memory excludes --require-view-psnr: it reads the whole container";
+            return Err(Error::usage(message));
+        }
+        if self.fit.given() && !options.filter.is_fitted() {
+            let message = "--fit-steps, --fit-seconds, --fit-cameras and --photographs need \
+                           --filter fit";
+            return Err(Error::usage(message));
+        }
+        if is_trained {
+            options.check()?;
+        }
+        self.scene.source_options().check()?;
+        if !measures && options.sees() {
+            let message =
+                "--min-weight and --coarseness need --cameras or --turntable to be seen from";
+            return Err(Error::usage(message));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,149 @@
+//! A trained scene, baked.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::super::common::Common;
+use super::super::detail::warn_of_figures;
+use super::super::fit::check_judges;
+use super::super::inputs::refuse_inputs;
+use super::super::outcome::{assumed, warn};
+use super::super::plan;
+use super::super::progress::Bar;
+use super::super::scene::FoundSettings;
+use super::super::view_report::ViewReport;
+use super::arguments::Arguments;
+use super::report::Baked;
+use crate::bake::{BakeOptions, StageReport, bake};
+use crate::base::bytes::{Output, SourceFile};
+use crate::base::error::Result;
+use crate::container::Container;
+use crate::model::camera::turntable;
+use crate::model::field::RadianceField;
+use crate::model::view_mlp::ViewMlp;
+use crate::view::compare::{Reference, compare_directions};
+use crate::view::render::Renderer;
+use mipvog_inputs::Source;
+use mipvog_inputs::network::held_out_eyes;
+use mipvog_inputs::tensor::TensorFile;
+
+/// Cameras around a model that is resampled for a bake, and pixels along a side of their pictures.
+const LOOKS: usize = 4;
+const LOOK_SIDE: usize = 160;
+
+/// Bakes a trained scene into `output`, and measures it where a gate asks for that.
+pub fn bake_trained(
+    arguments: &Arguments,
+    file: &TensorFile,
+    options: &BakeOptions,
+    output: &mut Output,
+    bar: &Bar,
+    common: &Common,
+) -> Result<Baked> {
+    let limits = &options.limits;
+    let (source, settings) = open(arguments, file, options, common)?;
+    let mut inputs = vec![mipvog_inputs::file_of(&arguments.input)];
+    inputs.extend(settings.files.iter().cloned());
+    inputs.extend(source.side_files.iter().map(|side_file| side_file.path.clone()));
+    let outputs = [arguments.gltf.path(), arguments.incremental.depfile()];
+    refuse_inputs(outputs.into_iter().flatten().chain([&*arguments.output]), &inputs)?;
+    let origin = source.origin();
+    let cameras = match arguments.gate.measures()? {
+        true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, common)?)),
+        // The loss of resampling is always told; a bound on memory excludes pictures.
+        false if source.family.is_resampled() && options.memory.is_none() => {
+            Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
+        }
+        false => None,
+    };
+    if let Some(cameras) = cameras.as_ref().filter(|_| options.filter.is_fitted()) {
+        check_judges(options, cameras)?;
+    }
+    let mut view = ViewReport::of_source(&source, arguments.color_fit);
+    view.require(arguments.gate.required_view_psnr())?;
+    let options = &with_cameras(arguments, options, &source.field, common)?;
+    let current = arguments.incremental.current(
+        &arguments.output,
+        &source.field,
+        options,
+        &origin,
+        limits,
+    )?;
+    let judges = cameras.as_deref().unwrap_or_default();
+    bar.plan(plan::of_bake(options, source.field.scene.nodes, judges));
+    let mut report = match current {
+        Some(report) => report,
+        None => bake(&source.field, options, &origin, output, bar)?,
+    };
+    let looks_along = (view.is_fitted() && options.memory.is_none())
+        || (view.has_harmonics() && !judges.is_empty());
+    let mut gate = None;
+    if looks_along || !judges.is_empty() {
+        let clock = Instant::now();
+        let written = if report.unchanged { &*arguments.output } else { output.written() };
+        let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
+        let baked = Renderer::of_container(&container)?;
+        let unbaked = source.renderer(None, limits)?;
+        if looks_along {
+            let bounds = &source.field.scene.bounds;
+            let eyes = held_out_eyes(&settings.options.cameras, bounds);
+            let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
+            view.measured(errors);
+        }
+        if !judges.is_empty() {
+            let reference = Reference::Field(Box::new(unbaked));
+            let measured = arguments.gate.measure(&reference, &baked, judges, bar)?;
+            if arguments.gate.measures()? {
+                warn_of_figures(&measured.errors, judges, None, common);
+            }
+            gate = Some(measured);
+        }
+        let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
+        report.stages.push(StageReport { name: "compare", seconds, bytes });
+    }
+    let scene = &source.field.scene;
+    let mut resolved = options.to_json();
+    resolved["scene"] = json!({
+        "march": scene.march,
+        "activation": scene.activation,
+        "background": scene.background,
+        "mlp": source.field.network().map(ViewMlp::widths),
+    });
+    let reported = settings.report(&source);
+    let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
+    inputs.extend(cameras.into_iter().flatten());
+    Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
+}
+
+/// Opens a trained input with the settings that are found, and warns of those that are not.
+pub fn open(
+    arguments: &Arguments,
+    file: &TensorFile,
+    options: &BakeOptions,
+    common: &Common,
+) -> Result<(Source, FoundSettings)> {
+    let cameras = arguments.gate.camera_file();
+    let limits = &options.limits;
+    let settings = arguments.scene.settings(&arguments.input, cameras.as_deref(), limits)?;
+    let source = mipvog_inputs::open_tensors(file, &settings.options, limits)?;
+    for assumption in &source.assumptions {
+        warn(&assumed(&assumption.message), common);
+    }
+    Ok((source, settings))
+}
+
+/// The options with the cameras that they depend on.
+pub fn with_cameras(
+    arguments: &Arguments,
+    options: &BakeOptions,
+    field: &RadianceField,
+    common: &Common,
+) -> Result<BakeOptions> {
+    let mut options = options.clone();
+    if options.sees() {
+        options.seen_from = arguments.gate.cameras(field, common)?;
+    }
+    Ok(options)
+}

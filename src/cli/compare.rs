@@ -1,0 +1,273 @@
+//! `compare`.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::cameras::{CameraArguments, check_memory, checked_scales};
+use super::common::Common;
+use super::detail::{check_levels, parse_levels, warn_of_figures};
+use super::field::FieldArguments;
+use super::outcome::{Outcome, warn};
+use super::output::refuse_stdout;
+use super::progress::Bar;
+use super::scene::SceneArguments;
+use super::settings::Settings;
+use super::values::Background;
+use crate::bake::Filter;
+use crate::base::bytes::Provisional;
+use crate::base::error::{Error, ErrorKind, Place, Result};
+use crate::base::progress::Step;
+use crate::model::camera::Camera;
+use crate::picture;
+use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors, shared_photograph};
+use crate::view::render::{LevelChoice, Renderer};
+
+/// An error of this much is white in heat maps.
+const FULL_HEAT: f32 = 0.25;
+
+/// Measure the error of a field at every scale, against another field or a folder of pictures
+///
+/// The reference is rendered at full size and averaged down to each scale. The field is rendered
+/// with one ray per pixel at each scale, as in a distant viewer, so the error at smaller scales is
+/// mostly aliasing. --difference renders both at the same size and compares those.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  mipvog-bake compare fine_last.tar scene.mipvog --stepsize 0.5 --cameras transforms.json
+  mipvog-bake compare old.mipvog new.mipvog --turntable 8 --difference
+  mipvog-bake compare test/ scene.mipvog --cameras transforms.json --scales 1 -o errors/")]
+pub struct Arguments {
+    /// The reference: a container, a glTF asset, a trained input, or a folder of pictures
+    reference: PathBuf,
+    /// The field to measure: a container, a glTF asset or a trained input
+    field: PathBuf,
+    /// Write heat maps of the error to this folder: black is no error, white 0.25 or more
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Render both at the same size at each scale and compare those
+    #[arg(long)]
+    difference: bool,
+    /// Scales to measure: full size, a half, a quarter and so on
+    #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    scales: Vec<u16>,
+    /// Rays along each side of a pixel of the reference; with --difference, of both
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u8).range(1..=16))]
+    supersample: u8,
+    /// The level to read of the field: auto (the file's rule), off (level 0), or a number
+    #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
+    level_of_detail: LevelChoice,
+    /// Make coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
+    #[arg(long, value_name = "NAME")]
+    filter: Option<Filter>,
+    #[command(flatten)]
+    which: FieldArguments,
+    /// Overwrite existing files
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+}
+
+/// The meaning of errors at smaller scales.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Measures {
+    /// The field at each scale against the reference's full pictures, averaged down.
+    AgainstFullSize,
+    /// Both sides, rendered alike at each scale.
+    Difference,
+}
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct CompareReport {
+    reference: String,
+    field: String,
+    measures: Measures,
+    supersample: u8,
+    frames: usize,
+    settings: Settings,
+    scales: Vec<ScaleErrors>,
+}
+
+/// Compares.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    if let Some(folder) = &arguments.output {
+        refuse_stdout(folder, "heat maps go into a folder")?;
+    }
+    let bar = Bar::new(common);
+    bar.plan(vec![(Step::Render, 1.0)]);
+    let scene = &arguments.scene;
+    let pictures = mipvog_inputs::file_of(&arguments.reference).is_dir();
+    if pictures && arguments.difference {
+        let message = "--difference renders both sides, and a folder of pictures is no field";
+        return Err(Error::usage(message).in_file(&arguments.reference));
+    }
+    let (which, cameras) = (arguments.which, arguments.cameras.file());
+    which.check(&[&arguments.reference, &arguments.field])?;
+    let cameras = cameras.as_deref();
+    // Beside a model, its options are no mistake about a container.
+    let is_baked = |path: &Path| Ok(which.container(path, &common.limits())?.is_some());
+    let baked = match pictures {
+        true => [false; 2],
+        false => [is_baked(&arguments.reference)?, is_baked(&arguments.field)?],
+    };
+    let [of_reference, of_field] = baked.map(|is_baked| match is_baked && baked != [true; 2] {
+        true => scene.of_container(),
+        false => scene.clone(),
+    });
+    let field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
+    check_levels(arguments.level_of_detail, &field)?;
+    let reference = if pictures {
+        let folder = arguments.reference.clone();
+        let background = scene.background.map_or(field.view().background, |Background(b)| b);
+        Reference::Pictures { folder, background, limits: common.limits() }
+    } else {
+        let opened = of_reference.open(&arguments.reference, which, None, cameras, common)?;
+        arguments.warn_of_settings(&opened, common)?;
+        Reference::Field(Box::new(opened))
+    };
+    let cameras = arguments.cameras.cameras(&field.view().bounds, common)?;
+    if let Reference::Pictures { folder, .. } = &reference
+        && let Some(message) = shared_photograph(folder, &cameras)
+    {
+        warn(&message, common);
+    }
+    check_memory(&cameras, arguments.supersample, &common.limits())?;
+    let scales = checked_scales(&arguments.scales, &cameras)?;
+    let mut made = Provisional::default();
+    arguments.prepare(&cameras, &scales, &mut made)?;
+    let supersample = arguments.supersample.into();
+    let references = References::new(&reference, &cameras, &scales, supersample);
+    let references = references.with_levels(arguments.level_of_detail);
+    let mut references = if arguments.difference { references.alike() } else { references };
+    let heat = |frame: &FrameErrors| arguments.write_heat_map(frame, &mut made);
+    let errors = references.compare(&field, &bar, heat)?;
+    bar.check()?;
+    made.keep();
+    drop(bar);
+    let off = Some("--level-of-detail off").filter(|_| scales == [1]);
+    warn_of_figures(&errors, &cameras, off, common);
+    let report = CompareReport {
+        reference: arguments.reference.to_string_lossy().into_owned(),
+        field: arguments.field.to_string_lossy().into_owned(),
+        measures: match arguments.difference {
+            true => Measures::Difference,
+            false => Measures::AgainstFullSize,
+        },
+        supersample: arguments.supersample,
+        frames: cameras.len(),
+        settings: Settings::of(field.view()),
+        scales: errors,
+    };
+    let both_fields = matches!(reference, Reference::Field(_));
+    Outcome::new("compare", &report, report.text(both_fields))
+}
+
+/// A table of errors.
+pub fn errors_text(errors: &[ScaleErrors]) -> String {
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    let mut text = String::from(
+        "  scale   PSNR, dB    pooled      SSIM   largest      99 %   diffuse   opacity\n",
+    );
+    for error in errors {
+        writeln!(
+            text,
+            "  1/{:<4} {:>9.2} {:>9.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
+            error.scale,
+            error.psnr,
+            error.pooled_psnr,
+            number(error.ssim, 4),
+            error.max_abs,
+            error.p99_abs,
+            number(error.psnr_diffuse, 2),
+            number(error.psnr_opacity, 2),
+        )
+        .ok();
+    }
+    text
+}
+
+impl Arguments {
+    /// Warns where the container knows other settings than the reference is rendered with.
+    fn warn_of_settings(&self, reference: &Renderer, common: &Common) -> Result<()> {
+        let Some(container) = self.which.container(&self.field, &common.limits())? else {
+            return Ok(());
+        };
+        let metadata = container.metadata();
+        let own = Settings::of_march(&metadata.march, metadata.background);
+        let rendered = Settings::of(reference.view());
+        for ((option, own), (_, rendered)) in own.values().into_iter().zip(rendered.values()) {
+            if own != rendered {
+                let field = self.field.display();
+                let message = format!(
+                    "{field} was baked with {option} {own}, and the reference is rendered with \
+                     {rendered}: the container knows its own, so give the reference the same"
+                );
+                warn(&message, common);
+            }
+        }
+        Ok(())
+    }
+
+    fn heat_map(&self, frame: &str, scale: usize) -> Option<PathBuf> {
+        let folder = self.output.as_ref()?;
+        Some(folder.join(format!("{frame}.s{scale}.error.png")))
+    }
+
+    /// Makes the folder for heat maps; existing ones are refused before anything is rendered.
+    fn prepare(&self, cameras: &[Camera], scales: &[usize], made: &mut Provisional) -> Result<()> {
+        let Some(folder) = &self.output else { return Ok(()) };
+        let names = cameras.iter().flat_map(|camera| scales.iter().map(|&s| (&camera.name, s)));
+        let mut maps = BTreeSet::new();
+        for map in names.filter_map(|(name, scale)| self.heat_map(name, scale)) {
+            if !self.force && map.symlink_metadata().is_ok() {
+                return Err(Error::new(ErrorKind::Exists, Place::File).in_file(&map));
+            }
+            if !maps.insert(map.clone()) {
+                let message = "two heat maps would have this name: pick each frame once";
+                return Err(Error::usage(message).in_file(&map));
+            }
+        }
+        made.create_folder(folder)
+    }
+
+    fn write_heat_map(&self, errors: &FrameErrors, made: &mut Provisional) -> Result<()> {
+        let Some(path) = self.heat_map(errors.frame, errors.scale) else { return Ok(()) };
+        let map = errors.want.heat_map(errors.got, FULL_HEAT);
+        let png = picture::png(errors.want.width, errors.want.height, &map)?;
+        made.write(&path, &png, self.force)
+    }
+}
+
+impl CompareReport {
+    fn text(&self, both_fields: bool) -> String {
+        let (reference, field) = (&self.reference, &self.field);
+        let mut text = format!("{field} against {reference}, mean over {} frames\n", self.frames);
+        text += &errors_text(&self.scales);
+        text += "PSNR is the mean over frames, pooled that of the error over all their pixels; largest \
+                 and 99 % are errors of a channel, 0 to 1; diffuse and opacity are PSNR\n";
+        text += match (self.measures, both_fields) {
+            (Measures::Difference, _) => {
+                "both sides are rendered alike at each scale: this is their difference alone\n"
+            }
+            (Measures::AgainstFullSize, true) => {
+                "smaller scales are against the reference at full size, averaged down: they show \
+                 aliasing too; --difference measures the two fields' difference alone\n"
+            }
+            (Measures::AgainstFullSize, false) => {
+                "smaller scales are against the pictures at full size, averaged down: they show \
+                 aliasing too\n"
+            }
+        };
+        text + &self.settings.text()
+    }
+}

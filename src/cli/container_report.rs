@@ -1,0 +1,197 @@
+//! The report of a container, for programs and for people.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::outcome::readable;
+use crate::bake::{GroupReport, LevelReport, level_reports};
+use crate::base::error::Result;
+use crate::container::Container;
+use crate::model::baked::{Group, Metadata, ViewMetadata};
+use crate::model::grid::Bounds;
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ContainerReport {
+    pub(super) version: [u16; 2],
+    pub(super) file_bytes: u64,
+    pub(super) dimensions: [usize; 3],
+    pub(super) bounds: Bounds,
+    /// Fine to coarse.
+    pub(super) levels: Vec<LevelReport>,
+    /// Layer widths.
+    pub(super) mlp: Option<Vec<usize>>,
+    /// Levels that a file which was cut does not hold; 0 is the finest.
+    pub(super) levels_missing: Vec<usize>,
+    pub(super) chunks: Vec<ChunkReport>,
+    pub(super) metadata: Metadata,
+    pub(super) provenance: Option<Value>,
+}
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ChunkReport {
+    kind: String,
+    level: Option<u32>,
+    offset: u64,
+    bytes: u64,
+    critical: bool,
+}
+
+impl ContainerReport {
+    pub(super) fn of(container: &Container) -> Result<Self> {
+        let metadata = container.metadata();
+        let network = metadata.view.as_ref().and_then(ViewMetadata::network);
+        let chunk = |entry: &crate::container::layout::Entry| ChunkReport {
+            kind: entry.kind.escape_ascii().to_string(),
+            level: entry.level,
+            offset: entry.offset,
+            bytes: entry.length,
+            critical: entry.is_critical(),
+        };
+        let provenance = container.provenance()?;
+        let options = provenance.as_ref().map_or(&Value::Null, |of| &of["options"]);
+        Ok(Self {
+            version: container.header().version,
+            file_bytes: container.header().file_length,
+            dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
+            bounds: metadata.bounds,
+            levels: level_reports(metadata, container.entries(), options),
+            mlp: network.map(|network| network.widths.clone()),
+            levels_missing: Vec::new(),
+            chunks: container.entries().iter().map(chunk).collect(),
+            metadata: metadata.clone(),
+            provenance,
+        })
+    }
+}
+
+/// A container's origin, the settings of its pictures, and its levels.
+pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
+    let mut text = String::new();
+    let [major, minor] = report.version;
+    let metadata = &report.metadata;
+    let bytes = readable(report.file_bytes);
+    writeln!(text, "{}: container {major}.{minor}, {bytes}", path.display()).ok();
+    if let Some(origin) = report.provenance.as_ref().and_then(origin_text) {
+        writeln!(text, "  {origin}").ok();
+    }
+    let [min, max] = [report.bounds.min, report.bounds.max];
+    writeln!(text, "  box {min:?} to {max:?}, levels by {}", metadata.filter).ok();
+    let march = &metadata.march;
+    let far = march.far.map_or_else(|| "without bound".to_owned(), |far| far.to_string());
+    let [red, green, blue] = metadata.background;
+    writeln!(
+        text,
+        "  step length {} voxels of {:.4}, near {}, far {far}, background {red},{green},{blue}",
+        march.stepsize, march.voxel_size, march.near
+    )
+    .ok();
+    let rule = &metadata.level_of_detail;
+    writeln!(
+        text,
+        "  samples read level {} log2(footprint in voxels) {:+}{}{}",
+        rule.factor,
+        rule.bias,
+        match rule.bends.as_slice() {
+            [] => String::new(),
+            bends => format!(", steeper by {bends:?}"),
+        },
+        rule.bound.map_or_else(String::new, |bound| format!(", at most {bound}"))
+    )
+    .ok();
+    let view = match (&report.mlp, metadata.view.as_ref().and_then(ViewMetadata::harmonics)) {
+        (Some(widths), _) => format!("view network {widths:?}"),
+        (None, Some(harmonics)) => {
+            format!("spherical harmonics of degree {}", harmonics.degree)
+        }
+        (None, None) => "colours that do not depend on the view".to_owned(),
+    };
+    writeln!(text, "  {view}").ok();
+    if !report.levels_missing.is_empty() {
+        let missing = &report.levels_missing;
+        writeln!(text, "  the file ends early: levels {missing:?} are missing").ok();
+    }
+    text + &levels_text(&report.levels) + LEGEND
+}
+
+/// Explains the columns of [`levels_text`].
+pub(super) const LEGEND: &str = "  \
+  prefix: bytes from the start of the file that show this level and all coarser ones\n  \
+  density and the others: bits of a code, and the largest error of opacity over one step or of \
+  colour (0 to 1)\n";
+
+/// The tool, the input and the filter that made a container.
+fn origin_text(provenance: &Value) -> Option<String> {
+    let text = |pointer: &str| provenance.pointer(pointer).and_then(Value::as_str);
+    let (tool, version) = (text("/tool")?, text("/version")?);
+    let mut origin = format!("made by {tool} {version}");
+    if let Some(kind) = text("/input/kind") {
+        write!(origin, " from a {kind}").ok();
+    }
+    if let Some(digest) = text("/input/sha256") {
+        write!(origin, ", fingerprint {}", digest.get(..16).unwrap_or(digest)).ok();
+    }
+    Some(origin)
+}
+
+/// A table of levels, with a column for each group that a level has.
+pub(super) fn levels_text(levels: &[LevelReport]) -> String {
+    let stored = |group: &Group| {
+        let mut all = levels.iter().flat_map(|level| &level.groups);
+        all.any(|stored| stored.group == group.name())
+    };
+    let groups: Vec<Group> = Group::ALL.into_iter().filter(stored).collect();
+    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix");
+    for group in &groups {
+        write!(text, "   {:14}", group.name()).ok();
+    }
+    text = text.trim_end().to_owned() + "\n";
+    for level in levels {
+        let [x, y, z] = level.dimensions;
+        let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
+        let mut row = format!(
+            "  {:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
+            level.level,
+            format!("{x} x {y} x {z}"),
+            level.blocks_stored,
+            share,
+            readable(level.stored_bytes),
+            level.prefix_bytes.map_or_else(|| "-".to_owned(), readable),
+        );
+        for group in &groups {
+            let stored = level.groups.iter().find(|stored| stored.group == group.name());
+            write!(row, "   {:14}", stored.map_or_else(|| "-".to_owned(), depth)).ok();
+        }
+        text += row.trim_end();
+        text.push('\n');
+    }
+    let moved = levels.iter().flat_map(|level| &level.groups).filter_map(|group| group.moved_error);
+    if let Some(moved) = moved.reduce(f32::max) {
+        writeln!(
+            text,
+            "  at nodes of low importance, colours were moved farther than the largest error: \
+             by up to {moved:.2}"
+        )
+        .ok();
+    }
+    text
+}
+
+/// A group's bits and proved error, as three digits that are none too few.
+fn depth(stored: &GroupReport) -> String {
+    let (Some(bits), Some(error)) = (&stored.bits, stored.max_error.map(f64::from)) else {
+        return "-".to_owned();
+    };
+    if error == 0.0 {
+        return format!("{bits} exact");
+    }
+    let mut shown = format!("{error:.2e}");
+    if shown.parse().is_ok_and(|shown: f64| shown < error) {
+        let unit = 10f64.powi(error.log10().floor() as i32 - 2);
+        shown = format!("{:.2e}", error + 0.5 * unit);
+    }
+    let unit = if bits.starts_with('f') { "" } else { " bit" };
+    format!("{bits}{unit} {shown}")
+}

@@ -1,0 +1,75 @@
+//! `detach`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::attach::{check_kind, warn_of_companions};
+use super::common::Common;
+use super::outcome::{Outcome, counted, readable};
+use super::output::{create as create_output, refuse_stdout};
+use super::stdin;
+use crate::base::bytes::{ByteSink, SourceFile};
+use crate::base::error::Result;
+use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::attach::detach;
+
+/// Remove the radiance fields from a glTF asset; everything else stays as it is
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  mipvog-bake detach scene.glb -o mesh.glb")]
+pub struct Arguments {
+    /// The asset, .glb or .gltf; - means standard input
+    asset: PathBuf,
+    /// The asset to write, of the same kind
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// Number of the field to remove [default: all]
+    #[arg(long, value_name = "I")]
+    field: Option<usize>,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// What `detach` did.
+#[derive(Debug, JsonSchema, Serialize)]
+pub(super) struct DetachReport {
+    asset: String,
+    output: String,
+    output_bytes: u64,
+    /// Numbers of the fields that were taken out.
+    fields: Vec<usize>,
+    /// Fields that are left.
+    left: usize,
+}
+
+/// Detaches.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let file = Arc::new(SourceFile::open(&stdin::resolve(&arguments.asset)?)?);
+    let asset = Asset::open(file, &common.limits())?;
+    let path = &arguments.output;
+    refuse_stdout(path, "the finished asset is read again")?;
+    check_kind(&asset, path)?;
+    let mut output = create_output(path, arguments.force)?;
+    let detached = detach(&asset, arguments.field, &mut output)?;
+    let bytes = output.length();
+    output.finish()?;
+    let left = Asset::open(Arc::new(SourceFile::open(path)?), &common.limits())?;
+    warn_of_companions(&left, &arguments.asset, path, common)?;
+    let report = DetachReport {
+        asset: arguments.asset.to_string_lossy().into_owned(),
+        output: path.to_string_lossy().into_owned(),
+        output_bytes: bytes,
+        fields: detached.fields.clone(),
+        left: detached.left,
+    };
+    let (taken, left) = (counted(detached.fields.len(), "field"), detached.left);
+    let bytes = readable(bytes);
+    let text = format!("{}: {taken} taken out, {left} left, {bytes}\n", path.display());
+    Outcome::new("detach", &report, text)
+}

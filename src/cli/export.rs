@@ -1,0 +1,347 @@
+//! `export`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::cameras::{CameraArguments, check_memory};
+use super::common::Common;
+use super::field::FieldArguments;
+use super::outcome::{Outcome, counted, readable};
+use super::output::refuse_stdout;
+use super::progress::Bar;
+use super::scene::SceneArguments;
+use super::stdin;
+use super::values::parse_box;
+use crate::bake::{BakeOptions, Baker};
+use crate::base::bytes::{SourceFile, hex, sha256};
+use crate::base::error::{Error, ErrorKind, Result};
+use crate::base::limits::{LimitName, Limits};
+use crate::base::progress::Step;
+use crate::base::text::parse_bytes;
+use crate::formats::{FORMATS, format_named};
+use crate::model::grid::Bounds;
+use crate::view::overview;
+use mipvog_inputs::{self, Family, tensor};
+use mipvog_outputs::export_files::{ExportFiles, FileReport};
+use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
+use mipvog_outputs::measure::export_errors;
+
+/// Pixels along a side of the picture that is measured where no camera is given.
+const SIZE: usize = 400;
+
+/// Write a field in another program's format, and measure the loss
+///
+/// The written bytes are read back and rendered by the rules of the format's programs. The report
+/// states the PSNR against the field's own pictures, and what the format cannot represent.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake export scene.mipvog --to vdb -o scene.vdb
+  mipvog-bake export scene.mipvog --to usd -o scene.usda --up y
+  mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
+pub struct Arguments {
+    /// A container, a glTF asset with one, or anything that can be baked; - means standard input
+    field: PathBuf,
+    /// The format
+    #[arg(long, value_name = "FORMAT",
+          value_parser = PossibleValuesParser::new(FORMATS.map(|format| format.name())))]
+    to: String,
+    /// The file to write; other files of the export go beside it
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// The level to export; 0 is the finest
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    level: usize,
+    /// Points per node along each axis, interpolated as the field does and then activated [default:
+    /// the format's]
+    #[arg(long, value_name = "K", conflicts_with = "resolution")]
+    supersample: Option<usize>,
+    /// Leave out everything outside this box, in world coordinates
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
+          value_parser = parse_box)]
+    crop: Option<Bounds>,
+    /// Also write coarser levels, for Mip-VoG's viewer
+    #[arg(long, help_heading = "SNeRG")]
+    mips: bool,
+    /// The up axis of the written file; y maps positions from (x, y, z) to (x, z, -y) [default: z]
+    #[arg(long, value_enum, value_name = "z|y", help_heading = "OpenVDB and USD")]
+    up: Option<Up>,
+    /// Write float32 values instead of half floats
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    float32: bool,
+    /// Divide densities by the largest one, and store it in the grid's metadata
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    normalize_density: bool,
+    /// Also write the features of a view network, or harmonics, as grids feature_0, feature_1, ...
+    #[arg(long, help_heading = "OpenVDB and USD")]
+    features: bool,
+    /// Maximum number of Gaussian splats; the most visible ones are kept [default: 100000]
+    #[arg(long, value_name = "N", help_heading = "Splats")]
+    splats: Option<usize>,
+    /// Write nothing and exit with 1 if the PSNR against the field is below this, over the pixels
+    /// of all cameras
+    #[arg(long, value_name = "DB")]
+    require_psnr: Option<f64>,
+    /// Memory limit for values, such as 500MB or 2GiB [default: --limit memory]
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    memory: Option<u64>,
+    #[command(flatten)]
+    which: FieldArguments,
+    /// Overwrite existing files
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    cameras: CameraArguments,
+    #[command(flatten)]
+    scene: SceneArguments,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Up {
+    /// As in training
+    Z,
+    /// As in Houdini and most film tools
+    Y,
+}
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ExportReport {
+    input: String,
+    output: String,
+    format: &'static str,
+    level: usize,
+    seconds: f64,
+    output_bytes: u64,
+    /// Empty if the gate was missed.
+    files: Vec<FileReport>,
+    /// The mean over the cameras, in dB.
+    psnr: Option<f64>,
+    /// Over the pixels of all cameras, in dB; the gate's figure.
+    pooled_psnr: Option<f64>,
+    cameras: usize,
+    required_psnr: Option<f64>,
+    passed: bool,
+    lost: Vec<String>,
+    details: Map<String, Value>,
+}
+
+/// Exports.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    export(arguments, common).map_err(|error| match error.kind() {
+        // The nearer bound is the one to raise.
+        ErrorKind::OverLimit { limit: Some(LimitName::Memory), .. }
+            if arguments.memory.is_some_and(|own| own < common.limits().memory) =>
+        {
+            error.advise("raise --memory")
+        }
+        _ => error,
+    })
+}
+
+fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let clock = Instant::now();
+    refuse_stdout(&arguments.output, "an export may have several files")?;
+    if arguments.require_psnr.is_some_and(|least| !least.is_finite()) {
+        return Err(Error::usage("--require-psnr must be a finite number of dB"));
+    }
+    let format = format_named(&arguments.to);
+    let format = format.ok_or_else(|| Error::usage(format!("--to {}", arguments.to)))?;
+    arguments.check_options(format)?;
+    let mut options = arguments.options(common);
+    let bar = Bar::new(common);
+    bar.plan(vec![
+        (Step::Encode, 1.0),
+        (Step::Targets, 1.0),
+        (Step::Fit, 5.0),
+        (Step::Write, 0.3),
+        (Step::Render, 1.0),
+    ]);
+    let source = arguments.source(format, &options, common)?;
+    let levels = source.field.levels();
+    let expected = format!("a level below {levels}");
+    Error::require_option(options.level < levels, "level", options.level, &expected)?;
+    let cameras = match arguments.cameras.given() {
+        true => arguments.cameras.cameras(&source.field.view().bounds, common)?,
+        false => Vec::new(),
+    };
+    check_memory(&cameras, 1, &options.limits)?;
+    options.cameras.clone_from(&cameras);
+    format.check(&source, &options, &arguments.output)?;
+    let mut files = ExportFiles::new(&arguments.output, arguments.force);
+    let in_file = |error: Error| error.in_file(&arguments.field);
+    let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
+    let cameras = match cameras.is_empty() {
+        true => vec![overview(&source.field, [SIZE; 2], &bar)?],
+        false => cameras,
+    };
+    let written = files.written();
+    let shown = format.read_back(&source, &written, &options.limits)?;
+    let errors = export_errors(&source.field, &*shown, &cameras, options.level, &bar)?;
+    drop(shown);
+    let passed = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
+    let reports = if passed { written.report()? } else { Vec::new() };
+    bar.check()?;
+    if passed {
+        files.finish()?;
+    }
+    drop(bar);
+    let report = ExportReport {
+        input: arguments.field.to_string_lossy().into_owned(),
+        output: arguments.output.to_string_lossy().into_owned(),
+        format: format.name(),
+        level: options.level,
+        seconds: clock.elapsed().as_secs_f64(),
+        output_bytes: reports.iter().map(|file| file.bytes).sum(),
+        files: reports,
+        psnr: Some(errors.psnr),
+        pooled_psnr: Some(errors.pooled_psnr),
+        cameras: cameras.len(),
+        required_psnr: arguments.require_psnr,
+        passed,
+        lost: exported.lost,
+        details: exported.details,
+    };
+    let failure = arguments.require_psnr.filter(|_| !passed).map(|least| {
+        let output = arguments.output.display();
+        let psnr = errors.pooled_psnr;
+        format!("{output}: not written: {psnr:.2} dB against the field, {least} dB required")
+    });
+    let outcome = Outcome::new("export", &report, report.text())?;
+    Ok(Outcome { failure, ..outcome })
+}
+
+impl Arguments {
+    /// Refuses options that the format does not take.
+    fn check_options(&self, format: &dyn ExportFormat) -> Result<()> {
+        let given = [
+            ("supersample", self.supersample.is_some()),
+            ("resolution", self.scene.resolution.is_some()),
+            ("crop", self.crop.is_some()),
+            ("mips", self.mips),
+            ("up", self.up.is_some()),
+            ("float32", self.float32),
+            ("normalize_density", self.normalize_density),
+            ("features", self.features),
+            ("splats", self.splats.is_some()),
+        ];
+        let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
+        match refused {
+            None => Ok(()),
+            Some((name, _)) => {
+                let option = name.replace('_', "-");
+                let takers = FORMATS.into_iter().filter(|other| other.options().contains(name));
+                let takers: Vec<&str> = takers.map(|other| other.name()).collect();
+                let (own, takers) = (format.name(), takers.join(", "));
+                Err(Error::usage(format!("--{option} belongs to --to {takers}, not to {own}")))
+            }
+        }
+    }
+
+    fn options(&self, common: &Common) -> ExportOptions {
+        let mut limits = common.limits();
+        limits.memory = self.memory.unwrap_or(limits.memory).min(limits.memory);
+        ExportOptions {
+            level: self.level,
+            supersample: self.supersample,
+            resolution: self.scene.resolution,
+            crop: self.crop,
+            mips: self.mips,
+            up: if self.up == Some(Up::Y) { UpAxis::Y } else { UpAxis::Z },
+            float32: self.float32,
+            normalize_density: self.normalize_density,
+            features: self.features,
+            splats: self.splats,
+            limits,
+            ..ExportOptions::default()
+        }
+    }
+
+    /// Opens the field, with rules for the cameras that are wanted.
+    fn source(
+        &self,
+        format: &dyn ExportFormat,
+        options: &ExportOptions,
+        common: &Common,
+    ) -> Result<ExportSource> {
+        self.which.check(&[&self.field])?;
+        let path = stdin::resolve(&self.field)?;
+        let file = SourceFile::open(&mipvog_inputs::file_of(&path))?;
+        let scene = self.scene_of_source(&options.limits)?;
+        let cameras = self.cameras.file();
+        let mut field = scene.open(&self.field, self.which, None, cameras.as_deref(), common)?;
+        if cameras.is_none() {
+            // These bounds are of the cameras that the scene was trained from. From elsewhere they
+            // would cut parts off.
+            let march = &mut field.view_mut().march;
+            (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
+        }
+        if let Some(crop) = &self.crop {
+            field.crop(crop)?;
+        }
+        let name = Path::new(&self.field).file_name().unwrap_or_default();
+        let name = name.to_string_lossy().into_owned();
+        let container = match format.takes_container() {
+            true => Some(self.container(cameras.as_deref(), &options.limits)?),
+            false => None,
+        };
+        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
+    }
+
+    /// The settings that the field is opened with. The resolution is the export's alone, but for
+    /// models without nodes, whose nodes it places too.
+    fn scene_of_source(&self, limits: &Limits) -> Result<SceneArguments> {
+        let mut scene = self.scene.clone();
+        if scene.resolution.is_some() {
+            let is_baked = self.which.container(&self.field, limits)?.is_some();
+            let has_nodes = || {
+                let file =
+                    tensor::open(&mipvog_inputs::file_of(&stdin::resolve(&self.field)?), limits)?;
+                Result::Ok(!mipvog_inputs::family(&file).is_some_and(Family::is_sampled))
+            };
+            if is_baked || has_nodes()? {
+                scene.resolution = None;
+            }
+        }
+        Ok(scene)
+    }
+
+    /// The bytes of the container; a trained input is baked with default options.
+    fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
+        if let Some(container) = self.which.container(&self.field, limits)? {
+            let file = container.file();
+            return file.read_bounded(
+                0,
+                file.length(),
+                (LimitName::Memory, "bytes of a container"),
+                limits.memory,
+            );
+        }
+        let scene = self.scene_of_source(limits)?;
+        let options = scene.settings(&self.field, cameras, limits)?.options;
+        let source = mipvog_inputs::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
+        let bake = BakeOptions { limits: limits.clone(), ..BakeOptions::default() };
+        Baker::new(bake).to_vec(&source)
+    }
+}
+
+impl ExportReport {
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for file in &self.files {
+            text += &format!("  {}: {}\n", file.path, readable(file.bytes));
+        }
+        let cameras = counted(self.cameras, "camera");
+        if let Some(psnr) = self.psnr {
+            text += &format!("  {psnr:.2} dB against the field, {cameras}\n");
+        }
+        for lost in &self.lost {
+            text += &format!("  lost: {lost}\n");
+        }
+        text
+    }
+}

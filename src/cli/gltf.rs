@@ -1,0 +1,126 @@
+//! The glTF asset that `bake` writes beside the container.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{Args, value_parser};
+use serde::Serialize;
+
+use super::output::{create as create_output, refuse_stdout};
+use crate::base::bytes::{ByteSink, Output, SourceFile};
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::container::Container;
+use mipvog_outputs::gltf::asset::{Asset, EXTENSION};
+use mipvog_outputs::gltf::attach::write_fallback;
+use mipvog_outputs::gltf::mesh::{FEWEST_TRIANGLES, meshes};
+
+/// Kind of asset, and quality of the mesh for other viewers.
+#[derive(Debug, Args)]
+pub struct GltfArguments {
+    /// Also write a glTF asset, .glb or .gltf: the field, and a mesh for viewers without the
+    /// extension
+    #[arg(long, value_name = "OUT.glb|OUT.gltf")]
+    gltf: Option<PathBuf>,
+    /// Link a .glb to the container by URI instead of embedding it
+    #[arg(long, requires = "gltf")]
+    external: bool,
+    /// Maximum number of triangles in the mesh
+    #[arg(long, value_name = "N", default_value_t = 100_000, requires = "gltf")]
+    fallback_triangles: usize,
+    /// Number of coarser meshes, each with a quarter of the triangles, as levels of detail
+    /// (MSFT_lod)
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "gltf",
+        value_parser = value_parser!(u8).range(0..=8))]
+    fallback_lods: u8,
+}
+
+/// The written asset.
+#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
+pub struct GltfReport {
+    output: String,
+    output_bytes: u64,
+    embedded: bool,
+    triangles: usize,
+    vertices: usize,
+    coarser_triangles: Vec<usize>,
+}
+
+/// True if a new asset of this name is a GLB.
+pub fn is_glb(path: &Path) -> Result<bool> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("glb") => Ok(true),
+        Some("gltf") => Ok(false),
+        _ => Err(Error::usage(format!("{} must end in .glb or .gltf", path.display()))),
+    }
+}
+
+impl GltfArguments {
+    /// The asset, if one is asked for.
+    pub fn path(&self) -> Option<&Path> {
+        self.gltf.as_deref()
+    }
+
+    /// True if the asset that is there holds a field: a former run has written it, or might have.
+    pub fn is_own(&self) -> bool {
+        let Some(path) = &self.gltf else { return false };
+        let opened = SourceFile::open(path).map(Arc::new);
+        let asset = opened.and_then(|file| Asset::open(file, &Limits::default()));
+        asset.is_ok_and(|asset| asset.text().contains(EXTENSION))
+    }
+
+    /// Starts writing, if an asset is asked for. This comes before the work, so that a name that is
+    /// taken is an error at once.
+    pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
+        let Some(path) = &self.gltf else { return Ok(None) };
+        is_glb(path)?;
+        refuse_stdout(container, "--gltf names the container's file")?;
+        if path == container {
+            return Err(Error::usage("--gltf and --output name the same file"));
+        }
+        if !(FEWEST_TRIANGLES..=10_000_000).contains(&self.fallback_triangles) {
+            return Err(Error::usage("--fallback-triangles must be from 4 to 10000000"));
+        }
+        create_output(path, overwrite).map(Some)
+    }
+
+    /// Writes the asset of the container in the file `written`, whose name will be `path`.
+    pub fn write(
+        &self,
+        written: &Path,
+        path: &Path,
+        limits: &Limits,
+        output: &mut Output,
+    ) -> Result<GltfReport> {
+        let asset = self.gltf.as_deref().unwrap_or(Path::new(""));
+        let file = Arc::new(SourceFile::open(written)?);
+        let container = Container::open(file, limits)?;
+        let coarser = usize::from(self.fallback_lods);
+        let meshes = meshes(&container, self.fallback_triangles, coarser)?;
+        let glb = is_glb(asset)?;
+        let attached =
+            write_fallback(&meshes, &container, path, asset, glb, self.external, output)?;
+        Ok(GltfReport {
+            output: asset.to_string_lossy().into_owned(),
+            output_bytes: output.length(),
+            embedded: attached.embedded,
+            triangles: meshes.first().map_or(0, |mesh| mesh.triangles.len()),
+            vertices: meshes.first().map_or(0, |mesh| mesh.positions.len()),
+            coarser_triangles: meshes.iter().skip(1).map(|mesh| mesh.triangles.len()).collect(),
+        })
+    }
+}
+
+impl GltfReport {
+    /// Bytes of the asset.
+    pub fn bytes(&self) -> u64 {
+        self.output_bytes
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let bytes = super::outcome::readable(self.output_bytes);
+        let container = if self.embedded { "the container" } else { "a link to the container" };
+        format!("{}: {bytes}, {container} and {} triangles\n", self.output, self.triangles)
+    }
+}

@@ -1,0 +1,150 @@
+//! `inspect`.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::container_report::{ContainerReport, container_text};
+use super::files::for_each_file;
+
+use super::outcome::{Outcome, assumed, readable};
+use super::stdin;
+use crate::base::bytes::SourceFile;
+use crate::base::error::Result;
+use crate::base::limits::Limits;
+use crate::container::{Container, is_container};
+use mipvog_inputs::Inspection;
+use mipvog_inputs::SourceOptions;
+use mipvog_outputs::gltf::asset::{Asset, Fields, is_asset};
+
+/// Show what containers, glTF assets and checkpoints contain, without decoding them
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake inspect scene.mipvog
+  mipvog-bake inspect fine_last.tar --format json
+  mipvog-bake inspect *.mipvog")]
+pub struct Arguments {
+    /// Containers, glTF assets, or anything that can be baked; - means standard input
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+}
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct AssetReport {
+    kind: &'static str,
+    file_bytes: u64,
+    fields: Vec<FieldReport>,
+}
+
+/// A radiance field of an asset.
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+struct FieldReport {
+    field: usize,
+    /// Nodes that show it.
+    nodes: Vec<usize>,
+    uri: Option<Value>,
+    buffer_view: Option<Value>,
+    sha256: Value,
+    #[serde(flatten)]
+    container: ContainerReport,
+}
+
+/// Inspects the files. Several ones are listed in one report, and those that fail are named.
+pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
+    for_each_file("inspect", &arguments.files, |path| inspect(path, limits))
+}
+
+fn inspect(shown: &Path, limits: &Limits) -> Result<Outcome> {
+    let path = &stdin::resolve(shown)?;
+    let file = Arc::new(SourceFile::open(path)?);
+    if is_container(&file) {
+        let prefix = Container::read_prefix(file, limits)?;
+        let mut report = ContainerReport::of(prefix.container())?;
+        report.levels_missing = prefix.missing().collect();
+        return Outcome::new("inspect", &report, container_text(shown, &report));
+    }
+    if is_asset(&file) {
+        return asset(shown, &Asset::open(file, limits)?);
+    }
+    let inspection = mipvog_inputs::inspect(path, &SourceOptions::default(), limits)?;
+    Outcome::new("inspect", &inspection, checkpoint_text(shown, &inspection))
+}
+
+fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
+    let root = asset.document()?.members()?;
+    let fields = Fields::read(asset, &root)?;
+    let mut report = AssetReport {
+        kind: if asset.chunks().is_some() { "glb" } else { "gltf" },
+        file_bytes: asset.file().length(),
+        fields: Vec::new(),
+    };
+    for (field, object) in fields.objects.iter().enumerate() {
+        let properties = object.members()?;
+        let own =
+            |name: &str| properties.get(name).map(|value| value.parse::<Value>("JSON")).transpose();
+        let users = fields.users.iter().filter(|user| user.field == field);
+        report.fields.push(FieldReport {
+            field,
+            nodes: users.map(|user| user.node).collect(),
+            uri: own("uri")?,
+            buffer_view: own("bufferView")?,
+            sha256: own("sha256")?.unwrap_or_default(),
+            container: ContainerReport::of(&asset.open_field(field)?)?,
+        });
+    }
+    let (kind, bytes, count) = (report.kind, readable(report.file_bytes), report.fields.len());
+    let mut text = format!("{}: {kind}, {bytes}, radiance fields: {count}\n", path.display());
+    for field in &report.fields {
+        let name = format!("field {} on nodes {:?}", field.field, field.nodes);
+        text += &container_text(Path::new(&name), &field.container);
+    }
+    Outcome::new("inspect", &report, text)
+}
+
+fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
+    let mut text = String::new();
+    let (kind, bytes) = (inspection.kind.name(), readable(inspection.file_bytes));
+    writeln!(text, "{}: {kind}, {bytes}", path.display()).ok();
+    let [model, optimizer, other] =
+        [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes].map(readable);
+    writeln!(text, "  model {model}, optimizer {optimizer} (never read), other {other}").ok();
+    if let Some(model) = &inspection.model {
+        write!(text, "  {}", model.name()).ok();
+        if let Some(scene) = &inspection.scene {
+            let ([x, y, z], channels) = (scene.dimensions, scene.channels);
+            write!(text, ": {x} x {y} x {z} nodes, {channels} colour channels").ok();
+        }
+        text.push('\n');
+    }
+    if let Some(problem) = &inspection.problem {
+        writeln!(text, "  cannot be baked: {problem}").ok();
+    }
+    if inspection.scene.is_none() && inspection.problem.is_none() {
+        writeln!(text, "  an unpacked container: mipvog-bake bake packs it").ok();
+    }
+    for assumption in &inspection.assumptions {
+        writeln!(text, "  note: {}", assumed(&assumption.message)).ok();
+    }
+    for listed in &inspection.values {
+        let value = listed.value.as_ref().map(shortened).unwrap_or_default();
+        let shape = listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default();
+        let dtype = listed.dtype.unwrap_or(listed.kind);
+        writeln!(text, "  {:44} {dtype} {shape} {value}", listed.key).ok();
+    }
+    text
+}
+
+/// A value in as many characters as a line of a terminal has left.
+fn shortened(value: &Value) -> String {
+    const CHARACTERS: usize = 48;
+    let text = value.to_string();
+    match text.char_indices().nth(CHARACTERS) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}

@@ -1,0 +1,229 @@
+//! FoundSettings of a scene, and the places that they come from.
+//!
+//! The command line counts most, then `scene.toml` or `scene.json` beside the input, then the
+//! camera file, then the checkpoint itself, then a default.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::output::STANDARD_STREAM;
+use super::values::{Background, parse_background, parse_mlp, parse_view};
+use crate::base::error::{Error, Result};
+use crate::base::limits::Limits;
+use crate::model::camera::{self, Camera};
+use mipvog_inputs::{MlpChoice, SourceOptions, ViewChoice};
+use mipvog_inputs::{SceneSettings, Source};
+
+/// The user's settings for a scene, beside those of its file.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Scene")]
+pub struct SceneArguments {
+    /// Step length in voxels [default: the container's; else from scene.toml, scene.json, the
+    /// camera file or the checkpoint; else 0.5, with a warning]
+    #[arg(long, value_name = "VOXELS")]
+    pub stepsize: Option<f32>,
+    /// Largest weight at which a sample's colour is skipped [default: likewise, else 0.0001]
+    #[arg(long, value_name = "WEIGHT")]
+    pub color_threshold: Option<f32>,
+    /// Smallest t at which sampling may start [default: likewise, else 0]
+    #[arg(long, value_name = "T")]
+    pub near: Option<f32>,
+    /// Largest t at which sampling may start [default: likewise, else unlimited]
+    #[arg(long, value_name = "T")]
+    pub far: Option<f32>,
+    /// Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
+    /// likewise, else white]
+    #[arg(long, value_name = "COLOR", value_parser = parse_background)]
+    pub background: Option<Background>,
+    /// The view network: auto (the checkpoint's), none, or a file
+    #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
+    pub mlp: MlpChoice,
+    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    #[arg(long, value_name = "FILE")]
+    pub coarse: Option<std::path::PathBuf>,
+    /// Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
+    /// from the input or a file beside it, else 1]
+    #[arg(long, value_name = "F")]
+    pub scene_scale: Option<f32>,
+    /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
+    #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
+    pub view: ViewChoice,
+    /// Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    /// contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP
+    #[arg(long)]
+    pub drop_background: bool,
+    /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
+    /// torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels; for export,
+    /// cubic cells along the longest axis instead of nodes
+    #[arg(long, value_name = "N")]
+    pub resolution: Option<usize>,
+}
+
+/// The settings for an input, from every place but the input itself.
+#[derive(Debug, Clone)]
+pub struct FoundSettings {
+    /// As the library takes them.
+    pub options: SourceOptions,
+    /// Files that settings came from.
+    pub files: Vec<PathBuf>,
+    /// The place that each setting came from.
+    origins: BTreeMap<&'static str, String>,
+}
+
+/// A setting in a report.
+#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
+pub struct SettingReport {
+    /// The option that sets it.
+    name: &'static str,
+    /// Its value; null is without bound.
+    value: Value,
+    /// The place that it came from.
+    from: String,
+}
+
+impl SceneArguments {
+    /// The command line's own settings, as the library takes them.
+    pub fn source_options(&self) -> SourceOptions {
+        SourceOptions {
+            stepsize: self.stepsize,
+            coarse: self.coarse.clone(),
+            mlp: self.mlp.clone(),
+            near: self.near,
+            far: self.far,
+            background: self.background.map(|Background(color)| color),
+            color_threshold: self.color_threshold,
+            scene_scale: self.scene_scale,
+            view: self.view,
+            cameras: Vec::new(),
+            drop_background: self.drop_background,
+            resolution: self.resolution,
+        }
+    }
+
+    /// The same without the options that say how a trained model is read.
+    pub fn of_container(&self) -> Self {
+        Self {
+            mlp: MlpChoice::Auto,
+            coarse: None,
+            scene_scale: None,
+            view: ViewChoice::Keep,
+            drop_background: false,
+            resolution: None,
+            ..self.clone()
+        }
+    }
+
+    /// True if an option says how a trained model is read, which no container needs.
+    pub fn reads_a_model(&self) -> bool {
+        let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
+        let reads = self.drop_background || self.resolution.is_some();
+        other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
+    }
+
+    /// The settings for a trained input, which `cameras` are looked through for too.
+    ///
+    /// # Errors
+    ///
+    /// FoundSettings out of range; a file of settings that cannot be read.
+    pub fn settings(
+        &self,
+        input: &Path,
+        cameras: Option<&Path>,
+        limits: &Limits,
+    ) -> Result<FoundSettings> {
+        let mut options = self.source_options();
+        options.check()?;
+        let mut origins = BTreeMap::new();
+        let given = [
+            ("stepsize", options.stepsize.is_some()),
+            ("near", options.near.is_some()),
+            ("far", options.far.is_some()),
+            ("background", options.background.is_some()),
+            ("color_threshold", options.color_threshold.is_some()),
+        ];
+        for (name, _) in given.into_iter().filter(|(_, given)| *given) {
+            origins.insert(name, "command line".to_owned());
+        }
+        let mut files = Vec::new();
+        // The standard input lies beside nothing.
+        let beside = match input == Path::new(STANDARD_STREAM) {
+            true => None,
+            false => SceneSettings::beside(input, limits)?,
+        };
+        // A camera file that cannot be read is told by the reader of cameras.
+        if let Some(path) = cameras
+            && let Ok(found) = camera::read(path, Some([1; 2]), limits)
+        {
+            let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
+            options.cameras = found.sound().map(place).collect();
+        }
+        let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
+        for stated in beside.into_iter().chain(cameras) {
+            let names = stated.complete(&mut options);
+            let name = stated.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            origins.extend(names.iter().map(|&setting| (setting, name.clone())));
+            if !names.is_empty() {
+                files.push(stated.path);
+            }
+        }
+        let found = FoundSettings { options, files, origins };
+        found.check_bounds()?;
+        found.options.check()?;
+        Ok(found)
+    }
+}
+
+impl FoundSettings {
+    /// Refuses bounds of rays that exclude each other, by the places that they came from.
+    fn check_bounds(&self) -> Result<()> {
+        let (Some(near), Some(far)) = (self.options.near, self.options.far) else { return Ok(()) };
+        let [near_from, far_from] = ["near", "far"].map(|name| &self.origins[name]);
+        if near < far || near_from == far_from {
+            return Ok(());
+        }
+        let far = format!("far {far} ({far_from})");
+        Err(Error::usage(format!("near {near} ({near_from}): expected less than {far}")))
+    }
+
+    /// The settings that `source` was opened with.
+    pub fn report(&self, source: &Source) -> Vec<SettingReport> {
+        let scene = &source.field.scene;
+        let march = &scene.march;
+        let values = [
+            ("stepsize", json!(march.stepsize)),
+            ("near", json!(march.near)),
+            ("far", json!(march.far)),
+            ("background", json!(scene.background)),
+            ("color_threshold", json!(march.color_threshold)),
+        ];
+        let from = |name| match self.origins.get(name) {
+            Some(origin) => origin.clone(),
+            None if source.recorded.contains(&name) => "checkpoint".to_owned(),
+            None => "default".to_owned(),
+        };
+        values.map(|(name, value)| SettingReport { name, value, from: from(name) }).into()
+    }
+}
+
+/// The settings in a line for people.
+pub fn settings_text(settings: &[SettingReport]) -> String {
+    let shown = settings.iter().map(|SettingReport { name, value, from }| {
+        let value = plain(value);
+        format!("{} {value} ({from})", name.replace('_', " "))
+    });
+    format!("  {}\n", shown.collect::<Vec<_>>().join(", "))
+}
+
+/// A setting as its option takes it, without the digits that float32 does not have.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => "without bound".to_owned(),
+        Value::Array(values) => values.iter().map(plain).collect::<Vec<_>>().join(","),
+        #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
+        value => value.as_f64().map_or_else(String::new, |number| (number as f32).to_string()),
+    }
+}

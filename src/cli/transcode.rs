@@ -1,0 +1,113 @@
+//! `transcode`.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::bake::{Baked, Work};
+use super::common::Common;
+use super::field::{FieldArguments, wrong_kind};
+use super::outcome::Outcome;
+use super::output::create_container;
+use super::progress::Bar;
+use super::values::{by_name, parse_box};
+use super::view_report::ViewReport;
+use crate::bake::{Changes, MaxErrors, repack};
+use crate::base::error::Result;
+use crate::base::text::parse_bytes;
+use crate::model::grid::Bounds;
+use crate::quantize::Bits;
+use crate::unpacked::Unpacked;
+
+/// Change a container without the checkpoint: other bits, fewer levels, a part of the scene
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake transcode scene.mipvog -o small.mipvog --max-bytes 2MB
+  mipvog-bake transcode scene.mipvog -o far.mipvog --without-finest 1
+  mipvog-bake transcode scene.mipvog -o clean.mipvog --drop-islands 100")]
+pub struct Arguments {
+    /// The container, or a glTF asset with one; - means standard input
+    file: PathBuf,
+    /// The container to write; - means standard output
+    #[arg(short, long, value_name = "OUT.mipvog")]
+    output: PathBuf,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+    /// Remove everything outside this box, in world coordinates, widened to nodes of level 0 or of
+    /// the free-space mask if there is one
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
+          value_parser = parse_box)]
+    crop: Option<Bounds>,
+    /// Remove floaters: connected parts of level 0 with fewer visible nodes than this
+    #[arg(long, value_name = "NODES")]
+    drop_islands: Option<u64>,
+    #[command(flatten)]
+    which: FieldArguments,
+    /// Number of finest levels to drop; the next one becomes level 0
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
+    without_finest: usize,
+    /// Maximum number of levels to keep; the coarsest are dropped [default: all]
+    #[arg(long, value_name = "N", help_heading = "Levels")]
+    levels: Option<usize>,
+    /// Bits per stored value: 4 to 16, f16 or f32 [default: unchanged]
+    #[arg(long, value_name = "BITS", value_parser = by_name::<Bits>(),
+          help_heading = "Size and error")]
+    bits: Option<Bits>,
+    /// Instead of --bits: the largest error relative to the container's values, with the syntax of
+    /// `bake`; values that already have no more bits are not changed
+    #[arg(long, value_name = "ERROR", conflicts_with = "bits", help_heading = "Size and error")]
+    max_error: Option<MaxErrors>,
+    /// Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
+    /// 500KiB; if even the largest error does not fit, finest levels are dropped
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
+          conflicts_with_all = ["bits", "max_error"], help_heading = "Size and error")]
+    max_bytes: Option<u64>,
+    /// Compression level of zstd, 1 to 22 [default: unchanged]
+    #[arg(long, value_name = "LEVEL", help_heading = "Size and error",
+          value_parser = clap::value_parser!(i32).range(1..=22))]
+    zstd_level: Option<i32>,
+}
+
+/// Transcodes a container.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let clock = Instant::now();
+    let limits = common.limits();
+    arguments.which.check(&[&arguments.file])?;
+    let container = arguments.which.container(&arguments.file, &limits)?;
+    let container = container.ok_or_else(|| {
+        wrong_kind(&arguments.file, "a .mipvog container, or a glTF asset with one")
+    })?;
+    let changes = Changes {
+        bits: arguments.bits,
+        max_error: arguments.max_error,
+        max_bytes: arguments.max_bytes,
+        without_finest: arguments.without_finest,
+        levels: arguments.levels,
+        crop: arguments.crop,
+        drop_islands: arguments.drop_islands,
+        zstd_level: arguments.zstd_level,
+        ..Changes::default()
+    };
+    let mut output = create_container(&arguments.output, arguments.force)?;
+    let bar = Bar::new(common);
+    let unpacked = Unpacked::of_container(&container)?;
+    let report = repack(&unpacked, &changes, &limits, &mut output, &bar);
+    let report = report.map_err(|error| error.in_file(&arguments.file))?;
+    drop(bar);
+    output.finish()?;
+    let inputs = vec![arguments.file.clone()];
+    let resolved = changes.to_json();
+    let view = ViewReport::of(container.metadata().view.as_ref());
+    let baked = Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs };
+    let work = Work {
+        input: &arguments.file,
+        output: &arguments.output,
+        input_bytes: container.file().length(),
+        seconds: clock.elapsed().as_secs_f64(),
+        bytes_read: container.file().bytes_read(),
+    };
+    baked.outcome("transcode", &work, None, common)
+}

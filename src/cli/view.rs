@@ -1,0 +1,120 @@
+//! `view`.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::common::{Common, Format};
+use super::field::warn_of_missing;
+use super::outcome::{Outcome, print, say, warn, write_stdout};
+use super::stdin::{self, named};
+use crate::base::bytes::SourceFile;
+use crate::base::error::{ErrorKind, Result};
+use crate::container::Container;
+use crate::serve::{Kind, Server, Site};
+use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::attach::companions;
+
+/// Open a container or an asset in the browser, and serve it to this machine
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  mipvog-bake view scene.mipvog
+  mipvog-bake view scene.glb --port 8080 --no-open
+  mipvog-bake view scene.mipvog --host 0.0.0.0
+
+Ctrl-C ends it.")]
+pub struct Arguments {
+    /// A container, or a binary glTF asset with one; - means standard input
+    file: PathBuf,
+    /// Port to listen on; 0 picks a free one
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    port: u16,
+    /// Address to listen on. With 0.0.0.0 (all addresses of this machine), everyone on the network
+    /// can read the file
+    #[arg(long, value_name = "ADDRESS", default_value_t = Ipv4Addr::LOCALHOST.into())]
+    host: IpAddr,
+    /// Do not open the browser
+    #[arg(long)]
+    no_open: bool,
+}
+
+#[derive(Debug, schemars::JsonSchema, Serialize)]
+pub(super) struct ServedReport {
+    input: String,
+    kind: Kind,
+    input_bytes: u64,
+    url: String,
+    port: u16,
+}
+
+/// Prints the address, opens it and serves until the program is ended.
+pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let path = stdin::resolve(&arguments.file)?;
+    let file = SourceFile::open(&path)?;
+    let input_bytes = file.length();
+    let site = Site::new(file)?;
+    let kind = site.kind();
+    let server = Server::bind(arguments.host, arguments.port, site)?;
+    let url = server.url();
+    let report = ServedReport {
+        input: arguments.file.to_string_lossy().into_owned(),
+        kind,
+        input_bytes,
+        url: url.clone(),
+        port: server.address().port(),
+    };
+    match kind {
+        Kind::Asset => warn_of_companions(&arguments.file, common),
+        Kind::Container => warn_of_levels(&path, common),
+    }
+    if !arguments.host.is_loopback() {
+        let message = "anybody who reaches this machine can read the file, without a password and \
+                       without encryption";
+        warn(message, common);
+    }
+    // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
+    let outcome = Outcome::new("view", &report, format!("{url}\n"))?;
+    match common.format {
+        Format::Text => write_stdout(outcome.text.as_bytes())?,
+        _ => print(&outcome, common, false)?,
+    }
+    if !arguments.no_open
+        && let Err(error) = open::that_detached(&url)
+    {
+        warn(&format!("no browser could be started ({error}): open {url} yourself"), common);
+    }
+    if !common.quiet {
+        say("serving until Ctrl-C");
+    }
+    server.run();
+    Ok(())
+}
+
+/// Names the levels that a container which was cut does not hold. Other faults are the viewer's to
+/// tell.
+fn warn_of_levels(path: &Path, common: &Common) {
+    let file = SourceFile::open(path).map(Arc::new);
+    match file.and_then(|file| Container::read_prefix(file, &common.limits())) {
+        Ok(prefix) => warn_of_missing(&prefix, common),
+        Err(error) if matches!(error.kind(), ErrorKind::Truncated { .. }) => {
+            warn(&named(&format!("the file ends within a level: {error}")), common);
+        }
+        Err(_) => {}
+    }
+}
+
+/// Names the files that the asset refers to and that the viewer will not get. Faults of the asset
+/// are the viewer's to tell.
+fn warn_of_companions(file: &Path, common: &Common) {
+    let asset = SourceFile::open(file).map(Arc::new);
+    let asset = asset.and_then(|file| Asset::open(file, &common.limits()));
+    let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
+    if !names.is_empty() {
+        let (file, names) = (file.display(), names.join(", "));
+        warn(&format!("{file} needs files beside it, which are not served: {names}"), common);
+    }
+}
