@@ -12,7 +12,7 @@ const CRATES: [(&str, &[&str]); 3] =
 struct Sources {
     /// Types, by their names.
     types: BTreeSet<String>,
-    /// Names that the public signatures of an item use.
+    /// Names that the public fields and methods of a type use.
     signatures: BTreeMap<String, BTreeSet<String>>,
 }
 
@@ -53,11 +53,6 @@ impl Sources {
                 };
                 self.use_names(name, &used);
                 self.types.insert(name.to_owned());
-            }
-        }
-        for kind in ["\npub fn ", "\npub const fn "] {
-            for (name, rest) in items(code, kind) {
-                self.use_names(name, &[rest.split('{').next().unwrap_or_default()]);
             }
         }
         // Inherent methods.
@@ -116,6 +111,9 @@ fn without_comment(line: &str) -> String {
     format!("{code}\n")
 }
 
+/// Types of std that share their names with types of the crates.
+const OF_STD: [&str; 2] = ["Path", "Value"];
+
 /// Words that start with a capital letter, as types do.
 fn capitalized(text: &str) -> Vec<String> {
     let words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
@@ -123,6 +121,7 @@ fn capitalized(text: &str) -> Vec<String> {
         word.len() > 1
             && word.starts_with(|c: char| c.is_ascii_uppercase())
             && word.contains(|c: char| c.is_ascii_lowercase())
+            && !OF_STD.contains(word)
     };
     words.filter(is_type).map(str::to_owned).collect()
 }
@@ -148,7 +147,12 @@ fn front_door(lib: &str) -> BTreeSet<String> {
         .filter_map(|part| part.split(';').next())
         .collect();
     let uses = uses.filter_map(|part| part.split(';').next()).filter(|part| !hidden.contains(part));
-    let names = uses.flat_map(|part| part.split(|c: char| !c.is_alphanumeric() && c != '_'));
+    // Of a path the last part counts, or what stands in braces.
+    let listed = uses.map(|part| {
+        part.split_once('{')
+            .map_or_else(|| part.rsplit("::").next().unwrap_or_default(), |(_, list)| list)
+    });
+    let names = listed.flat_map(|part| part.split(|c: char| !c.is_alphanumeric() && c != '_'));
     names.filter(|name| !name.is_empty()).map(str::to_owned).collect()
 }
 

@@ -31,7 +31,8 @@ pub mod quantize;
 pub mod sample;
 
 pub use base::bytes::{ReadAt, SourceFile};
-pub use base::error::{Error, ErrorClass, ErrorKind, Place, Result};
+pub use base::error::{Error, ErrorKind, Place, Result};
+pub use base::error_class::ErrorClass;
 pub use base::limits::{LimitName, Limits};
 pub use base::progress::{CancelToken, Progress, Step};
 pub use container::layout::{ChunkKind, Entry, Header};

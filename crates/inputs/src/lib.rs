@@ -7,7 +7,7 @@
 //! ```no_run
 //! use mipvog::{BakeOptions, Baker};
 //!
-//! let source = mipvog_inputs::open("fine_last.tar".as_ref())?;
+//! let source = mipvog_inputs::open("fine_last.tar")?;
 //! Baker::new(BakeOptions::default()).to_file(&source, "scene.mipvog", false)?;
 //! # Ok::<(), mipvog::Error>(())
 //! ```
@@ -56,9 +56,18 @@ pub mod unpacked;
 #[doc(hidden)]
 pub mod vdb;
 
+/// The bake's crate, whose types these use.
+pub use mipvog;
+
+#[doc(hidden)]
 pub use families::{UNPACKED, family, open_tensors};
-pub use inspect::{Inspection, ListedValue, SceneContent, inspect, inspect_tensors};
-pub use open::{file_of, open, open_with};
+#[doc(hidden)]
+pub use inspect::inspect_tensors;
+pub use inspect::{Inspection, ListedValue, SceneContent, inspect};
+#[doc(hidden)]
+pub use open::file_of;
+pub use open::{open, open_with};
 pub use options::{MlpChoice, SourceOptions, ViewChoice};
 pub use settings::SceneSettings;
 pub use source::{Assumption, Family, SideFile, Source};
+pub use tensor::FileKind;

@@ -25,6 +25,7 @@ pub mod plain_alpha;
 pub mod plain_render;
 pub mod planes;
 pub mod rendered;
+pub mod schema;
 pub mod snerg;
 pub mod stress;
 pub mod stress_field;
@@ -35,11 +36,11 @@ pub mod targets;
 pub mod torch;
 pub mod transcoded;
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+pub use schema::{Schema, assert_follows, assert_schema};
 
-use jsonschema::Validator;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
 use mipvog::bake::{BakeOptions, Changes, Origin, bake, repack};
 use mipvog::base::bytes::{Output, Storage, WriterSink};
 use mipvog::base::error::Result;
@@ -290,30 +291,6 @@ pub fn grid_values(grid: &Grid) -> Vec<f32> {
         }
     }
     all
-}
-
-/// Holds a report to the schema of its verb.
-pub fn assert_schema(verb: &str, report: &serde_json::Value) {
-    assert_eq!(report["schema"], format!("mipvog-{verb}/1"));
-    assert_follows(verb, report);
-}
-
-/// Holds a document to a schema in `formats/`.
-pub fn assert_follows(name: &str, document: &serde_json::Value) {
-    static MADE: Mutex<BTreeMap<String, Arc<Validator>>> = Mutex::new(BTreeMap::new());
-    let make = || {
-        let schema = std::fs::read(root().join(format!("formats/{name}.schema.json")));
-        let schema = serde_json::from_slice(&schema.expect("a schema")).expect("JSON");
-        Arc::new(jsonschema::validator_for(&schema).expect("a valid schema"))
-    };
-    let mut made = MADE.lock().expect("no panic before");
-    let validator = Arc::clone(made.entry(name.to_owned()).or_insert_with(make));
-    drop(made);
-    let errors: Vec<String> = validator
-        .iter_errors(document)
-        .map(|error| format!("{}: {error}", error.instance_path()))
-        .collect();
-    assert!(errors.is_empty(), "{name}: {errors:?}");
 }
 
 /// Holds bytes to a golden file, or rewrites it where the environment variable BLESS is set.

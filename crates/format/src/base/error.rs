@@ -9,7 +9,6 @@ use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-pub use super::error_class::ErrorClass;
 pub use super::place::Place;
 
 /// The remedy for files of a version that only a later one of this program can know.

@@ -3,7 +3,7 @@
 
 pub mod bytes;
 pub mod error;
-mod error_class;
+pub mod error_class;
 pub mod file_kind;
 pub mod finding;
 mod limit_name;

@@ -105,6 +105,7 @@ impl Container {
 
     /// Opens a container, reporting everything that is wrong with its structure and metadata.
     /// `None` where too little is right to go on.
+    #[doc(hidden)]
     pub fn walk(
         file: Arc<SourceFile>,
         limits: &Limits,

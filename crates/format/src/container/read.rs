@@ -47,6 +47,7 @@ impl Container {
     }
 
     /// Decodes everything, coarse to fine, and reports all faults. Memory is that of one level.
+    #[doc(hidden)]
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
         let mut coarser = None;

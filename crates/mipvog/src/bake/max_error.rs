@@ -21,7 +21,7 @@ const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 /// of anisotropy.
 ///
 /// ```
-/// use mipvog_bake::MaxErrors;
+/// use mipvog::MaxErrors;
 ///
 /// let errors: MaxErrors = "0.02:0.018:0.05".parse().expect("three errors");
 /// assert_eq!(errors, MaxErrors::new(0.02, 0.018, 0.05));

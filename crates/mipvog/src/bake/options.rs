@@ -26,7 +26,7 @@ const MAX_FIT_STEPS: usize = 100_000;
 /// and limits have no text.
 ///
 /// ```
-/// use mipvog_bake::{BakeOptions, Filter};
+/// use mipvog::{BakeOptions, Filter};
 ///
 /// let options: BakeOptions = serde_json::from_str(r#"{"filter": "paper", "bits": "12"}"#)?;
 /// assert_eq!(options, BakeOptions::default().with_filter(Filter::Paper).with_bits("12".parse()?));

@@ -45,6 +45,7 @@ impl Origin {
     }
 
     /// Of a container's levels, baked anew.
+    #[doc(hidden)]
     pub fn of_unpacked(unpacked: &Unpacked) -> Self {
         let kind = CONTAINER.to_owned();
         Self { kind, digest: unpacked.digest, ..Self::of_arrays() }

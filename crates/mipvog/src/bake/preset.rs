@@ -6,7 +6,7 @@ use crate::quantize::Bits;
 /// A set of options for a purpose.
 ///
 /// ```
-/// use mipvog_bake::{Bits, Preset};
+/// use mipvog::{Bits, Preset};
 ///
 /// assert_eq!(Preset::Archive.options().bits, Bits::F32);
 /// assert_eq!(Preset::Faithful.options().filter.name(), "code");

@@ -23,7 +23,7 @@ const FILL_ERROR: f64 = 0.25;
 /// From 1, few bytes, to 100, small errors.
 ///
 /// ```
-/// use mipvog_bake::{BakeOptions, Preset, Quality};
+/// use mipvog::{BakeOptions, Preset, Quality};
 ///
 /// let mut options = BakeOptions::default();
 /// let quality: Quality = "75".parse()?;

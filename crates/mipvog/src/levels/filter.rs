@@ -47,7 +47,7 @@ pub enum FilterDomain {
 /// The rules to make coarser levels, and to render them by.
 ///
 /// ```
-/// use mipvog_bake::{BakeOptions, FilterDomain, LevelFilter};
+/// use mipvog::{BakeOptions, FilterDomain, LevelFilter};
 ///
 /// /// The paper's levels under a binomial low-pass.
 /// #[derive(Debug)]
@@ -211,7 +211,7 @@ impl<'de> Deserialize<'de> for SharedFilter {
 /// The filters that have a name on the command line.
 ///
 /// ```
-/// use mipvog_bake::{Filter, LevelFilter};
+/// use mipvog::{Filter, LevelFilter};
 ///
 /// let filter: Filter = "paper".parse().expect("a filter");
 /// assert_eq!(filter, Filter::Paper);

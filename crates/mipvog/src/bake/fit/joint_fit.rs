@@ -5,7 +5,7 @@ use super::context::{FitContext, Fitted, FittedLevel};
 use super::curve::{ByKnots, Curve};
 use super::finest::Finest;
 use super::gradient::Gradient;
-use super::quality::Quality;
+use super::quality::ScaleQuality;
 use super::target::Windows;
 use super::trace::Rays;
 use crate::base::error::{Error, Result};
@@ -57,7 +57,7 @@ struct Reached<const C: usize> {
     states: States<C>,
     rule: LevelOfDetail,
     curve: Curve,
-    quality: Quality,
+    quality: ScaleQuality,
 }
 
 impl<'a, const C: usize> JointFit<'a, C> {
@@ -149,7 +149,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
     /// which are fitted.
     fn keep_best(&mut self, unfitted: &Reached<C>, best: &mut Reached<C>) -> Result<Vec<bool>> {
         let levels = self.adams.len();
-        let fits = |quality: &Quality| quality.is_nowhere_below(&unfitted.quality);
+        let fits = |quality: &ScaleQuality| quality.is_nowhere_below(&unfitted.quality);
         self.restore(&best.states);
         if fits(&best.quality) {
             return Ok(vec![true; levels]);
@@ -187,7 +187,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
     }
 
     /// The state now, which has this quality.
-    fn reached(&self, quality: Quality) -> Reached<C> {
+    fn reached(&self, quality: ScaleQuality) -> Reached<C> {
         let (rule, curve) = (self.curve.rule(), self.curve.clone());
         Reached { states: self.states(), rule, curve, quality }
     }
@@ -261,8 +261,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
     }
 
     /// The quality under a rule.
-    fn quality_of(&mut self, rule: LevelOfDetail) -> Result<Quality> {
+    fn quality_of(&mut self, rule: LevelOfDetail) -> Result<ScaleQuality> {
         self.view.level_of_detail = Some(rule);
-        Quality::of(&self.rays(&[]), self.context.progress)
+        ScaleQuality::of(&self.rays(&[]), self.context.progress)
     }
 }

@@ -19,14 +19,14 @@ const PARTS: usize = 8;
 
 /// PSNR of held-out rays, in dB.
 #[derive(Debug, Clone)]
-pub struct Quality {
+pub struct ScaleQuality {
     /// Of each scale: all rays.
     pub psnr: Vec<f64>,
     /// Of each scale: the mean of its pictures.
     of_pictures: Vec<f64>,
 }
 
-impl Quality {
+impl ScaleQuality {
     /// Of the field that `rays` pass.
     ///
     /// # Errors
@@ -114,11 +114,11 @@ fn psnr(square: f64, rays: usize) -> f64 {
 mod tests {
     use super::*;
 
-    fn quality(rays: &[(usize, f32)]) -> Quality {
+    fn quality(rays: &[(usize, f32)]) -> ScaleQuality {
         let mut squares = Squares::none(3);
         rays.iter().for_each(|&ray| squares.add(Some(ray)));
         let parts = Squares::sum(&[squares, Squares::none(3)]);
-        Quality { psnr: vec![parts.psnr()], of_pictures: vec![parts.psnr_of_pictures()] }
+        ScaleQuality { psnr: vec![parts.psnr()], of_pictures: vec![parts.psnr_of_pictures()] }
     }
 
     #[test]

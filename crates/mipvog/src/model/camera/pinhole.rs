@@ -115,11 +115,11 @@ impl Camera {
     /// degrees, above 0 and below 180. `size` is the picture's width and height in pixels.
     ///
     /// ```
-    /// use mipvog_bake::Camera;
+    /// use mipvog::Camera;
     ///
     /// let camera = Camera::look_at([3.0, 0.0, 1.0], [0.0; 3], 40.0, [64, 48])?;
     /// assert_eq!((camera.lens.width, camera.lens.height), (64, 48));
-    /// # Ok::<(), mipvog_bake::Error>(())
+    /// # Ok::<(), mipvog::Error>(())
     /// ```
     ///
     /// # Errors

@@ -19,7 +19,7 @@ use crate::model::view_mlp::ViewMlp;
 /// `N - 1` lie on the faces of the box.
 ///
 /// ```
-/// use mipvog_bake::RadianceField;
+/// use mipvog::RadianceField;
 ///
 /// let nodes = [4, 5, 6];
 /// let density = vec![2.0; 120];
@@ -30,7 +30,7 @@ use crate::model::view_mlp::ViewMlp;
 ///     .background([0.0; 3])
 ///     .build()?;
 /// assert_eq!(field.color_channels(), 3);
-/// # Ok::<(), mipvog_bake::Error>(())
+/// # Ok::<(), mipvog::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct FieldBuilder {
