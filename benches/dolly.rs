@@ -111,8 +111,7 @@ fn curve(
     cameras: &[Vec<Camera>],
     references: &[Vec<Frame>],
 ) -> Vec<f64> {
-    let mut options = BakeOptions::default();
-    options.filter = filter.into();
+    let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
     let bytes = baked_bytes(field, &options).expect("a bake");
     let baked = open_bytes(&bytes).expect("a container").read().expect("levels");
     let baked = unbounded(Renderer::baked(&baked, &Limits::default()).expect("a field"));

@@ -87,8 +87,7 @@ fn row(
     reference: &Reference,
     cameras: &[Camera],
 ) -> (f64, String) {
-    let mut options = BakeOptions::default();
-    options.filter = filter.into();
+    let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
     let start = Instant::now();
     let bytes = baked_bytes(field, &options).expect("a bake");
     let seconds = start.elapsed().as_secs_f64();

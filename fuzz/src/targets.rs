@@ -57,10 +57,12 @@ const SIDE: usize = 5;
 
 /// Limits under which any input must be handled.
 pub fn limits() -> Limits {
-    let mut limits = Limits::default();
-    limits.memory = 64 << 20;
-    limits.header_bytes = 1 << 20;
-    limits.pickle_objects = 1 << 16;
+    let limits = Limits {
+        memory: 64 << 20,
+        header_bytes: 1 << 20,
+        pickle_objects: 1 << 16,
+        ..Limits::default()
+    };
     limits
 }
 

@@ -22,14 +22,11 @@ fn containers_keep_their_bytes() {
         ("dvgo.f32.mipvog", "dvgo/protocol2.tar", Filter::Paper, Bits::F32),
     ];
     for (name, scene, filter, bits) in cases {
-        let mut options = BakeOptions::default();
-        options.filter = filter.into();
-        options.bits = bits;
+        let mut options = BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() };
         let bytes = baked_bytes(&trained(scene), &options).expect("a bake");
         assert_golden(&fixture("baked").join(name), &bytes);
     }
-    let mut options = BakeOptions::default();
-    options.max_error = Some(0.01.into());
+    let mut options = BakeOptions { max_error: Some(0.01.into()), ..BakeOptions::default() };
     let bytes = baked_bytes(&trained("tiny/fine_last.tar"), &options).expect("a bake");
     assert_golden(&fixture("baked/tiny.rate.error.mipvog"), &bytes);
     options.fill_error = Some(0.2);

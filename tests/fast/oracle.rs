@@ -16,9 +16,7 @@ use mipvog::quantize::Bits;
 use mipvog_inputs::tensor;
 
 fn options(filter: Filter, bits: Bits) -> BakeOptions {
-    let mut options = BakeOptions::default();
-    options.filter = filter.into();
-    options.bits = bits;
+    let options = BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() };
     options
 }
 

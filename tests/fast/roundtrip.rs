@@ -45,12 +45,14 @@ fn unpacked_containers_pack_to_the_same_bytes() {
         if seed % 3 == 1 {
             field = masked(field, half_mask(seed % 2 == 0));
         }
-        let mut options = BakeOptions::default();
-        options.bits = bits;
-        options.filter = Filter::all()[seed % Filter::all().len()].into();
-        options.fit_steps = 1;
-        options.block_size = 1 + random.below(10);
-        options.zstd_level = 1 + (seed as i32 % 5);
+        let options = BakeOptions {
+            bits,
+            filter: Filter::all()[seed % Filter::all().len()].into(),
+            fit_steps: 1,
+            block_size: 1 + random.below(10),
+            zstd_level: 1 + (seed as i32 % 5),
+            ..BakeOptions::default()
+        };
         let bytes = baked_bytes(&field, &options).expect("a bake");
         let again = repacked(&bytes, &Changes::default());
         assert!(again == bytes, "seed {seed}, {bits} bits");
@@ -89,9 +91,8 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
         (LevelRule::Mipmap, 1.0, None),
     ];
     for (rule, factor, bound) in rules {
-        let mut options = BakeOptions::default();
-        options.lod_rule = Some(rule);
-        options.lod_scale = 2.0;
+        let mut options =
+            BakeOptions { lod_rule: Some(rule), lod_scale: 2.0, ..BakeOptions::default() };
         let asked = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
         let changes = Changes { lod_rule: Some(rule), lod_scale: Some(2.0), ..Changes::default() };
         let changed = open_bytes(&repacked(&usual_bytes, &changes)).expect("valid");
@@ -117,8 +118,7 @@ fn a_published_rule_of_levels_is_written_in_place_of_the_filters() {
 #[test]
 fn thread_count_never_shows() {
     for filter in [Filter::Code, Filter::Paper] {
-        let mut options = BakeOptions::default();
-        options.filter = filter.into();
+        let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
         let bytes = |threads| {
             common::with_threads(threads, || {
                 baked_bytes(&trained("lego64/fine_last.tar"), &options).expect("a bake")
@@ -138,8 +138,7 @@ fn empty_and_full_scenes_bake() {
         for (raw, stored) in [(-100.0, false), (-1e30, false), (1e30, true), (30.0, true)] {
             let field = field(nodes, &vec![raw; count], &vec![0.25; 3 * count]);
             for filter in [Filter::Code, Filter::Paper] {
-                let mut options = BakeOptions::default();
-                options.filter = filter.into();
+                let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
                 let container = open_bytes(&baked_bytes(&field, &options).expect("a bake"));
                 let container = container.expect("valid");
                 for level in &container.metadata().levels {
@@ -163,9 +162,7 @@ fn the_mask_empties_what_it_cannot_reach_and_is_kept_where_it_shows() {
     let density = vec![10.0; count];
     for trilinear in [false, true] {
         let field = masked(field(nodes, &density, &vec![0.5; 3 * count]), half_mask(trilinear));
-        let mut options = BakeOptions::default();
-        options.block_size = 1;
-        options.bits = Bits::F32;
+        let options = BakeOptions { block_size: 1, bits: Bits::F32, ..BakeOptions::default() };
         let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
         assert!(container.metadata().free_space, "half of the scene is cut off at an opaque place");
         let read = container.read().expect("valid");
@@ -200,8 +197,8 @@ fn values_that_are_not_finite_are_refused_or_emptied() {
                 _ => values[1][(channel - 1) * count + place] = bad,
             }
             let field = field(nodes, &values[0], &values[1]);
-            let mut options = BakeOptions::default();
-            options.filter = Filter::Paper.into();
+            let mut options =
+                BakeOptions { filter: Filter::Paper.into(), ..BakeOptions::default() };
             let error = baked_bytes(&field, &options).expect_err("not finite");
             let reported = if channel == 0 { 0 } else { channel - 1 };
             let first = [reported, at[0], at[1], at[2]];

@@ -237,8 +237,7 @@ fn files_that_cannot_be_taken_are_refused_by_a_sentence() {
     assert!(turned.to_string().contains("turned or sheared"), "{turned}");
     let surface = open(&fixture("vdb/surface.vdb"), &limits);
     assert!(surface.to_string().contains("a grid named density"), "{surface}");
-    let mut little = Limits::default();
-    little.memory = 100_000;
+    let little = Limits { memory: 100_000, ..Limits::default() };
     let large = open(&fixture("vdb/full.vdb"), &little);
     assert!(matches!(large.kind(), ErrorKind::OverLimit { .. }), "{large}");
     // Every prefix, some bytes apart.

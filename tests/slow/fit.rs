@@ -16,9 +16,7 @@ use mipvog::view::render::Renderer;
 use serde_json::{Value, json};
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {
-    let mut options = BakeOptions::default();
-    options.filter = filter.into();
-    options.fit_steps = steps;
+    let options = BakeOptions { filter: filter.into(), fit_steps: steps, ..BakeOptions::default() };
     options
 }
 

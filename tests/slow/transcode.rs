@@ -67,8 +67,7 @@ fn the_best_that_fits_is_found_and_always_the_same() {
     }
     let error = changed(&container, &with(500)).expect_err("too little");
     assert!(error.to_string().contains("option max_bytes: found 500"), "{error}");
-    let mut options = BakeOptions::default();
-    options.max_bytes = Some(500);
+    let options = BakeOptions { max_bytes: Some(500), ..BakeOptions::default() };
     let error = baked_bytes(&scene, &options).expect_err("too little");
     assert!(error.to_string().contains("the smallest container"), "{error}");
 }

@@ -224,8 +224,7 @@ fn fog_has_importance_and_keeps_its_color() {
     let cameras = turntable(&fog.scene.bounds, 40, [24, 24]);
     let seen = coverage(&fog, &cameras, 1e-3);
     assert!(seen.importance.iter().all(|&importance| importance > 0.0));
-    let mut options = BakeOptions::default();
-    options.alpha_threshold = 1e-6;
+    let mut options = BakeOptions { alpha_threshold: 1e-6, ..BakeOptions::default() };
     let exact = baked_bytes(&fog, &options).expect("a bake");
     options.seen_from = cameras.clone();
     options.coarseness = 2.0;
@@ -251,9 +250,11 @@ fn bakes_keep_what_cameras_see() {
     let field = walls();
     let camera = from_side(-1.0);
     let whole = baked_bytes(&field, &BakeOptions::default()).expect("a bake");
-    let mut options = BakeOptions::default();
-    options.min_weight = Some(1e-3);
-    options.seen_from = vec![camera.clone()];
+    let options = BakeOptions {
+        min_weight: Some(1e-3),
+        seen_from: vec![camera.clone()],
+        ..BakeOptions::default()
+    };
     let pruned = baked_bytes(&field, &options).expect("a bake");
     let blocks = |bytes: &[u8]| {
         let container = open_bytes(bytes).expect("valid");
@@ -273,8 +274,7 @@ fn cameras_that_see_nothing_are_refused() {
         ..from_side(-1.0)
     };
     let refused = |cameras: &[Camera], change: fn(&mut BakeOptions)| {
-        let mut options = BakeOptions::default();
-        options.seen_from = cameras.to_vec();
+        let mut options = BakeOptions { seen_from: cameras.to_vec(), ..BakeOptions::default() };
         change(&mut options);
         baked_bytes(&field, &options).expect_err("nothing is seen").to_string()
     };
@@ -287,9 +287,11 @@ fn cameras_that_see_nothing_are_refused() {
         assert!(refused(&[], change).contains("option seen_from: found no cameras"));
     }
     // No sample of fog has half of a pixel.
-    let mut options = BakeOptions::default();
-    options.seen_from = turntable(&fog().scene.bounds, 2, [24, 24]);
-    options.min_weight = Some(0.5);
+    let options = BakeOptions {
+        seen_from: turntable(&fog().scene.bounds, 2, [24, 24]),
+        min_weight: Some(0.5),
+        ..BakeOptions::default()
+    };
     let error = baked_bytes(&fog(), &options).expect_err("nothing is left").to_string();
     assert!(error.contains("option min_weight: found 0.5, expected less"), "{error}");
     // There is nothing to lose of an empty field.
@@ -323,8 +325,7 @@ fn floats_do_not_move() {
 #[test]
 fn weights_out_of_range_are_refused() {
     for weight in [0.0, -1.0, 1.5, f32::NAN] {
-        let mut options = BakeOptions::default();
-        options.min_weight = Some(weight);
+        let options = BakeOptions { min_weight: Some(weight), ..BakeOptions::default() };
         let error = options.check().expect_err("no weight").to_string();
         assert!(error.contains("option min_weight"), "{error}");
     }

@@ -160,9 +160,11 @@ fn a_bound_on_bytes_moves_colors_in_place_of_longer_steps() {
     let (_, field) = matter([24, 20, 22]);
     let (_, _, whole) = diffuse(&field, &BakeOptions::default());
     let step = |fill_error: Option<f32>| {
-        let mut options = BakeOptions::default();
-        options.max_bytes = Some(whole as u64 * 3 / 4);
-        options.fill_error = fill_error;
+        let options = BakeOptions {
+            max_bytes: Some(whole as u64 * 3 / 4),
+            fill_error,
+            ..BakeOptions::default()
+        };
         let bytes = baked_bytes(&field, &options).expect("a bake");
         assert!(bytes.len() <= whole * 3 / 4);
         let container = open_bytes(&bytes).expect("valid");
@@ -178,8 +180,8 @@ fn only_colors_of_nodes_of_little_importance_move() {
     // The second is longer than the level on which light is followed.
     for nodes in [[24, 20, 22], [40, 36, 170]] {
         let (raw, field) = matter(nodes);
-        let mut options = BakeOptions::default();
-        options.bits = "4".parse().expect("bits");
+        let mut options =
+            BakeOptions { bits: "4".parse().expect("bits"), ..BakeOptions::default() };
         let (exact, _, plain_bytes) = diffuse(&field, &options);
         options.nearby_coarseness = 0.6;
         let (moved, stated, bytes) = diffuse(&field, &options);

@@ -114,13 +114,15 @@ fn every_retained_node_is_within_the_error() {
         let channels = [3, 4, 7][random.below(3)];
         let mut field = random_field(&mut random, nodes, channels);
         field.scene.activation.interval = [0.5, 0.5, 0.05, 3.0, 1e-4][random.below(5)];
-        let mut options = BakeOptions::default();
-        options.filter = filters[seed as usize % filters.len()].into();
-        options.max_error = Some(errors(seed as usize));
-        options.alpha_threshold = [1e-3, 1e-6][random.below(2)];
-        options.levels = Some(64);
-        options.fit_steps = 1;
-        options.block_size = 1 + random.below(9);
+        let options = BakeOptions {
+            filter: filters[seed as usize % filters.len()].into(),
+            max_error: Some(errors(seed as usize)),
+            alpha_threshold: [1e-3, 1e-6][random.below(2)],
+            levels: Some(64),
+            fit_steps: 1,
+            block_size: 1 + random.below(9),
+            ..BakeOptions::default()
+        };
         let case = format!("seed {seed}, {:?}, {:?}", options.filter, options.max_error);
         assert_within(&field, &options, &case);
     }
@@ -164,8 +166,7 @@ fn constant_and_extreme_scenes_keep_the_error() {
 fn larger_errors_take_no_more_bits_and_threads_never_show() {
     let field = random_field(&mut Random::new(77), [17, 9, 14], 5);
     for filter in [Filter::RateTent, Filter::Code] {
-        let mut options = BakeOptions::default();
-        options.filter = filter.into();
+        let mut options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
         let mut bits: Option<Vec<u32>> = None;
         for max_error in ERRORS {
             options.max_error = Some(max_error.into());
@@ -267,8 +268,7 @@ fn only_errors_that_mean_something_can_be_asked_for() {
     let field = field([2; 3], &[10.0; 8], &[0.0; 24]);
     let (input, _) = unpacked(&baked_bytes(&field, &BakeOptions::default()).expect("a bake"));
     for max_error in [0.0, -0.01, 9e-7, 0.26, f32::INFINITY, f32::NAN] {
-        let mut options = BakeOptions::default();
-        options.max_error = Some(max_error.into());
+        let options = BakeOptions { max_error: Some(max_error.into()), ..BakeOptions::default() };
         let changes = Changes { max_error: Some(max_error.into()), ..Changes::default() };
         for error in [baked_bytes(&field, &options), packed(&input, &changes)] {
             let error = error.expect_err("refused");

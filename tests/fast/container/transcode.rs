@@ -192,8 +192,7 @@ fn a_field_of_codes_takes_no_more_memory_than_is_allowed() {
     // A density and five channels of colour, in float32.
     let bytes = 6 * 9 * 8 * 7 * 4;
     let allowed = |memory| {
-        let mut limits = Limits::default();
-        limits.memory = memory;
+        let limits = Limits { memory, ..Limits::default() };
         limits
     };
     assert!(unpacked.field(&allowed(bytes)).expect("allowed").is_some());

@@ -150,9 +150,11 @@ fn unpacked_harmonics_pack_to_the_same_bytes() {
         [(1, Bits::Integer(8)), (2, Bits::Integer(10)), (3, Bits::F16), (2, Bits::F32)]
     {
         let field = harmonic_field([19, 22, 9], rules(degree));
-        let mut options = BakeOptions::default();
-        options.bits = bits;
-        options.fill_error = Some(0.02).filter(|_| bits == Bits::Integer(8));
+        let options = BakeOptions {
+            bits,
+            fill_error: Some(0.02).filter(|_| bits == Bits::Integer(8)),
+            ..BakeOptions::default()
+        };
         let bytes = baked_bytes(&field, &options).expect("a bake");
         let unpacked = unpack(&open_bytes(&bytes).expect("valid")).expect("unpacks");
         let features = unpacked.get("level0.features").expect("the higher bands");

@@ -149,8 +149,7 @@ fn nodes_of_the_core_are_held_to_the_limit() {
     let here = folder();
     small_merf().write(here.path(), true);
     for (nodes, fits) in [(33 * 33 * 33, true), (33 * 33 * 33 - 1, false)] {
-        let mut limits = Limits::default();
-        limits.nodes = nodes;
+        let limits = Limits { nodes, ..Limits::default() };
         let opened = open_with(here.path(), &core_alone(), &limits);
         assert_eq!(opened.is_ok(), fits);
         let error = opened.err();

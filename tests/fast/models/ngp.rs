@@ -401,8 +401,7 @@ fn packed_lies_are_found() {
     // A document, then nothing but zeros: 200 MB in 200 kB.
     let mut bomb = bytes[..600].to_vec();
     bomb.resize(200 << 20, 0);
-    let mut limits = Limits::default();
-    limits.memory = 8 << 20;
+    let limits = Limits { memory: 8 << 20, ..Limits::default() };
     let error = open_with(zlib(&bomb), &SourceOptions::default(), &limits).expect_err("a bomb");
     assert!(matches!(error.kind(), ErrorKind::OverLimit { .. }), "{error}");
 }

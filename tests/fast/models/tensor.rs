@@ -14,10 +14,12 @@ fn fixture(name: &str) -> PathBuf {
 
 /// Limits low enough to show requests beyond a file's own size.
 fn limits() -> Limits {
-    let mut limits = Limits::default();
-    limits.memory = 1 << 20;
-    limits.header_bytes = 1 << 20;
-    limits.pickle_objects = 50_000;
+    let limits = Limits {
+        memory: 1 << 20,
+        header_bytes: 1 << 20,
+        pickle_objects: 50_000,
+        ..Limits::default()
+    };
     limits
 }
 

@@ -41,8 +41,7 @@ fn asset(here: &Path) -> Vec<u8> {
         "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
     });
     let plain = glb(&text.to_string(), &[(*b"BIN\0", vec![0; 36])]);
-    let mut options = AttachOptions::default();
-    options.node = Some(NodeChoice::Index(0));
+    let options = AttachOptions { node: Some(NodeChoice::Index(0)), ..AttachOptions::default() };
     attached(here, &plain, ONE, &options).expect("attached")
 }
 
@@ -54,8 +53,7 @@ fn field(document: &mut Value) -> &mut Value {
 fn what_is_written_is_valid_by_the_schemas() {
     let folder = folder();
     let external = {
-        let mut options = AttachOptions::default();
-        options.external = true;
+        let options = AttachOptions { external: true, ..AttachOptions::default() };
         options
     };
     for name in [ONE, "tiny.code.mipvog", "tiny.rate.mipvog"] {

@@ -10,8 +10,7 @@ use mipvog::container::Container;
 use mipvog_outputs::gltf::mesh::{Mesh, meshes};
 
 fn options(filter: Filter) -> BakeOptions {
-    let mut options = BakeOptions::default();
-    options.filter = filter.into();
+    let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
     options
 }
 

@@ -301,13 +301,15 @@ fn trained_scenes_look_as_their_twins() {
 }
 
 fn random_bake(random: &mut Random, field: &RadianceField) -> BakedField {
-    let mut options = BakeOptions::default();
-    options.filter = Filter::all()[random.below(5)].into();
-    options.fit_steps = 1;
-    options.levels = Some(1 + random.below(5));
-    options.bits = [Bits::Integer(8), Bits::Integer(12), Bits::F16, Bits::F32][random.below(4)];
-    options.block_size = 1 + random.below(9);
-    options.alpha_threshold = [1e-3, 0.1, 0.5][random.below(3)];
+    let options = BakeOptions {
+        filter: Filter::all()[random.below(5)].into(),
+        fit_steps: 1,
+        levels: Some(1 + random.below(5)),
+        bits: [Bits::Integer(8), Bits::Integer(12), Bits::F16, Bits::F32][random.below(4)],
+        block_size: 1 + random.below(9),
+        alpha_threshold: [1e-3, 0.1, 0.5][random.below(3)],
+        ..BakeOptions::default()
+    };
     let container = open_bytes(&baked_bytes(field, &options).expect("a bake")).expect("valid");
     container.read().expect("decodes")
 }
@@ -435,8 +437,7 @@ fn thread_count_never_shows_in_a_picture() {
     let mut random = Random::new(4);
     let field = random_field(&mut random, [17, 30, 9], 7);
     let dense = Renderer::trained(&field, None, &Limits::default()).expect("a field");
-    let mut options = BakeOptions::default();
-    options.filter = Filter::Paper.into();
+    let options = BakeOptions { filter: Filter::Paper.into(), ..BakeOptions::default() };
     let container = open_bytes(&baked_bytes(&field, &options).expect("a bake")).expect("valid");
     let baked = container.read().expect("decodes");
     let rule = random_rule(&mut random);

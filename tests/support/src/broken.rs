@@ -57,10 +57,12 @@ fn sound_container() -> Vec<u8> {
     let inside = (0..8).map(|node| node >= 4).collect();
     let lookup = Lookup::Nearest(inside);
     let mask = FreeSpace { nodes: Nodes([2; 3]), scale: [0.5; 3], shift: [0.5; 3], lookup };
-    let mut options = BakeOptions::default();
-    options.filter = Filter::Paper.into();
-    options.levels = Some(2);
-    options.block_size = 4;
+    let options = BakeOptions {
+        filter: Filter::Paper.into(),
+        levels: Some(2),
+        block_size: 4,
+        ..BakeOptions::default()
+    };
     baked_bytes(&masked(field, mask), &options).expect("a bake")
 }
 
@@ -141,9 +143,11 @@ fn sound_asset(here: &Path, sound: &[u8]) -> Vec<u8> {
     let file = |path: &Path| Arc::new(SourceFile::open(path).expect("written"));
     let asset = Asset::open(file(&plain), &limits).expect("an asset");
     let opened = Container::open(file(&container), &limits).expect("a container");
-    let mut options = AttachOptions::default();
-    options.node = Some(NodeChoice::Index(0));
-    options.external = true;
+    let options = AttachOptions {
+        node: Some(NodeChoice::Index(0)),
+        external: true,
+        ..AttachOptions::default()
+    };
     let mut output = Output::create(&path, false).expect("writable");
     attach(&asset, &opened, &container, &path, &options, &mut output).expect("attached");
     output.finish().expect("written");
