@@ -57,13 +57,7 @@ const SIDE: usize = 5;
 
 /// Limits under which any input must be handled.
 pub fn limits() -> Limits {
-    let limits = Limits {
-        memory: 64 << 20,
-        header_bytes: 1 << 20,
-        pickle_objects: 1 << 16,
-        ..Limits::default()
-    };
-    limits
+    Limits { memory: 64 << 20, header_bytes: 1 << 20, pickle_objects: 1 << 16, ..Limits::default() }
 }
 
 fn file(bytes: Vec<u8>) -> Arc<SourceFile> {

@@ -22,7 +22,7 @@ fn containers_keep_their_bytes() {
         ("dvgo.f32.mipvog", "dvgo/protocol2.tar", Filter::Paper, Bits::F32),
     ];
     for (name, scene, filter, bits) in cases {
-        let mut options = BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() };
+        let options = BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() };
         let bytes = baked_bytes(&trained(scene), &options).expect("a bake");
         assert_golden(&fixture("baked").join(name), &bytes);
     }

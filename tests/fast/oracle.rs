@@ -16,8 +16,7 @@ use mipvog::quantize::Bits;
 use mipvog_inputs::tensor;
 
 fn options(filter: Filter, bits: Bits) -> BakeOptions {
-    let options = BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() };
-    options
+    BakeOptions { filter: filter.into(), bits, ..BakeOptions::default() }
 }
 
 fn golden(file: &str, name: &str) -> Vec<f32> {

@@ -16,8 +16,7 @@ use mipvog::view::render::Renderer;
 use serde_json::{Value, json};
 
 fn options(filter: Filter, steps: usize) -> BakeOptions {
-    let options = BakeOptions { filter: filter.into(), fit_steps: steps, ..BakeOptions::default() };
-    options
+    BakeOptions { filter: filter.into(), fit_steps: steps, ..BakeOptions::default() }
 }
 
 /// Errors from cameras that no fit has seen, at the scales that read levels 1 to 3.

@@ -191,10 +191,7 @@ fn a_field_of_codes_takes_no_more_memory_than_is_allowed() {
     let unpacked = Unpacked::of_container(&container).expect("decodes");
     // A density and five channels of colour, in float32.
     let bytes = 6 * 9 * 8 * 7 * 4;
-    let allowed = |memory| {
-        let limits = Limits { memory, ..Limits::default() };
-        limits
-    };
+    let allowed = |memory| Limits { memory, ..Limits::default() };
     assert!(unpacked.field(&allowed(bytes)).expect("allowed").is_some());
     let error = unpacked.field(&allowed(bytes - 1)).expect_err("one byte short");
     assert!(matches!(error.kind(), ErrorKind::OverLimit { .. }), "{error}");

@@ -14,13 +14,7 @@ fn fixture(name: &str) -> PathBuf {
 
 /// Limits low enough to show requests beyond a file's own size.
 fn limits() -> Limits {
-    let limits = Limits {
-        memory: 1 << 20,
-        header_bytes: 1 << 20,
-        pickle_objects: 50_000,
-        ..Limits::default()
-    };
-    limits
+    Limits { memory: 1 << 20, header_bytes: 1 << 20, pickle_objects: 50_000, ..Limits::default() }
 }
 
 fn names(value: &Value, path: &str, into: &mut Vec<String>) {

@@ -52,10 +52,7 @@ fn field(document: &mut Value) -> &mut Value {
 #[test]
 fn what_is_written_is_valid_by_the_schemas() {
     let folder = folder();
-    let external = {
-        let options = AttachOptions { external: true, ..AttachOptions::default() };
-        options
-    };
+    let external = { AttachOptions { external: true, ..AttachOptions::default() } };
     for name in [ONE, "tiny.code.mipvog", "tiny.rate.mipvog"] {
         for options in [AttachOptions::default(), external.clone()] {
             let asset = asset(folder.path());

@@ -10,8 +10,7 @@ use mipvog::container::Container;
 use mipvog_outputs::gltf::mesh::{Mesh, meshes};
 
 fn options(filter: Filter) -> BakeOptions {
-    let options = BakeOptions { filter: filter.into(), ..BakeOptions::default() };
-    options
+    BakeOptions { filter: filter.into(), ..BakeOptions::default() }
 }
 
 fn corner(mesh: &Mesh, index: u32) -> [f64; 3] {

@@ -143,11 +143,7 @@ fn sound_asset(here: &Path, sound: &[u8]) -> Vec<u8> {
     let file = |path: &Path| Arc::new(SourceFile::open(path).expect("written"));
     let asset = Asset::open(file(&plain), &limits).expect("an asset");
     let opened = Container::open(file(&container), &limits).expect("a container");
-    let options = AttachOptions {
-        node: Some(NodeChoice::Index(0)),
-        external: true,
-        ..AttachOptions::default()
-    };
+    let options = AttachOptions { node: Some(NodeChoice::Index(0)), external: true };
     let mut output = Output::create(&path, false).expect("writable");
     attach(&asset, &opened, &container, &path, &options, &mut output).expect("attached");
     output.finish().expect("written");
