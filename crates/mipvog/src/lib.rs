@@ -46,6 +46,7 @@
 //! # Features
 //!
 //! * `parallel` (default): several threads. Results do not depend on it.
+//! * `pictures`: picture files, such as photographs to fit coarser levels to.
 //! * `network`: inputs at https addresses.
 //! * `schemas`: JSON schemas of reports.
 //!

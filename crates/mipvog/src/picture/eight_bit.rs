@@ -1,21 +1,18 @@
-//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only door to `image`, `imagesize` and
-//! `exr`.
+//! PNG and JPEG.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Read as _, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read as _, Seek, SeekFrom};
 use std::path::Path;
 
-use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, Text, WritableImage};
-use half::f16;
 use image::{
     ExtendedColorType, ImageDecoder as _, ImageEncoder, ImageFormat, codecs::png::PngEncoder,
 };
 
+use super::Rgba;
+use super::sides::{MOST_PIXELS, failed, sides};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, LimitName};
 
-/// Pixels along a side, at most.
-const MOST_PIXELS: u64 = 1 << 16;
 /// The pictures that can be decoded.
 const READ: &str = "a PNG or a JPEG";
 /// The letter of a JPEG's segment that coded values follow.
@@ -40,115 +37,6 @@ pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The samples of an EXR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Samples {
-    /// float32.
-    Single,
-    /// float16; larger values than it has are its largest.
-    Half,
-}
-
-/// An EXR of channels, each with a value a pixel, rows from the top.
-pub fn exr(
-    width: usize,
-    height: usize,
-    channels: Vec<(String, Vec<f32>)>,
-    samples: Samples,
-) -> Result<Vec<u8>> {
-    sides(width, height)?;
-    let stored = |values: Vec<f32>| match samples {
-        Samples::Single => FlatSamples::F32(values),
-        Samples::Half => FlatSamples::F16(values.into_iter().map(finite_half).collect()),
-    };
-    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = channels
-        .into_iter()
-        .map(|(name, values)| AnyChannel::new(Text::new_or_panic(&name), stored(values)))
-        .collect();
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_channels((width, height), AnyChannels::sort(channels))
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .map_err(|error| failed(error.to_string()))?;
-    Ok(bytes.into_inner())
-}
-
-/// The nearest half float that is finite.
-pub fn finite_half(value: f32) -> f16 {
-    f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
-}
-
-/// Channels of an EXR file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Channels {
-    /// Pixels along a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Names, and a value a pixel, rows from the top.
-    pub channels: Vec<(String, Vec<f32>)>,
-}
-
-/// Reads an EXR of one flat layer, at most `max_bytes` of it as float32.
-pub fn read_exr(path: &Path, max_bytes: u64) -> Result<Channels> {
-    let unreadable = |error: exr::error::Error| {
-        Error::malformed(Place::File, error.to_string(), "an EXR picture").in_file(path)
-    };
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(unreadable)?;
-    let values = meta.headers.iter().map(|header| {
-        let pixels = header.layer_size.area() as u64;
-        pixels.saturating_mul(4).saturating_mul(header.channels.list.len() as u64)
-    });
-    let bytes = values.fold(0u64, u64::saturating_add);
-    limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
-        .map_err(|error| error.in_file(path))?;
-    let image = exr::prelude::read_all_flat_layers_from_file(path).map_err(unreadable)?;
-    let layer = image.layer_data.into_iter().next();
-    let layer = layer.ok_or_else(|| failed("no layer in an EXR".to_owned()).in_file(path))?;
-    let channel = |channel: AnyChannel<FlatSamples>| {
-        let values = channel.sample_data.values_as_f32().collect();
-        (channel.name.to_string(), values)
-    };
-    let channels = layer.channel_data.list.into_iter().map(channel).collect();
-    Ok(Channels { width: layer.size.width(), height: layer.size.height(), channels })
-}
-
-fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
-    let side = |size: usize| {
-        u32::try_from(size).ok().filter(|&side| side > 0 && u64::from(side) <= MOST_PIXELS)
-    };
-    match (side(width), side(height)) {
-        (Some(width), Some(height)) => Ok([width, height]),
-        _ => Err(Error::invalid_option(
-            "size",
-            format!("{width}x{height}"),
-            "sides of 1 to 65536 pixels",
-        )),
-    }
-}
-
-fn failed(message: String) -> Error {
-    Error::new(ErrorKind::Io(std::io::Error::other(message)), Place::File)
-}
-
-/// Means of `factor` by `factor` pixels of a picture `width` by `height`, rows from the top; the
-/// remainder at the right and below is dropped. `value` gives a pixel's value by its number.
-pub fn box_means<'a>(
-    [width, height]: [usize; 2],
-    factor: usize,
-    value: impl Fn(usize) -> f32 + 'a,
-) -> impl Iterator<Item = f32> + 'a {
-    let (across, down) = (width / factor, height / factor);
-    (0..across * down).map(move |i| {
-        let (x, y) = (i % across * factor, i / across * factor);
-        let rows = (y..y + factor).map(|row| row * width + x);
-        let pixels = rows.flat_map(|start| start..start + factor);
-        let sum: f64 = pixels.map(|pixel| f64::from(value(pixel))).sum();
-        (sum / (factor * factor) as f64) as f32
-    })
-}
-
 /// Width and height of a picture file, as it is stored, from its header: a mark that a viewer should
 /// turn it (EXIF's orientation) does not count. Formats that [`read`] refuses have a size too.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
@@ -165,17 +53,6 @@ pub fn size(path: &Path) -> Result<[usize; 2]> {
     };
     let found = imagesize::size(path).map_err(unreadable)?;
     Ok([found.width, found.height])
-}
-
-/// A picture file as 8-bit RGBA, rows from the top.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rgba {
-    /// Pixels along a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Four bytes a pixel, alpha not multiplied in.
-    pub bytes: Vec<u8>,
 }
 
 /// Reads a PNG or a JPEG, at most `max_bytes` of it once decoded.
@@ -278,6 +155,8 @@ fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64)
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::*;
 
     /// A PNG whose header says another size.
