@@ -7,7 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping
-from typing import Any, Union, cast
+from typing import TYPE_CHECKING, Any, Union, cast
 
 from . import _check, _native, _options
 from ._arrays import sampled_arrays
@@ -15,6 +15,11 @@ from ._check import PathName, Readable, Writable
 from ._error import Error, by_arrays
 from ._field import Field
 from ._progress import Progress, shown
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._bake_options import BakeOptions
 
 # Rays add up many samples of a model's fog. Errors of its opacity over a step, of its colours and
 # of their harmonics, and the opacity up to which blocks are dropped, are small enough for that.
@@ -28,7 +33,7 @@ def bake(
     output: Union[PathName, Writable],
     *,
     progress: Union[None, bool, Progress] = None,
-    **options: Any,
+    **options: Unpack[BakeOptions],
 ) -> dict[str, Any]:
     """Bakes `input` into the container `output`, and gives the report of `mipvog-bake bake`.
 
@@ -48,19 +53,20 @@ def bake(
     that called; what it raises ends the work. True shows a bar of tqdm where that is installed,
     else lines. Ctrl-C ends the work, and leaves no output.
     """
+    given: dict[str, Any] = dict(options)
     if isinstance(input, Field) and input.report is not None:
-        if all(options.get(name) is None for name in _PRECISION):
-            options["max_error"] = _MODEL_ERROR
-        if options.get("preset") is None and options.get("alpha_threshold") is None:
-            options["alpha_threshold"] = _MODEL_THRESHOLD
+        if all(given.get(name) is None for name in _PRECISION):
+            given["max_error"] = _MODEL_ERROR
+        if given.get("preset") is None and given.get("alpha_threshold") is None:
+            given["alpha_threshold"] = _MODEL_THRESHOLD
     if isinstance(input, Field):
-        options = {**input._options, **options}
+        given = {**input._options, **given}
     write = getattr(output, "write", None)
     if write is None:
-        return _bake(input, _output(output), progress, options)
+        return _bake(input, _output(output), progress, given)
     with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:
         path = os.path.join(folder, "output.mipvog")
-        report = _bake(input, path, progress, options)
+        report = _bake(input, path, progress, given)
         with open(path, "rb") as file:
             shutil.copyfileobj(file, cast(Writable, output))
     report["output"] = getattr(output, "name", type(output).__name__)

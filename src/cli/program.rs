@@ -37,7 +37,7 @@ Examples:
   mipvog-bake compare fine_last.tar scene.mipvog --cameras transforms.json
 
 `mipvog-bake VERB --help` explains a verb and its options.")]
-struct Cli {
+pub(super) struct Cli {
     #[command(subcommand)]
     verb: Verb,
     #[command(flatten)]

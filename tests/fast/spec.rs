@@ -106,6 +106,12 @@ fn the_page_of_bake_has_the_options_of_the_code() {
 }
 
 #[test]
+fn the_options_of_python_follow_from_the_parser() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/mipvog_bake/_bake_options.py");
+    assert_golden(&path, mipvog_bake::cli::python_options().as_bytes());
+}
+
+#[test]
 fn schemas_of_reports_follow_from_their_types() {
     use mipvog_bake::cli::{schema_text, schemas};
     for (name, schema) in schemas() {

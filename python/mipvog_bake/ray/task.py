@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Optional, Union
 
+from .._bake_options import INPUTS, OUTPUTS
 from . import notes, program, store
 from .failure import USAGE, Failure
 from .manifest import Scene
@@ -16,12 +17,8 @@ from .manifest import Scene
 _FORECAST_FROM = 16 << 20
 # What the program finds beside an input: settings of the scene, and the coarse checkpoint.
 _BESIDE = ("scene.toml", "scene.json", "args.json", "coarse_last.tar")
-# Options that name files to read.
-_INPUTS = ("cameras", "coarse", "fit_cameras", "mlp", "photographs")
 # Values of `mlp` that are no files.
 _WORDS = ("auto", "none")
-# Options that name files to write.
-_OUTPUTS = ("gltf", "depfile")
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ def line(scene: Scene, found: dict[str, Any], seconds: float) -> dict[str, Any]:
 def _bake(job: Job) -> Union[dict[str, Any], Needs]:
     scene = job.scene
     for name in scene.options:
-        if name.replace("-", "_") in _OUTPUTS:
+        if name.replace("-", "_") in OUTPUTS:
             message = f"option {name} writes another file; make it from the container afterwards"
             raise Failure(message, USAGE)
     source, target = _names(job)
@@ -204,7 +201,7 @@ def _is_input(name: str, value: Any) -> bool:
     """True for an option that names a file to read."""
     option = name.replace("-", "_")
     is_word = option == "mlp" and value in _WORDS
-    return option in _INPUTS and isinstance(value, str) and not is_word
+    return option in INPUTS and isinstance(value, str) and not is_word
 
 
 def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:

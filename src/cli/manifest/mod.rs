@@ -18,7 +18,7 @@ mod run;
 mod words;
 
 pub use arguments::{ExplicitOptions, ManifestArguments};
-pub use options::OptionKind;
+pub use options::{OF_ALL, OptionKind};
 pub use read::Lines;
 pub use result::{SceneResult, Status};
 pub use run::{BatchOptions, run};

@@ -46,7 +46,7 @@ pub fn feature_name(slice: usize) -> String {
 }
 
 /// The place in a folder's first layer of input `input` of a
-/// [`ViewMlp`](super::view_mlp::ViewMlp). Folders order the waves of a direction by octave, then by
+/// [`ViewMlp`](crate::model::view_mlp::ViewMlp). Folders order the waves of a direction by octave, then by
 /// axis; networks here by axis, then by octave.
 pub const fn folder_input(input: usize) -> usize {
     let waves = 3 * OCTAVES;

@@ -11,8 +11,8 @@
 //!    the next coarser level if those are near enough to their own ([`inherit`]).
 //! 4. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
-//! [`run`] does all of it. [`forecast`] does it for two windows of the field and without writing.
-//! [`repack`] starts at step 3, with the levels of an unpacked container as the source. [`plan`]
+//! [`run`] does all of it. [`forecast()`] does it for two windows of the field and without writing.
+//! [`repack()`] starts at step 3, with the levels of an unpacked container as the source. [`plan`]
 //! lays out tables and metadata.
 //!
 //! A bound on memory ([`memory`]) changes the place of waiting runs, and the time when slabs are

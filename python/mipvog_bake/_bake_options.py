@@ -1,0 +1,198 @@
+"""The options of `bake`. They follow from the program's parser:
+`BLESS=1 cargo test the_options_of_python` renews this file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, TypedDict, Union
+
+# What the program reads as text: one value, or several.
+Words = Union[str, int, float, Sequence[Any], Mapping[str, Any]]
+PathName = Union[str, os.PathLike[str]]
+
+
+class BakeOptions(TypedDict, total=False):
+    """Options of `bake`. One that is None or False is not given."""
+
+    allow_network: Optional[bool]
+    """Allow https:// inputs, which are read by ranges; without this, the network is not used."""
+
+    alpha_threshold: Optional[Words]
+    """Drop blocks whose opacity over one step of the level never exceeds this [default: 0.001]"""
+
+    background: Optional[Words]
+    """Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
+    likewise, else white]"""
+
+    bits: Optional[Words]
+    """Bits per stored value: 4 to 16, f16 or f32 [default: 8]"""
+
+    block_size: Optional[Words]
+    """Nodes along a block's edge [default: 8]"""
+
+    cameras: Optional[PathName]
+    """A camera file: NeRF-synthetic's transforms.json or nerfstudio's."""
+
+    coarse: Optional[PathName]
+    """The coarse checkpoint, for the free-space mask's threshold [default: beside the input]"""
+
+    coarseness: Optional[Words]
+    """Allow larger colour errors where cameras see less: N quantization steps at a node of average
+    importance, 0 to 64 [default: 0]"""
+
+    color_threshold: Optional[float]
+    """Largest weight at which a sample's colour is skipped [default: likewise, else 0.0001]"""
+
+    depfile: Optional[PathName]
+    """Write a dependency file for Make or Ninja: the container, and every file that it was made
+    from."""
+
+    drop_background: Optional[bool]
+    """Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP."""
+
+    external: Optional[bool]
+    """Link a .glb to the container by URI instead of embedding it."""
+
+    fallback_lods: Optional[Words]
+    """Number of coarser meshes, each with a quarter of the triangles, as levels of detail
+    (MSFT_lod)."""
+
+    fallback_triangles: Optional[int]
+    """Maximum number of triangles in the mesh."""
+
+    far: Optional[float]
+    """Largest t at which sampling may start [default: likewise, else unlimited]"""
+
+    field: Optional[int]
+    """Select a field of a glTF asset [default: 0]"""
+
+    fill_error: Optional[Words]
+    """Let blocks inherit their colours from the next coarser level if no retained node changes by
+    more than this, above 0 to 1; with --min-weight or --coarseness, by more where --cameras see
+    less [default: store all]"""
+
+    filter: Optional[Words]
+    """Filter for coarser levels [default: rate-tent]"""
+
+    fit_cameras: Optional[PathName]
+    """Camera file for the reference pictures of `--filter fit`; a gate must use other cameras
+    [default: spheres around the box]"""
+
+    fit_seconds: Optional[float]
+    """Time limit of `--filter fit` in seconds, including its reference pictures. The output then
+    depends on the machine [default: unlimited]"""
+
+    fit_steps: Optional[int]
+    """Maximum number of steps of `--filter fit` [default: 130, or 1500 with --photographs]"""
+
+    force: Optional[bool]
+    """Overwrite the output if it exists."""
+
+    frames: Optional[Words]
+    """Frames by name, path or number [default: all]"""
+
+    gltf: Optional[PathName]
+    """Also write a glTF asset, .glb or .gltf: the field, and a mesh for viewers without the
+    extension."""
+
+    if_changed: Optional[bool]
+    """Bake only if the input, the options or the version differ from those of the existing
+    container, and replace it."""
+
+    levels: Optional[Words]
+    """Maximum number of levels [default: down to 4 nodes along the longest axis]"""
+
+    limit: Optional[Words]
+    """Set a limit on what files may request, such as memory=1000000000; repeatable. An unknown name
+    lists all limits."""
+
+    lod_rule: Optional[Words]
+    """Rule that picks the level of a sample: a published rule instead of the filter's [default: the
+    filter's]"""
+
+    lod_scale: Optional[Words]
+    """Factor on the slope of the level rule [default: 1]"""
+
+    max_bytes: Optional[Words]
+    """Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
+    500KiB; if even the largest error does not fit, finest levels are dropped."""
+
+    max_error: Optional[Words]
+    """Instead of --bits: the largest error of decoded colour (0 to 1) and of opacity over one
+    interval, 1e-6 to 0.25; each group of each level gets the fewest bits that satisfy it. Or three
+    bounds with colons: opacity, diffuse colour and features."""
+
+    memory: Optional[Words]
+    """Memory limit, such as 500MB or 2GiB; a small bound is slower, the output is the same
+    [default: unlimited]"""
+
+    min_weight: Optional[Words]
+    """Drop nodes whose weight is below this in every pixel of --cameras, above 0 to 1; other
+    viewpoints may miss parts [default: keep all]"""
+
+    mlp: Optional[PathName]
+    """The view network: auto (the checkpoint's), none, or a file."""
+
+    near: Optional[float]
+    """Smallest t at which sampling may start [default: likewise, else 0]"""
+
+    nonfinite: Optional[Words]
+    """What to do with values that are not finite [default: refuse]"""
+
+    photographs: Optional[PathName]
+    """Folder of photographs for `--filter fit` to fit coarser levels to, instead of renders of
+    level 0; taken from --fit-cameras or else --cameras. One in eight is held out."""
+
+    preset: Optional[Words]
+    """A set of options, which explicit options override."""
+
+    quality: Optional[Words]
+    """Instead of --bits or --max-error: the quality of pictures, 1 to 100; 75 equals --preset web;
+    every 25 less doubles the errors. With --cameras or --turntable, also sets --min-weight,
+    --coarseness and --fill-error."""
+
+    require_psnr: Optional[float]
+    """Write nothing and exit with 1 if the PSNR against the unbaked scene is below this, at full
+    size over the pixels of all cameras."""
+
+    require_view_psnr: Optional[float]
+    """Write nothing and exit with 1 if the PSNR of fitted colours against the model's is below
+    this, along held-out directions."""
+
+    resolution: Optional[int]
+    """Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
+    torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels; for export, cubic
+    cells along the longest axis instead of nodes."""
+
+    scene_scale: Optional[float]
+    """Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
+    from the input or a file beside it, else 1]"""
+
+    size: Optional[Words]
+    """Picture size in pixels, or one number for a square [default: the camera file's, else its
+    pictures', else 800x800]"""
+
+    stepsize: Optional[float]
+    """Step length in voxels [default: the container's; else from scene.toml, scene.json, the camera
+    file or the checkpoint; else 0.5, with a warning]"""
+
+    threads: Optional[int]
+    """Number of threads; 0 means one per processor."""
+
+    turntable: Optional[int]
+    """Instead of a camera file: N cameras on a circle around the box."""
+
+    view: Optional[Words]
+    """View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3."""
+
+    zstd_level: Optional[Words]
+    """Compression level of zstd, 1 to 22 [default: 1]"""
+
+
+# Options that name files to read.
+INPUTS = ("cameras", "coarse", "fit_cameras", "mlp", "photographs")
+# Options that name files to write.
+OUTPUTS = ("depfile", "gltf")
