@@ -3,7 +3,7 @@
  *
  * The box is cut into macro cells of a few level-0 cells a side. A macro cell is occupied by a level if a sample of that
  * level can be visible in it. Each macro cell has, for each level, its skip distance: the Chebyshev distance to the
- * nearest occupied one. A ray jumps that far at once. `src/view/sample/skip.rs` of the reference renderer does the same.
+ * nearest occupied one. A ray jumps that far at once. `sample/skip.rs` of the reference renderer does the same.
  */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
