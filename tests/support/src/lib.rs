@@ -144,6 +144,7 @@ pub fn field(nodes: [usize; 3], density: &[f32], color: &[f32]) -> RadianceField
         color_domain: ColorDomain::Logit,
         view: None,
         free_space: None,
+        shells: Vec::new(),
     }
 }
 

@@ -151,6 +151,7 @@ fn assemble<'a>(
         color_domain: ColorDomain::Logit,
         view: view_mlp.map(ViewDependence::Network),
         free_space: None,
+        shells: Vec::new(),
     };
     let source = Source {
         field,

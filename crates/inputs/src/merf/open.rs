@@ -52,6 +52,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain: ColorDomain::Logit,
         view: network.clone().map(ViewDependence::Network),
         free_space: None,
+        shells: Vec::new(),
     };
     field.check()?;
     Ok(Source {

@@ -134,6 +134,7 @@ fn source(
         color_domain: ColorDomain::Linear,
         view: (!plain).then_some(ViewDependence::Harmonics(rules)),
         free_space: Some(model.occupancy.free_space(&model.frame)),
+        shells: Vec::new(),
     };
     let colors = FittedColors::new(samples, rules, field.clone(), &options.cameras, limits);
     let colors = if plain { colors.plain() } else { colors };

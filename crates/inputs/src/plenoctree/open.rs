@@ -80,6 +80,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain,
         view,
         free_space: None,
+        shells: Vec::new(),
     };
     field.check()?;
     let degree = field.harmonics().map_or(0, |rules| rules.degree);

@@ -108,6 +108,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain: ColorDomain::Linear,
         view,
         free_space: None,
+        shells: Vec::new(),
     };
     field.check()?;
     #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]

@@ -68,6 +68,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain: ColorDomain::Linear,
         view,
         free_space: None,
+        shells: Vec::new(),
         scene,
     };
     field.check()?;

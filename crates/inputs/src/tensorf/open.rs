@@ -72,6 +72,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain: ColorDomain::Linear,
         view: harmonics.filter(|_| !plain).map(ViewDependence::Harmonics),
         free_space,
+        shells: Vec::new(),
     };
     let colors: Arc<dyn NodeValues> = match (&arrays.shading, harmonics) {
         (ShadingFile::Network(network), Some(rules)) => {

@@ -86,6 +86,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color_domain: ColorDomain::Linear,
         view: None,
         free_space: None,
+        shells: Vec::new(),
     };
     field.check()?;
     Ok(Source {

@@ -128,6 +128,7 @@ impl Unpacked {
             color_domain: metadata.color_domain(),
             view: self.view_dependence(),
             free_space: self.free_space.clone(),
+            shells: Vec::new(),
         }))
     }
 }

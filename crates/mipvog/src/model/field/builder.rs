@@ -210,6 +210,7 @@ impl FieldBuilder {
             color_domain: self.color_domain,
             view: self.view,
             free_space: self.free_space,
+            shells: Vec::new(),
         };
         field.check()?;
         Ok(field)

@@ -5,6 +5,7 @@ mod builder;
 mod grid;
 mod planes;
 mod radiance_field;
+mod shell;
 mod volume;
 
 pub use builder::FieldBuilder;
@@ -15,4 +16,5 @@ pub use mipvog_format::model::scene::{
 };
 pub use planes::{Nonfinite, NonfiniteCount, PlaneRead, Planes, verify_crc32};
 pub use radiance_field::RadianceField;
+pub use shell::{Lattice, Shell};
 pub use volume::Volume;

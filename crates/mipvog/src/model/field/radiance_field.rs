@@ -1,6 +1,6 @@
 //! The trained scene: its grids, its network and its mask.
 
-use super::{Activation, ColorDomain, DensityFunction, FreeSpace, Grid, Scene};
+use super::{Activation, ColorDomain, DensityFunction, FreeSpace, Grid, Lattice, Scene, Shell};
 use crate::base::error::{Error, Place, Result};
 use crate::base::progress::Progress;
 use crate::model::harmonics::Harmonics;
@@ -23,6 +23,8 @@ pub struct RadianceField {
     pub view: Option<ViewDependence>,
     /// The space in which training kept samples; none means everywhere.
     pub free_space: Option<FreeSpace>,
+    /// The world around the box, from level 1 on; none for an object.
+    pub shells: Vec<Shell>,
 }
 
 impl RadianceField {
@@ -32,8 +34,8 @@ impl RadianceField {
     /// # Errors
     /// Those of reading, and a request to stop.
     pub fn prepare(&self, progress: &dyn Progress) -> Result<()> {
-        let grids = std::iter::once(&self.density).chain(&self.color);
-        grids.into_iter().try_for_each(|grid| grid.prepare(progress))
+        let shells = self.shells.iter().flat_map(Shell::grids);
+        self.grids().chain(shells).try_for_each(|grid| grid.prepare(progress))
     }
 
     /// Refuses a field whose parts do not fit each other.
@@ -76,7 +78,38 @@ impl RadianceField {
             let fits = harmonics == (self.color_domain == ColorDomain::Linear);
             require(fits, "colour", found, expected)?;
         }
+        self.check_shells()?;
         self.free_space.as_ref().map_or(Ok(()), FreeSpace::check)
+    }
+
+    fn check_shells(&self) -> Result<()> {
+        let mut smaller = self.lattice();
+        for (number, shell) in (1..).zip(&self.shells) {
+            let place = Place::Key(format!("shells[{number}]"));
+            shell.lattice.check_around(&smaller, &place)?;
+            smaller = shell.lattice;
+            let channels: Vec<usize> = shell.grids().map(Grid::channels).collect();
+            let own: Vec<usize> = self.grids().map(Grid::channels).collect();
+            let grids = shell.grids().all(|grid| grid.nodes() == smaller.nodes);
+            if channels != own || !grids {
+                let found = format!("grids of {channels:?} channels");
+                let expected = format!("{own:?} channels at {:?} nodes", smaller.nodes.0);
+                return Err(Error::malformed(place, found, expected));
+            }
+        }
+        Ok(())
+    }
+
+    /// The box of level 0 with its nodes.
+    pub const fn lattice(&self) -> Lattice {
+        Lattice::first(self.scene.bounds, self.scene.nodes)
+    }
+
+    /// The boxes of all levels that have one of their own, level 0's first.
+    pub fn lattices(&self) -> Vec<Lattice> {
+        std::iter::once(self.lattice())
+            .chain(self.shells.iter().map(|shell| shell.lattice))
+            .collect()
     }
 
     /// Channels of colour and features together.
