@@ -12,6 +12,7 @@ FEATURES = (
     "bent_rule",
     "directional",
     "anisotropy",
+    "nested_boxes",
 )
 # Chunk types that are no atlases.
 CHUNKS = (
@@ -87,6 +88,7 @@ OBJECTS = {
     "level": {
         "dimensions": (("list", ("whole", 2, 65536), 3, 3), False),
         "block_size": (("whole", 1, 64), False),
+        "bounds": (("object", "box"), True),
         "blocks_stored": (("whole", 0, 8589934592), False),
         "blocks_filled": (("whole", 1, 8589934592), True),
         "density": (("null", ("object", "encoding")), False),
@@ -111,5 +113,6 @@ OBJECTS = {
         "alpha_threshold": (("f32", "share"), False),
         "filter": (("text",), False),
         "levels": (("list", ("object", "level"), 1, 32), False),
+        "shells": (("list", ("object", "level"), 1, 31), True),
     },
 }

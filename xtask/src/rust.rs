@@ -332,6 +332,8 @@ fn list_check(
     let mut out = String::new();
     if least != most {
         let expected = format!("{least} to {most} of them");
+        // A list that may be left out is empty then.
+        let least = if is_option { 0 } else { least };
         let holds = format!("({least}..={most}).contains(&{value}.len())");
         out += &require(holds, format!("{value}.len()"), expected);
     }

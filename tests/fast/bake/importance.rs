@@ -6,7 +6,7 @@ use crate::common::{Random, baked_bytes, field, open_bytes, plain, unpack};
 use mipvog::bake::{BakeOptions, Filter};
 use mipvog::levels::importance::NodeImportance;
 use mipvog::levels::sizes::level_sizes;
-use mipvog::levels::{LevelFilter, OpticalDepthGrid};
+use mipvog::levels::{LevelFilter, Light, OpticalDepthGrid};
 use mipvog::model::baked::Group;
 use mipvog::model::field::{Activation, RadianceField};
 use mipvog::model::grid::Nodes;
@@ -23,7 +23,8 @@ fn measured(nodes: [usize; 3], raw: &[f32]) -> NodeImportance {
     let filter: &dyn LevelFilter = &Filter::RateTent;
     let domain = filter.alpha(&activation()).expect("a filter of alpha");
     let sizes = level_sizes(Nodes(nodes), usize::MAX);
-    let depths = OpticalDepthGrid::new(domain, &sizes, EXTENT).with_importance(true);
+    let depths = OpticalDepthGrid::new(domain, &sizes, EXTENT)
+        .with_light(Light { importance: true, from_inside: false });
     for (x, plane) in raw.chunks(nodes[1] * nodes[2]).enumerate() {
         depths.take(0, x, plane);
     }

@@ -11,8 +11,8 @@ use mipvog::base::bytes::Storage;
 use mipvog::base::error::{ErrorKind, Place};
 use mipvog::base::limits::Limits;
 use mipvog::base::progress::Silent;
-use mipvog::levels::Visible;
 use mipvog::levels::visible::masked_planes;
+use mipvog::levels::{Light, Visible};
 use mipvog::model::baked::{Decode, DensityDomain, Encoding, Group};
 use mipvog::model::field::{Activation, Nonfinite, RadianceField};
 use mipvog::model::grid::NodeMask;
@@ -56,7 +56,8 @@ fn retained(field: &RadianceField, options: &BakeOptions) -> Vec<NodeMask> {
     let planes = masked_planes(field, Nonfinite::Refuse, &Silent).expect("planes");
     let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
     let threshold = options.alpha_threshold;
-    let visible = Visible::find(&planes, &sizes, &*options.filter, threshold, false, &Silent);
+    let visible =
+        Visible::find(&planes, &sizes, &*options.filter, threshold, Light::default(), &Silent);
     visible.expect("visible").levels.into_iter().map(|level| level.retained).collect()
 }
 

@@ -5,5 +5,6 @@ mod direction;
 mod fill;
 mod importance;
 mod max_error;
+mod nested;
 mod required;
 mod sweep;

@@ -35,6 +35,7 @@ pub mod stress_scalar;
 pub mod targets;
 pub mod torch;
 pub mod transcoded;
+pub mod world;
 
 pub use schema::{Schema, assert_follows, assert_schema};
 

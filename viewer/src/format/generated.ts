@@ -7,7 +7,7 @@ export type Triple = [number, number, number];
 /** The major version that this reader knows. */
 export const MAJOR = 1;
 /** Required features, from bit 0 on. */
-export const FEATURES = ["inherited_blocks", "linear_values", "bent_rule", "directional", "anisotropy"] as const;
+export const FEATURES = ["inherited_blocks", "linear_values", "bent_rule", "directional", "anisotropy", "nested_boxes"] as const;
 export type Feature = (typeof FEATURES)[number];
 /** Every chunk type. */
 export const KNOWN: readonly string[] = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS"];
@@ -120,6 +120,8 @@ export interface LevelMetadata {
   dimensions: Triple;
   /** Nodes along a block's edge. */
   block_size: number;
+  /** The box of a shell; left out of levels. */
+  bounds?: Box;
   /** Stored blocks, those whose colours are inherited among them. */
   blocks_stored: number;
   /** Blocks whose colours are inherited from the next coarser level; left out where there are none. */
@@ -140,7 +142,7 @@ export interface LevelMetadata {
 
 /** All that is not bulk. Levels go fine to coarse. */
 export interface Metadata {
-  /** The box that every level spans, in training axes. */
+  /** The box of level 0, and without shells of every level, in training axes. */
   bounds: Box;
   /** Raw density to opacity. */
   activation: Activation;
@@ -168,6 +170,8 @@ export interface Metadata {
   filter: string;
   /** Fine to coarse. */
   levels: LevelMetadata[];
+  /** What lies around the box of level 0, from level 1 on; left out where nothing does. */
+  shells?: LevelMetadata[];
 }
 
 const BOX_RULE = record({
@@ -223,6 +227,7 @@ const ENCODING_RULE = record({
 const LEVEL_RULE = record({
   dimensions: list(3, 3, whole(2, 65536)),
   block_size: whole(1, 64),
+  bounds: optional(BOX_RULE),
   blocks_stored: whole(0, 8589934592),
   blocks_filled: optional(whole(1, 8589934592)),
   density: nullable(ENCODING_RULE),
@@ -247,4 +252,5 @@ export const METADATA_RULE = record({
   alpha_threshold: share,
   filter: text,
   levels: list(1, 32, LEVEL_RULE),
+  shells: optional(list(1, 31, LEVEL_RULE)),
 });

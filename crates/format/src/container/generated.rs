@@ -7,7 +7,7 @@ use crate::base::error::Result;
 use crate::model::baked::{GROUPS, Metadata, ViewMetadata};
 
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
-pub const VERSION: [u16; 2] = [1, 2];
+pub const VERSION: [u16; 2] = [1, 3];
 /// Required feature, since 1.1: there are blocks whose colours are inherited from the next coarser
 /// level.
 pub const INHERITED_BLOCKS: u64 = 1;
@@ -20,12 +20,14 @@ pub const BENT_RULE: u64 = 4;
 pub const DIRECTIONAL: u64 = 8;
 /// Required feature, since 1.2: levels have anisotropy.
 pub const ANISOTROPY: u64 = 16;
+/// Required feature, since 1.3: coarser levels span larger boxes than level 0.
+pub const NESTED_BOXES: u64 = 32;
 /// Features that a reader must know.
-pub const KNOWN_FEATURES: u64 = 31;
+pub const KNOWN_FEATURES: u64 = 63;
 /// The same for messages.
-pub const KNOWN_FEATURE_BITS: &str = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional brightness), 4 (anisotropy)";
+pub const KNOWN_FEATURE_BITS: &str = "bits 0 (inherited blocks), 1 (linear values), 2 (bent rule), 3 (directional brightness), 4 (anisotropy), 5 (nested boxes)";
 /// The minor version that added each feature.
-pub const FEATURES_SINCE: [u16; 5] = [1, 2, 2, 2, 2];
+pub const FEATURES_SINCE: [u16; 6] = [1, 2, 2, 2, 2, 3];
 /// Type of a chunk. The first letter is lower case in ancillary chunks, which readers may skip.
 pub type ChunkKind = [u8; 4];
 /// Metadata, canonical JSON.
@@ -140,6 +142,12 @@ pub(super) fn ranges(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
         "levels",
         metadata.levels.len(),
         "1 to 32 of them",
+    )?;
+    rules.require(
+        (0..=31).contains(&metadata.shells.len()),
+        "shells",
+        metadata.shells.len(),
+        "1 to 31 of them",
     )?;
     Ok(())
 }

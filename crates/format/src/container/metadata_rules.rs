@@ -11,8 +11,11 @@ use crate::model::baked::{
     ViewMetadata,
 };
 use crate::model::directional::{DIRECTIONAL as DIRECTIONAL_VALUES, MOST_CHANNELS};
-use crate::model::grid::Nodes;
+use crate::model::grid::{Bounds, Nodes};
 use crate::model::scene::{ColorDomain, DensityFunction};
+
+/// Distances of a shell's nodes in those of the next smaller box.
+pub const SPACING_RATIOS: std::ops::RangeInclusive<f64> = 1.5..=3.0;
 
 /// Nodes along a block's edge, at most.
 pub const LARGEST_BLOCK: usize = 64;
@@ -26,7 +29,6 @@ pub fn metadata(
 ) -> Result<bool> {
     let mut rules = Rules { sound: true, report };
     ranges(metadata, &mut rules)?;
-    scene(metadata, place, &mut rules)?;
     let channels = (metadata.features as u64).saturating_add(3);
     rules.hold("features", |place| {
         let what = "channels of colours and features";
@@ -35,16 +37,20 @@ pub fn metadata(
     if let Some(ViewMetadata::Harmonics(harmonics)) = &metadata.view {
         rules.hold("view", |place| harmonics.rules.check(metadata.features, place))?;
     }
-    let mut finer = None;
-    for (number, own) in metadata.levels.iter().enumerate() {
-        level(metadata, number, own, finer, limits, &mut rules)?;
-        finer = Some(own.dimensions);
+    for part in 0..metadata.parts().count() {
+        level(metadata, part, limits, &mut rules)?;
     }
+    shells(metadata, &mut rules)?;
+    scene(metadata, place, &mut rules)?;
     if let Some(finest) = metadata.levels.first().filter(|_| rules.sound) {
-        rules.report(Code::RaySamples, metadata.march.check(Nodes(finest.dimensions)))?;
+        let (nodes, outer) = (Nodes(finest.dimensions), metadata.outer_bounds());
+        rules.report(
+            Code::RaySamples,
+            metadata.march.check_nested(nodes, &metadata.bounds, &outer),
+        )?;
     }
     // Optical depths can only be mixed where every level has its own.
-    let own = metadata.levels.iter().all(|level| level.density.is_some());
+    let own = metadata.parts().all(|level| level.density.is_some());
     let mixed = metadata.blend == Blend::BeforeActivation || own;
     rules.require(
         mixed,
@@ -67,8 +73,9 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let shift = activation.shift;
     rules.require(!relu || shift == 0.0, "activation.shift", shift, "0 beside relu")?;
     let found = format!("{:?}", march.sampled);
-    let within = march.samples_within(&metadata.bounds);
-    rules.require(within, "march.sampled", found, "a box within bounds")?;
+    let outer = if rules.sound { metadata.outer_bounds() } else { metadata.bounds };
+    let within = march.samples_within(&outer);
+    rules.require(within, "march.sampled", found, "a box within that of the coarsest level")?;
     let far = march.far.unwrap_or(f32::INFINITY);
     rules.require(far > march.near, "march.far", far, "a number above near, or null")?;
     let lod = &metadata.level_of_detail;
@@ -79,17 +86,63 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     rules.require(lod.is_valid(), "level_of_detail", found, expected)
 }
 
-/// Rules of one level; `finer` are the dimensions of the next finer one.
-fn level(
-    metadata: &Metadata,
-    number: usize,
-    level: &LevelMetadata,
-    finer: Option<[usize; 3]>,
-    limits: &Limits,
-    rules: &mut Rules,
-) -> Result<()> {
-    let key = |name: &str| format!("levels[{number}].{name}");
+/// Rules of shells: their boxes lie around each other.
+fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
+    let count = metadata.shells.len();
+    if count == 0 {
+        return Ok(());
+    }
+    let found = format!("{count} beside {} levels", metadata.levels.len());
+    rules.require(count < metadata.levels.len(), "shells", found, "fewer than levels")?;
+    let expected = "after_activation beside shells";
+    let mixed = metadata.blend == Blend::AfterActivation;
+    rules.require(mixed, "blend", "before_activation", expected)?;
+    let Some(finest) = metadata.levels.first().filter(|_| rules.sound) else { return Ok(()) };
+    let mut smaller = (metadata.bounds, Nodes(finest.dimensions));
+    for (number, shell) in metadata.shells.iter().enumerate() {
+        let Some(bounds) = shell.bounds else { continue };
+        let larger = (bounds, Nodes(shell.dimensions));
+        let found = format!("{:?} to {:?}", bounds.min, bounds.max);
+        let expected = format!(
+            "a larger box around {:?} to {:?}, with nodes 1.5 to 3 times as far apart",
+            smaller.0.min, smaller.0.max
+        );
+        let fits = bounds.check(&Place::File).is_ok() && is_around(larger, smaller);
+        rules.require(fits, &format!("shells[{number}].bounds"), found, &expected)?;
+        smaller = larger;
+    }
+    Ok(())
+}
+
+/// True if a box holds a smaller one, and its nodes lie about twice as far apart.
+pub fn is_around((bounds, nodes): (Bounds, Nodes), (smaller, finer): (Bounds, Nodes)) -> bool {
+    let holds = bounds.min.iter().zip(smaller.min).all(|(&low, inner)| low <= inner)
+        && bounds.max.iter().zip(smaller.max).all(|(&high, inner)| high >= inner);
+    let spacings = nodes.spacing(&bounds).into_iter().zip(finer.spacing(&smaller));
+    let mut ratios = spacings.map(|(own, finer)| own / finer);
+    bounds != smaller && holds && ratios.all(|ratio| SPACING_RATIOS.contains(&ratio))
+}
+
+/// Rules of one level or shell.
+fn level(metadata: &Metadata, part: usize, limits: &Limits, rules: &mut Rules) -> Result<()> {
+    let Some(level) = metadata.part(part) else { return Ok(()) };
+    let number = metadata.level_of_part(part);
+    let is_shell = part >= metadata.levels.len();
+    let key = |name: &str| match is_shell {
+        true => format!("shells[{}].{name}", number - 1),
+        false => format!("levels[{number}].{name}"),
+    };
     let sizes = level.dimensions;
+    // A shell may have any size; its rules are those of boxes.
+    let finer = match (is_shell, number.checked_sub(1)) {
+        (false, Some(finer)) => {
+            let shell = metadata.shell_of(finer).and_then(|shell| metadata.part(shell));
+            shell.or(metadata.levels.get(finer)).map(|level| level.dimensions)
+        }
+        _ => None,
+    };
+    let found = format!("{:?}", level.bounds);
+    rules.require(level.bounds.is_some() == is_shell, &key("bounds"), found, "those of shells")?;
     let sized = |place: &Place| {
         Nodes::checked(sizes.map(|size| size as u64), limits, place)?;
         match finer {
@@ -107,15 +160,19 @@ fn level(
     let (stored, inherited) = (level.blocks_stored, level.blocks_filled);
     let fits = block && sizes_fit && stored <= level.grid().total();
     rules.require(fits, &key("blocks_stored"), stored, "at most all blocks")?;
-    let coarser = metadata.levels.get(number + 1);
+    let coarser = metadata.coarser(part);
+    // A level and the next coarser one span the same box where neither has a shell between them.
+    let same_box = is_shell || metadata.box_of_part(part) == metadata.box_of_part(number + 1);
     let inherits = coarser.is_some_and(LevelMetadata::has_integer_colors)
+        && same_box
         && level.has_integer_colors()
         && inherited <= stored;
     rules.require(
         inherited == 0 || inherits,
         &key("blocks_filled"),
         inherited,
-        "at most the stored blocks, of a level with a coarser one, both with colours in integers",
+        "at most the stored blocks, of a level with a coarser one of the same box, both with colours in \
+         integers",
     )?;
     rules.require(level.diffuse.is_some(), &key("diffuse"), "null", "an encoding")?;
     let layout = metadata.layout();

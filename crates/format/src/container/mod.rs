@@ -26,10 +26,11 @@ mod prefix;
 mod read;
 mod rules;
 mod runs;
+mod table;
 mod write;
 
 pub use layout::content_checksum;
-pub use metadata_rules::{LARGEST_BLOCK, check_metadata};
+pub use metadata_rules::{LARGEST_BLOCK, check_metadata, is_around};
 pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
 pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};

@@ -4,7 +4,7 @@ use super::Container;
 use super::json::from_canonical;
 use super::layout::{ATLASES, ChunkKind, Entry, MASK, PROVENANCE, TABLE, VMLP};
 use super::write::OtherChunk;
-use super::{mask, network, rules, runs};
+use super::{mask, network, rules, runs, table};
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked, strict};
@@ -28,19 +28,26 @@ impl Container {
             let mut budget = Budget::new(&self.limits);
             let (view_mlp, free_space) = self.head(&mut budget, &mut strict)?;
             let mut metadata = self.metadata.clone();
-            let mut levels = Vec::<BakedLevel>::new();
-            for (number, level) in metadata.levels.iter_mut().enumerate().rev() {
-                levels.push(if number < finest {
+            let mut parts: Vec<Option<BakedLevel>> = self.metadata.parts().map(|_| None).collect();
+            let missing = || Error::malformed(Place::File, "missing chunks", "a whole container");
+            for part in self.metadata.parts_in_file() {
+                let number = self.metadata.level_of_part(part);
+                let coarser = parts.get(number + 1).and_then(Option::as_ref);
+                let coarser = coarser.filter(|_| number + 1 < self.metadata.levels.len());
+                let read = if number < finest {
+                    let level = metadata.parts_mut().nth(part).ok_or_else(missing)?;
                     (level.blocks_stored, level.blocks_filled) = (0, 0);
                     empty_level(level, &mut budget)?
                 } else {
-                    let read = self.level(number, levels.last(), &mut budget, &mut strict)?;
-                    let missing =
-                        || Error::malformed(Place::File, "missing chunks", "a whole container");
+                    let read = self.level(part, coarser, &mut budget, &mut strict)?;
                     read.ok_or_else(missing)?
-                });
+                };
+                if let Some(place) = parts.get_mut(part) {
+                    *place = Some(read);
+                }
             }
-            levels.reverse();
+            let levels = parts.into_iter().map(|part| part.ok_or_else(missing));
+            let levels = levels.collect::<Result<Vec<BakedLevel>>>()?;
             Ok(BakedField { metadata, view_mlp, free_space, levels, finest })
         };
         self.in_file(read())
@@ -51,31 +58,38 @@ impl Container {
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
         let mut coarser = None;
-        for level in (0..self.metadata.levels.len()).rev() {
+        for part in self.metadata.parts_in_file() {
             let mut budget = Budget::new(&self.limits);
-            coarser = self.level(level, coarser.as_ref(), &mut budget, report)?;
+            let read = self.level(part, coarser.as_ref(), &mut budget, report)?;
+            // A shell and its level are of the same coarser one.
+            if part < self.metadata.levels.len() {
+                coarser = read;
+            }
         }
         Ok(())
     }
 
-    /// Reads everything level by level: `visit` gets each level in turn, coarsest first, so that
-    /// only one is in memory, beside the coarser one that inherited blocks need. Chunks of no level
-    /// are not read: [`Self::read_head`] does.
-    pub fn for_each_level(
+    /// Reads everything part by part: `visit` gets the number of each part and the part, coarsest
+    /// first, so that only one is in memory, beside the coarser level that inherited blocks need.
+    /// Chunks of no level are not read: [`Self::read_head`] does.
+    pub fn for_each_part(
         &self,
         mut visit: impl FnMut(usize, &BakedLevel) -> Result<()>,
     ) -> Result<()> {
         let mut coarser = None;
-        for level in (0..self.metadata.levels.len()).rev() {
+        for part in self.metadata.parts_in_file() {
             let mut budget = Budget::new(&self.limits);
-            let read = self.level(level, coarser.as_ref(), &mut budget, &mut strict);
-            coarser = self.in_file(read)?;
-            coarser.as_ref().map_or(Ok(()), |read| visit(level, read))?;
+            let read = self.level(part, coarser.as_ref(), &mut budget, &mut strict);
+            let read = self.in_file(read)?;
+            read.as_ref().map_or(Ok(()), |read| visit(part, read))?;
+            if part < self.metadata.levels.len() {
+                coarser = read;
+            }
         }
         Ok(())
     }
 
-    /// Reads and decodes one level, 0 being the finest.
+    /// Reads and decodes one level, 0 being the finest, without its shell.
     pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
         // Inherited blocks need the coarser levels, as far as those have inherited blocks too.
         let levels = &self.metadata.levels;
@@ -158,7 +172,7 @@ impl Container {
         Ok((view_mlp, free_space))
     }
 
-    /// A level, whose inherited blocks are made from the `coarser` one.
+    /// A part, whose inherited blocks are made from the `coarser` level.
     fn level(
         &self,
         number: usize,
@@ -166,13 +180,14 @@ impl Container {
         budget: &mut Budget,
         report: &mut Report,
     ) -> Result<Option<BakedLevel>> {
-        let Some(level) = self.metadata.levels.get(number) else { return Ok(None) };
+        let Some(level) = self.metadata.part(number) else { return Ok(None) };
         let Some(entry) = self.entry(TABLE, Some(number)) else { return Ok(None) };
         let (asked, place) = (level.grid().total() as u64, entry.place());
+        let in_runs = !self.metadata.shells.is_empty();
         let table = self.with_chunk(entry, budget, report, |bytes, budget, report| {
             let table =
                 limits::check(LimitName::Blocks, "blocks", asked, self.limits.blocks, &place)
-                    .and_then(|()| read_table(level, bytes, &place, budget));
+                    .and_then(|()| table::read(level, in_runs, bytes, &place, budget));
             checked(table, Code::Table, report)
         })?;
         let Some(table) = table else { return Ok(None) };
@@ -201,7 +216,7 @@ impl Container {
         budget: &mut Budget,
         report: &mut Report,
     ) -> Result<Option<Codes>> {
-        let level = self.metadata.levels.get(number);
+        let level = self.metadata.part(number);
         let Some((level, encoding)) = level.and_then(|l| l.encoding(group).map(|e| (l, e))) else {
             return Ok(None);
         };
@@ -228,9 +243,8 @@ impl Container {
         coarser: Option<&BakedLevel>,
         budget: &mut Budget,
     ) -> Result<Option<Codes>> {
-        let metadata = |number: usize| self.metadata.levels.get(number);
         let (Some(level), Some(coarser_metadata), Some(coarser)) =
-            (metadata(number), metadata(number + 1), coarser)
+            (self.metadata.part(number), self.metadata.coarser(number), coarser)
         else {
             return Ok(None);
         };
@@ -251,30 +265,4 @@ fn empty_level(level: &LevelMetadata, budget: &mut Budget) -> Result<BakedLevel>
     let table = Table::new(level.grid(), vec![Occupancy::Empty; total])?;
     let codes = |group| level.encoding(group).map(|encoding| Codes::zeroed(encoding.number, 0));
     Ok(BakedLevel { table, atlases: Group::ALL.map(codes) })
-}
-
-fn read_table(
-    level: &LevelMetadata,
-    bytes: &[u8],
-    place: &Place,
-    budget: &mut Budget,
-) -> Result<Table> {
-    let grid = level.grid();
-    budget.spend(2 * grid.total() as u64, "bytes of tables", place)?;
-    let ids = runs::decompress(bytes, grid.total(), place)?;
-    let mut occupancy = Vec::with_capacity(ids.len());
-    for (block, id) in ids.into_iter().enumerate() {
-        occupancy.push(Occupancy::from_id(id).ok_or_else(|| {
-            let found = format!("occupancy {id} of block {block}");
-            Error::malformed(place.clone(), found, "0 (empty), 1 (stored) or 2 (inherited)")
-        })?);
-    }
-    let table = Table::new(grid, occupancy)?;
-    if table.frames() == level.blocks_stored && table.inherited() == level.blocks_filled {
-        return Ok(table);
-    }
-    let found =
-        format!("{} stored blocks, {} of them inherited", table.frames(), table.inherited());
-    let expected = format!("{}, {} of them inherited", level.blocks_stored, level.blocks_filled);
-    Err(Error::malformed(place.clone(), found, expected))
 }

@@ -5,7 +5,7 @@
 use super::layout::{
     ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
     HEADER_BYTES, Header, INHERITED_BLOCKS, KNOWN_FEATURE_BITS, KNOWN_FEATURES, LINEAR_VALUES,
-    MASK, META, PROVENANCE, TABLE, VERSION, VMLP,
+    MASK, META, NESTED_BOXES, PROVENANCE, TABLE, VERSION, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
@@ -101,7 +101,7 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
 
 /// The features that a reader of the metadata's file must know.
 pub fn required_features(metadata: &Metadata) -> u64 {
-    let inherits = metadata.levels.iter().any(|level| level.blocks_filled > 0);
+    let inherits = metadata.parts().any(|level| level.blocks_filled > 0);
     let linear = metadata.color_domain() == ColorDomain::Linear
         || metadata.activation.function != DensityFunction::Softplus
         || metadata.march.sampled.is_some()
@@ -114,6 +114,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
         (bends, BENT_RULE),
         (metadata.has_directional(), DIRECTIONAL),
         (metadata.has_anisotropy(), ANISOTROPY),
+        (!metadata.shells.is_empty(), NESTED_BOXES),
     ];
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
@@ -142,8 +143,10 @@ pub fn contents(
     let network = metadata.view.as_ref().and_then(ViewMetadata::network);
     expected.extend(network.map(|_| (VMLP, None)));
     expected.extend(metadata.free_space.then_some((MASK, None)));
-    for (number, level) in metadata.levels.iter().enumerate().rev() {
-        let number = u32::try_from(number).ok();
+    for part in metadata.parts_in_file() {
+        let (Some(level), number) = (metadata.part(part), u32::try_from(part).ok()) else {
+            continue;
+        };
         expected.push((TABLE, number));
         let groups = Group::ALL.into_iter().zip(ATLASES);
         let present = groups.filter(|&(group, _)| level.encoding(group).is_some());
@@ -153,12 +156,13 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that, but only of levels that exist. Unknown
+    // Ancillary chunks may stand anywhere after that, but only of parts that exist. Unknown
     // critical ones were reported.
+    let parts = metadata.parts().count();
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
             PROVENANCE => entry.level.is_none(),
-            _ => entry.level.is_none_or(|level| (level as usize) < metadata.levels.len()),
+            _ => entry.level.is_none_or(|level| (level as usize) < parts),
         };
         if entry.is_critical() { !is_known(entry.kind) } else { fits }
     };
@@ -205,7 +209,7 @@ fn prefixes(
 /// Bytes from the file's start after which a level renders: its own chunks and all coarser ones;
 /// where coarser levels hold no density, the whole file.
 pub fn level_prefix(entries: &[Entry], metadata: &Metadata, level: u32, file_length: u64) -> u64 {
-    if metadata.levels.iter().any(|level| level.density.is_none()) {
+    if metadata.parts().any(|level| level.density.is_none()) {
         return file_length;
     }
     let own = entries.iter().filter(|entry| entry.level == Some(level));

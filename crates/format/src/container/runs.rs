@@ -221,7 +221,7 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
 }
 
 /// Inflates a run, which states its length, of at most `max_bytes` bytes.
-fn decompress_run(bytes: &[u8], max_bytes: usize, place: &Place) -> Result<Vec<u8>> {
+pub(super) fn decompress_run(bytes: &[u8], max_bytes: usize, place: &Place) -> Result<Vec<u8>> {
     let stated = zstd::zstd_safe::get_frame_content_size(bytes).ok().flatten();
     let stated = stated.and_then(|length| usize::try_from(length).ok());
     match stated.filter(|&length| length <= max_bytes) {

@@ -7,8 +7,8 @@ use super::layout::{
 };
 use super::metadata_rules::check_metadata;
 use super::rules::{level_prefix, required_features};
-use super::runs::{EncodedAtlas, compress};
-use super::{mask, network};
+use super::runs::EncodedAtlas;
+use super::{mask, network, table};
 use crate::base::bytes::ByteSink;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
@@ -82,7 +82,7 @@ impl Content<'_> {
     }
 }
 
-/// Writes a container of these levels, finest first, to `output` and returns its directory.
+/// Writes a container of these levels, finest first, and of shells after them, to `output` and returns its directory.
 pub fn write(
     head: &Head,
     levels: &[EncodedLevel],
@@ -167,12 +167,14 @@ fn chunks<'a>(head: &Head, levels: &'a [EncodedLevel]) -> Result<Vec<Chunk<'a>>>
         })
     };
     chunks.extend(others(None));
-    for (number, level) in levels.iter().enumerate().rev() {
-        let number = u32::try_from(number)
-            .map_err(|_| Error::new(ErrorKind::Overflow { what: "level" }, Place::File))?;
+    for part in head.metadata.parts_in_file() {
+        let overflow = || Error::new(ErrorKind::Overflow { what: "level" }, Place::File);
+        let level = levels.get(part).ok_or_else(overflow)?;
+        let number = u32::try_from(part).map_err(|_| overflow())?;
         let level_chunk = |kind, content| Chunk { kind, level: Some(number), content };
-        let occupancy: Vec<u8> = level.table.occupancy().iter().map(|block| block.id()).collect();
-        chunks.push(level_chunk(TABLE, Content::Bytes(compress(&occupancy, head.zstd_level)?)));
+        let in_runs = !head.metadata.shells.is_empty();
+        let bytes = table::to_bytes(&level.table, in_runs, head.zstd_level)?;
+        chunks.push(level_chunk(TABLE, Content::Bytes(bytes)));
         for ((_, kind), atlas) in Group::ALL.iter().zip(ATLASES).zip(&level.atlases) {
             if let Some(atlas) = atlas {
                 chunks.push(level_chunk(kind, Content::Atlas(atlas)));

@@ -88,6 +88,19 @@ impl Activation {
     }
 }
 
+/// Voxels of level 0, which has so many `nodes` in `bounds`, along the edges of a box around it.
+pub fn voxels_along(nodes: Nodes, bounds: &Bounds, outer: &Bounds) -> [f64; 3] {
+    let (own, outer_extent) = (bounds.extent(), outer.extent());
+    std::array::from_fn(|axis| {
+        let nodes = nodes.0[axis] as f64;
+        if own[axis] == outer_extent[axis] {
+            nodes
+        } else {
+            nodes * (outer_extent[axis] / own[axis])
+        }
+    })
+}
+
 impl March {
     /// Steps of this length in voxels, through all of the box and from the camera on, of which all
     /// count.
@@ -108,6 +121,10 @@ impl March {
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
     /// counts samples in f32, whose whole numbers end at 2^24.
     pub const MAX_SAMPLES: u32 = 1 << 20;
+
+    /// Steps of level 0 through the outermost of nested boxes, at most. Samples are farther apart in
+    /// the larger boxes, so a ray has far fewer; numbers of steps are whole numbers of f32.
+    pub const MAX_NESTED_STEPS: u32 = 1 << 24;
 
     /// The interval that opacities are stated over, in world units.
     pub fn interval_length(&self) -> f64 {
@@ -149,7 +166,12 @@ impl March {
 
     /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {
-        let [x, y, z] = nodes.0.map(|size| size as f64 + 1.0);
+        self.last_sample_of(nodes.0.map(|size| size as f64))
+    }
+
+    /// The same in a box that is so many voxels of level 0 long.
+    pub fn last_sample_of(&self, voxels: [f64; 3]) -> f64 {
+        let [x, y, z] = voxels.map(|size| size + 1.0);
         ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
     }
 
@@ -159,6 +181,23 @@ impl March {
     /// # Errors
     /// `Malformed`, with the key as its place.
     pub fn check(&self, nodes: Nodes) -> Result<()> {
+        self.check_steps(self.last_sample(nodes), Self::MAX_SAMPLES)
+    }
+
+    /// The same in nested boxes, of at most [`Self::MAX_NESTED_STEPS`]. Level 0 has so many `nodes`
+    /// in `bounds`; the outermost box is `outer`.
+    ///
+    /// # Errors
+    /// `Malformed`, with the key as its place.
+    pub fn check_nested(&self, nodes: Nodes, bounds: &Bounds, outer: &Bounds) -> Result<()> {
+        if bounds == outer {
+            return self.check(nodes);
+        }
+        let samples = self.last_sample_of(voxels_along(nodes, bounds, outer));
+        self.check_steps(samples, Self::MAX_NESTED_STEPS)
+    }
+
+    fn check_steps(&self, samples: f64, most: u32) -> Result<()> {
         let edges = self.voxel.into_iter().flatten().map(|edge| ("voxel", edge));
         let lengths = [("stepsize", self.stepsize), ("voxel_size", self.voxel_size)];
         for (key, length) in lengths.into_iter().chain(edges) {
@@ -167,12 +206,11 @@ impl March {
                 return Err(Error::malformed(place, length.to_string(), "a positive number"));
             }
         }
-        let samples = self.last_sample(nodes);
-        if samples <= f64::from(Self::MAX_SAMPLES) {
+        if samples <= f64::from(most) {
             return Ok(());
         }
         let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
-        let expected = format!("steps of which a ray takes at most {}", Self::MAX_SAMPLES);
+        let expected = format!("steps of which a ray takes at most {most}");
         Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
     }
 }

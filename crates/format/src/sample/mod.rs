@@ -24,6 +24,6 @@ pub use field::SampleLevels;
 pub use level::{Cell, Values, interpolated_density, split};
 pub use point::{Sample, brightness, depth, is_sampled, on_faces, sample_at, world_of};
 pub use sampler::{Sampler, check_level};
-pub use skip::{Macro, OccupiedMacroCells, SkipGrid};
+pub use skip::{CellPlace, Macro, OccupiedMacroCells, SkipGrid};
 pub use sparse::Sparse;
 pub use view::View;

@@ -61,7 +61,7 @@ pub fn world_of(view: &View, share: [f64; 3]) -> [f64; 3] {
 pub fn is_sampled(view: &View, world: [f64; 3], share: [f64; 3]) -> bool {
     let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
     let inside = sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
-    inside && view.free_space.as_ref().is_none_or(|mask| mask.contains(world))
+    inside && view.keeps_at(world, share)
 }
 
 /// Optical depth over one interval at a place in shares of the box.
@@ -71,11 +71,13 @@ pub fn depth<const C: usize>(
     share: [f64; 3],
     level: usize,
 ) -> f32 {
+    let number = view.box_at(share);
+    let part = values.part(level.max(number), number);
     // A level without density has level 0's.
-    let owner = if values.density_level(level) { level } else { 0 };
+    let owner = if values.density_level(part) { part } else { 0 };
     values.locate(owner, share).map_or(0.0, |cell| {
         let density = values.density(owner, &cell, &[0.0; ANISOTROPY]);
-        optical_depth(density, values.density_domain(owner), view)
+        values.depth_scale(owner) * optical_depth(density, values.density_domain(owner), view)
     })
 }
 
@@ -87,8 +89,10 @@ pub fn sample_at<const C: usize>(
     level: usize,
 ) -> Sample {
     let inside = is_sampled(view, world, share);
-    let cell = |level| if inside { values.locate(level, share) } else { None };
     let depth = if inside { depth(view, values, share, level) } else { 0.0 };
+    let number = view.box_at(share);
+    let level = values.part(level.max(number), number);
+    let cell = |level| if inside { values.locate(level, share) } else { None };
     let mut values =
         cell(level).map_or_else(|| values.empty_color(level), |cell| values.color(level, &cell));
     let channels = 3 + view.features;

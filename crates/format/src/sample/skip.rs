@@ -8,7 +8,7 @@
 use super::free_cells::touched_cells;
 use crate::base::error::Result;
 use crate::model::baked::DensityDomain;
-use crate::model::grid::{BlockGrid, Bounds, Nodes};
+use crate::model::grid::{BlockGrid, Bounds, BoxFrame, Nodes};
 use crate::model::scene::{Activation, FreeSpace, Lookup};
 
 use super::interpolated_density;
@@ -46,24 +46,50 @@ pub struct SkipGrid {
     masked: Option<Vec<bool>>,
 }
 
+/// The place of a level's cells among the finest ones of a box: along each axis, that of the level's
+/// first node, and the finest cells in one of the level's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellPlace(pub [[f64; 2]; 3]);
+
+impl CellPlace {
+    /// Of a level of `nodes` over the same box.
+    pub fn same_box(nodes: Nodes, finest: Nodes) -> Self {
+        let cells = |axis: usize| (finest.0[axis] - 1) as f64 / (nodes.0[axis] - 1) as f64;
+        Self([0, 1, 2].map(|axis| [0.0, cells(axis)]))
+    }
+
+    /// Of a level of `nodes` over the box `own`, among those of `finest` nodes over the box `of`.
+    pub fn between(nodes: Nodes, own: &BoxFrame, finest: Nodes, of: &BoxFrame) -> Self {
+        let along = |axis: usize| {
+            let cells = (finest.0[axis] - 1) as f64 * of.scale[axis];
+            let first = (own.offset[axis] - of.offset[axis]) * cells;
+            [first, cells / (own.scale[axis] * (nodes.0[axis] - 1) as f64)]
+        };
+        Self([0, 1, 2].map(along))
+    }
+}
+
 /// The macro cells that a level occupies.
 pub struct OccupiedMacroCells {
     grid: BlockGrid,
+    place: CellPlace,
     limit: f32,
     blocks: Vec<bool>,
 }
 
 impl OccupiedMacroCells {
-    /// For a level of `nodes` whose densities mean `domain`; the finest level has `finest`.
+    /// For a level of `nodes` whose densities mean `domain`, at a `place` of the box whose finest
+    /// nodes are `finest`.
     pub fn new(
         nodes: Nodes,
         finest: Nodes,
+        place: CellPlace,
         domain: DensityDomain,
         activation: &Activation,
     ) -> Self {
         let grid = BlockGrid { nodes, edge: macro_edge(finest) };
         let limit = interpolated_density(activation, domain, domain.invisible(activation));
-        Self { grid, limit, blocks: vec![false; grid.total()] }
+        Self { grid, place, limit, blocks: vec![false; grid.total()] }
     }
 
     /// Marks the macro cells around node `at` if `density`, in the form that is interpolated, is
@@ -93,7 +119,7 @@ impl OccupiedMacroCells {
 
     /// The macro cells of the finest level, of `finest` nodes, that this level occupies.
     pub fn finish(self, finest: Nodes) -> Vec<bool> {
-        mark_blocks(&self.blocks, self.grid, finest)
+        mark_blocks(&self.blocks, self.grid, self.place, finest)
     }
 }
 
@@ -247,18 +273,24 @@ fn sweep(distances: &mut [u8], [nx, ny, nz]: [usize; 3]) {
 
 /// Marks the macro cells that a level's marked blocks overlap; a block holds the cells whose lowest
 /// nodes it holds.
-fn mark_blocks(blocks: &[bool], grid: BlockGrid, finest: Nodes) -> Vec<bool> {
+fn mark_blocks(
+    blocks: &[bool],
+    grid: BlockGrid,
+    CellPlace(place): CellPlace,
+    finest: Nodes,
+) -> Vec<bool> {
     let (counts, macro_edge) = (macro_counts(finest), macro_edge(finest));
     let BlockGrid { nodes, edge } = grid;
     // First and one past the last macro cell that block i of an axis overlaps.
     let range = |axis: usize, i: usize| {
-        let to_macro = (finest.0[axis] - 1) as f64 / (macro_edge * (nodes.0[axis] - 1)) as f64;
-        let low = (i * edge) as f64 * to_macro;
-        let high = ((i + 1) * edge).min(nodes.0[axis] - 1) as f64 * to_macro;
+        let [first, cells] = place[axis].map(|cells| cells / macro_edge as f64);
+        let low = first + (i * edge) as f64 * cells;
+        let high = first + ((i + 1) * edge).min(nodes.0[axis] - 1) as f64 * cells;
         // Ends are multiples of 1 / (macro edge * cells), so rounding is less than this: cells that
         // only touch do not overlap.
         let (start, end) = ((low + 1e-9) as usize, (high - 1e-9).ceil() as usize);
-        (start.min(counts[axis] - 1), end.min(counts[axis]))
+        // A block beside the box overlaps none.
+        (start.min(end).min(counts[axis]), end.min(counts[axis]))
     };
     let mut marked = vec![false; counts.iter().product()];
     for (block, _) in blocks.iter().enumerate().filter(|(_, marked)| **marked) {

@@ -6,7 +6,7 @@
 //! the next block is not stored the apron holds the level's empty values.
 
 use super::level::{Cell, Values, split};
-use super::skip::{OccupiedMacroCells, SkipGrid};
+use super::skip::{CellPlace, OccupiedMacroCells, SkipGrid};
 use super::{SampleLevels, interpolated_density};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -16,7 +16,7 @@ use crate::model::baked::{
     BakedField, BakedLevel, ColorLayout, DensityDomain, Group, LevelMetadata, Metadata,
 };
 use crate::model::directional::DIRECTIONAL;
-use crate::model::grid::Nodes;
+use crate::model::grid::{BlockGrid, BoxFrame, Nodes};
 use crate::model::scene::Activation;
 use crate::quantize::decode_codes;
 
@@ -26,12 +26,18 @@ const NO_FRAME: u32 = u32::MAX;
 /// Sparse levels.
 #[derive(Debug)]
 pub struct Sparse<const C: usize> {
-    levels: Vec<Level<C>>,
-    skip: SkipGrid,
+    /// Levels, then shells.
+    parts: Vec<Level<C>>,
+    levels: usize,
+    /// By nested box.
+    skip: Vec<SkipGrid>,
 }
 
 #[derive(Debug)]
 struct Level<const C: usize> {
+    /// Place in the box of everything, where that is another one.
+    frame: Option<BoxFrame>,
+    depth_scale: f32,
     sizes: [usize; 3],
     /// For each node along each axis, its addend to the number of its block, and to its own number
     /// in its frame: divisions that rays would repeat.
@@ -48,41 +54,79 @@ struct Level<const C: usize> {
 impl<const C: usize> Sparse<C> {
     /// Decodes `field`.
     pub fn new(field: &BakedField, limits: &Limits) -> Result<Self> {
-        let Metadata { activation, bounds, .. } = &field.metadata;
+        let Metadata { activation, bounds, levels, .. } = &field.metadata;
         let layout = field.metadata.layout();
         if layout.color_channels() > C {
             let found = format!("{} colour channels", layout.color_channels());
             return Err(Error::unsupported(Place::File, found, format!("at most {C}")));
         }
         let mut budget = Budget::new(limits);
-        let mut levels = Vec::new();
-        let mut occupied: Vec<Vec<bool>> = Vec::new();
-        let Some(finest) = field.metadata.levels.first().map(|level| level.grid().nodes) else {
-            return Err(Error::malformed(Place::File, "no levels", "at least one"));
-        };
-        for (level, metadata) in field.levels.iter().zip(&field.metadata.levels) {
-            let decoded = Level::new(level, metadata, activation, layout, &mut budget)?;
-            let own = decoded.occupied(level, metadata, finest, activation);
-            let own = own.map(|cells| cells.finish(finest));
-            // A level of colour alone shows level 0's density.
-            occupied.extend(own.or_else(|| occupied.first().cloned()));
-            levels.push(decoded);
+        let boxes = BoxFrame::of_boxes(&field.metadata.boxes());
+        let mut parts = Vec::new();
+        for (part, (level, metadata)) in field.levels.iter().zip(field.metadata.parts()).enumerate()
+        {
+            let frame = boxes.get(field.metadata.box_of_part(part)).copied();
+            let mut own = Level::new(level, metadata, frame, activation, layout, &mut budget)?;
+            if own.values.domain != DensityDomain::Raw {
+                let number = field.metadata.box_of_part(part);
+                own.depth_scale = libm::exp2(-(number as f64)) as f32;
+            }
+            parts.push(own);
         }
-        let mask = field.free_space.as_ref();
-        let skip = SkipGrid::new(finest, bounds, mask, &occupied)?;
-        Ok(Self { levels, skip })
+        if levels.is_empty() {
+            return Err(Error::malformed(Place::File, "no levels", "at least one"));
+        }
+        let mut sparse = Self { parts, levels: levels.len(), skip: Vec::new() };
+        for number in 0..boxes.len().max(1) {
+            let finest = Nodes(sparse.parts[sparse.part(number, number)].sizes);
+            let mask = field.free_space.as_ref().filter(|_| number == 0);
+            let occupied = sparse.occupied(field, number, boxes.get(number), finest);
+            sparse.skip.push(SkipGrid::new(finest, bounds, mask, &occupied)?);
+        }
+        Ok(sparse)
+    }
+
+    /// The macro cells of a nested box that its levels occupy, from the box's number on.
+    fn occupied(
+        &self,
+        field: &BakedField,
+        number: usize,
+        frame: Option<&BoxFrame>,
+        finest: Nodes,
+    ) -> Vec<Vec<bool>> {
+        let activation = &field.metadata.activation;
+        let mut occupied: Vec<Vec<bool>> = Vec::new();
+        for level in number..self.levels {
+            let part = self.part(level, number);
+            let (own, codes) = (&self.parts[part], &field.levels[part]);
+            let nodes = Nodes(own.sizes);
+            let place = match (&own.frame, frame) {
+                (Some(own), Some(frame)) => CellPlace::between(nodes, own, finest, frame),
+                _ => CellPlace::same_box(nodes, finest),
+            };
+            let edge = field.metadata.part(part).map_or(1, |level| level.block_size);
+            let cells =
+                OccupiedMacroCells::new(nodes, finest, place, own.values.domain, activation);
+            let cells = own.occupied(codes, edge, cells).map(|cells| cells.finish(finest));
+            // A level of colour alone shows level 0's density.
+            occupied.extend(cells.or_else(|| occupied.first().cloned()));
+        }
+        occupied
     }
 }
 
 impl<const C: usize> SampleLevels<C> for Sparse<C> {
     fn levels(&self) -> usize {
-        self.levels.len()
+        self.levels
     }
 
     #[inline(always)]
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
-        let level = &self.levels[level];
-        let [px, py, pz] = position;
+        let level = &self.parts[level];
+        let [px, py, pz] = match &level.frame {
+            None => position,
+            Some(frame) => frame.place_within(position),
+        };
         let [sx, sy, sz] = level.sizes;
         let [(x, fx), (y, fy), (z, fz)] = [split(px, sx), split(py, sy), split(pz, sz)];
         let [xs, ys, zs] = &level.parts;
@@ -97,32 +141,36 @@ impl<const C: usize> SampleLevels<C> for Sparse<C> {
 
     #[inline(always)]
     fn density(&self, level: usize, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32 {
-        self.levels[level].values.density(cell, along)
+        self.parts[level].values.density(cell, along)
     }
 
     #[inline(always)]
     fn color(&self, level: usize, cell: &Cell) -> [f32; C] {
-        self.levels[level].values.color(cell)
+        self.parts[level].values.color(cell)
     }
 
     fn density_level(&self, level: usize) -> bool {
-        self.levels.get(level).is_some_and(|level| level.values.density.is_some())
+        self.parts.get(level).is_some_and(|level| level.values.density.is_some())
     }
 
     fn density_domain(&self, level: usize) -> DensityDomain {
-        self.levels[level].values.domain
+        self.parts[level].values.domain
+    }
+
+    fn depth_scale(&self, part: usize) -> f32 {
+        self.parts[part].depth_scale
     }
 
     fn empty_density(&self, level: usize) -> f32 {
-        self.levels[level].empty_density
+        self.parts[level].empty_density
     }
 
     fn empty_color(&self, level: usize) -> [f32; C] {
-        self.levels[level].empty_color
+        self.parts[level].empty_color
     }
 
-    fn skip(&self) -> &SkipGrid {
-        &self.skip
+    fn skip(&self, number: usize) -> &SkipGrid {
+        &self.skip[number]
     }
 }
 
@@ -130,6 +178,7 @@ impl<const C: usize> Level<C> {
     fn new(
         level: &BakedLevel,
         metadata: &LevelMetadata,
+        frame: Option<BoxFrame>,
         activation: &Activation,
         layout: ColorLayout,
         budget: &mut Budget,
@@ -206,6 +255,8 @@ impl<const C: usize> Level<C> {
             (0..grid.nodes.0[axis]).map(part).collect()
         });
         Ok(Self {
+            frame,
+            depth_scale: 1.0,
             sizes: grid.nodes.0,
             parts,
             frames,
@@ -216,17 +267,15 @@ impl<const C: usize> Level<C> {
         })
     }
 
-    /// The macro cells in which the level is visible; none if it has no density.
+    /// Marks the macro cells in which the level is visible; none if it has no density.
     fn occupied(
         &self,
         level: &BakedLevel,
-        metadata: &LevelMetadata,
-        finest: Nodes,
-        activation: &Activation,
+        edge: usize,
+        mut cells: OccupiedMacroCells,
     ) -> Option<OccupiedMacroCells> {
         let density = self.values.density.as_ref()?;
-        let grid = metadata.grid();
-        let mut cells = OccupiedMacroCells::new(grid.nodes, finest, self.values.domain, activation);
+        let grid = BlockGrid { nodes: Nodes(self.sizes), edge };
         let [plane, row] = self.values.strides;
         let mut anisotropy = self.values.anisotropy.chunks_exact(self.frame_nodes);
         for (place, frame) in level.table.stored().zip(density.chunks_exact(self.frame_nodes)) {

@@ -2,15 +2,19 @@
 
 use crate::base::error::{Place, Result};
 use crate::model::baked::{BakedField, Blend, LevelOfDetail, StepRule};
-use crate::model::grid::{Bounds, Nodes};
-use crate::model::scene::{Activation, ColorDomain, FreeSpace, March};
+use crate::model::grid::{Bounds, BoxFrame, Nodes};
+use crate::model::scene::{Activation, ColorDomain, FreeSpace, March, voxels_along};
 use crate::model::view_dependence::ViewDependence;
 
 /// Everything but the values between nodes.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// The box.
+    /// The box of everything.
     pub bounds: Bounds,
+    /// The box of level 0.
+    pub finest_bounds: Bounds,
+    /// Places of nested boxes in `bounds`, that of level 0 first; empty where all levels span it.
+    pub boxes: Vec<BoxFrame>,
     /// Nodes of level 0.
     pub nodes: Nodes,
     /// Density to opacity.
@@ -48,7 +52,9 @@ impl View {
     pub fn of_baked(field: &BakedField) -> Self {
         let metadata = &field.metadata;
         Self {
-            bounds: metadata.bounds,
+            bounds: metadata.outer_bounds(),
+            finest_bounds: metadata.bounds,
+            boxes: BoxFrame::of_boxes(&metadata.boxes()),
             nodes: metadata.levels[0].grid().nodes,
             activation: metadata.activation,
             march: metadata.march,
@@ -73,11 +79,25 @@ impl View {
     /// `Malformed`, with the rule as its place.
     pub fn check(&self) -> Result<()> {
         self.bounds.check(&Place::Key("bounds".to_owned()))?;
-        self.march.check(self.nodes)?;
+        self.march.check_nested(self.nodes, &self.finest_bounds, &self.bounds)?;
         match &self.view_dependence {
             Some(view) => view.check(self.features, &Place::Key("view dependence".to_owned())),
             None => Ok(()),
         }
+    }
+
+    /// Voxels of level 0 along the box of everything.
+    pub fn voxels(&self) -> [f64; 3] {
+        voxels_along(self.nodes, &self.finest_bounds, &self.bounds)
+    }
+
+    /// The number of the smallest box that holds a place in shares of the box of everything: no level
+    /// before it shows anything there.
+    pub fn box_at(&self, share: [f64; 3]) -> usize {
+        let within =
+            |frame: &BoxFrame| frame.place(share).iter().all(|at| (0.0..=1.0).contains(at));
+        let found = self.boxes.iter().position(within);
+        found.unwrap_or(self.boxes.len().saturating_sub(1))
     }
 
     /// Takes another step length, in voxels; the interval goes with it.
@@ -87,12 +107,18 @@ impl View {
         self.march.stepsize = stepsize;
     }
 
-    /// True if the free-space mask keeps a sample at a place in shares of the box.
+    /// True if the free-space mask keeps a sample at a place in shares of the box. The mask is that of
+    /// level 0's box; it keeps everything outside.
     pub fn keeps(&self, position: [f64; 3]) -> bool {
-        let Some(free_space) = &self.free_space else { return true };
         let extent = self.bounds.extent();
         let world =
             [0, 1, 2].map(|axis| f64::from(self.bounds.min[axis]) + position[axis] * extent[axis]);
-        free_space.contains(world)
+        self.keeps_at(world, position)
+    }
+
+    /// The same of a position in world units, and in shares of the box.
+    pub fn keeps_at(&self, world: [f64; 3], share: [f64; 3]) -> bool {
+        let Some(free_space) = &self.free_space else { return true };
+        self.box_at(share) > 0 || free_space.contains(world)
     }
 }

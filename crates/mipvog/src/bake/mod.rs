@@ -32,6 +32,7 @@ mod levels;
 mod max_bytes;
 mod max_error;
 mod memory;
+mod nested;
 pub mod option_rules;
 mod option_table;
 mod options;

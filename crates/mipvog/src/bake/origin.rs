@@ -61,7 +61,11 @@ impl Origin {
         sum.update(self.digest);
         density.iter().for_each(|checksum| sum.update(checksum.to_le_bytes()));
         let mut piece = Vec::new();
-        for grid in &field.color {
+        for shell in &field.shells {
+            add_density(&shell.density, &mut sum)?;
+        }
+        let shells = field.shells.iter().flat_map(|shell| &shell.color);
+        for grid in field.color.iter().chain(shells) {
             let volume = match grid {
                 Grid::Array(volume) => volume,
                 Grid::Values(values) => {
@@ -95,6 +99,21 @@ impl Origin {
             "assumptions": self.assumptions,
         })
     }
+}
+
+/// Adds the checksum of all densities of a shell to a digest.
+fn add_density(density: &Grid, sum: &mut Sha256) -> Result<()> {
+    let volume = match density {
+        Grid::Values(values) => return values.digest(&mut |bytes| sum.update(bytes)),
+        Grid::Array(volume) => volume,
+    };
+    let mut checksum = crc32fast::Hasher::new();
+    let mut plane = vec![0.0; volume.nodes.0[1] * volume.nodes.0[2]];
+    for x in 0..volume.nodes.0[0] {
+        density.read_plane(0, x, &mut plane, |bytes| checksum.update(bytes))?;
+    }
+    sum.update(checksum.finalize().to_le_bytes());
+    Ok(())
 }
 
 /// Kind of the input that a container is packed again from.

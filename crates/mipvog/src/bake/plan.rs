@@ -86,6 +86,7 @@ pub fn metadata(
     let level = |(number, table): (usize, &Table)| LevelMetadata {
         dimensions: table.grid().nodes.0,
         block_size: options.block_size,
+        bounds: None,
         blocks_stored: table.frames(),
         blocks_filled: 0,
         density: (number == 0 || filter.has_density()).then(|| density(number)),
@@ -110,5 +111,6 @@ pub fn metadata(
         alpha_threshold: options.alpha_threshold,
         filter: filter.name().to_owned(),
         levels: tables.iter().enumerate().map(level).collect(),
+        shells: Vec::new(),
     }
 }

@@ -5,7 +5,7 @@ use super::importance::LevelImportance;
 use super::report::Stages;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
-use crate::levels::{Visible, visible};
+use crate::levels::{Light, Visible, visible};
 use crate::model::field::{Planes, RadianceField};
 use crate::model::grid::Nodes;
 use crate::view::render::{CameraCoverage, Renderer, camera_coverage};
@@ -36,12 +36,36 @@ impl<'a> Prepared<'a> {
         stages: &mut Stages,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        Self::find(field, options, false, stages, progress)
+    }
+
+    /// The same of a box of a world, where light comes from empty space too.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn lit_inside(
+        field: &'a RadianceField,
+        options: &BakeOptions,
+        stages: &mut Stages,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        Self::find(field, options, true, stages, progress)
+    }
+
+    fn find(
+        field: &'a RadianceField,
+        options: &BakeOptions,
+        lit_inside: bool,
+        stages: &mut Stages,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let filter = &*options.filter;
         let sizes = filter.level_sizes(field.scene.nodes, options.levels);
         let planes = visible::masked_planes(field, options.nonfinite, progress)?;
-        let nearby = options.is_seen_nearby();
+        let light = Light { importance: options.is_seen_nearby(), from_inside: lit_inside };
         let mut visible =
-            Visible::find(&planes, &sizes, filter, options.alpha_threshold, nearby, progress)?;
+            Visible::find(&planes, &sizes, filter, options.alpha_threshold, light, progress)?;
         stages.end("prune", visible.bytes_read);
         let mut importance = Vec::new();
         if options.sees() {

@@ -209,6 +209,21 @@ impl Stages {
         self.clock = Instant::now();
     }
 
+    /// Makes one stage of those of the same name, in the place of the first.
+    pub(super) fn join_same(&mut self) {
+        let mut joined: Vec<StageReport> = Vec::new();
+        for stage in self.list.drain(..) {
+            match joined.iter_mut().find(|other| other.name == stage.name) {
+                Some(same) => {
+                    same.seconds += stage.seconds;
+                    same.bytes += stage.bytes;
+                }
+                None => joined.push(stage),
+            }
+        }
+        self.list = joined;
+    }
+
     /// Starts the stage at work anew: the time until now belongs to none.
     pub(super) fn restart(&mut self) {
         self.clock = Instant::now();

@@ -16,7 +16,9 @@ use super::quality::{errors_of, nearby_coarseness_of};
 use super::ranges::EncodingChoice;
 use super::report::{Stages, level_reports, prune_reports};
 use super::run_store::RunStore;
-use super::{BakeOptions, BakeReport, ErrorBound, FitReport, MaxErrors, Origin, edit, plan};
+use super::{
+    BakeOptions, BakeReport, ErrorBound, FitReport, MaxErrors, Origin, edit, nested, plan,
+};
 use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::{Place, Result};
 use crate::base::progress::{Progress, Step};
@@ -42,7 +44,12 @@ pub fn bake(
 ) -> Result<BakeReport> {
     options.check()?;
     field.check()?;
-    field.scene.nodes.check_planes(options.block_size, &options.limits, &Place::File)?;
+    for lattice in field.lattices() {
+        lattice.nodes.check_planes(options.block_size, &options.limits, &Place::File)?;
+    }
+    if !field.shells.is_empty() {
+        return nested::bake(field, options, origin, output, progress);
+    }
     let mut stages = Stages::start();
     let memory = MemoryPlan::of_bake(field, options)?;
     let Prepared { planes, sizes, mut visible, importance } =
@@ -208,7 +215,7 @@ impl Precision {
     }
 
     /// So many times that of the preset `web`.
-    fn of_factor(factor: f64, options: &BakeOptions) -> Self {
+    pub fn of_factor(factor: f64, options: &BakeOptions) -> Self {
         let moved_codes = match options.is_seen_nearby() {
             true => nearby_coarseness_of(factor),
             false => options.coarseness,

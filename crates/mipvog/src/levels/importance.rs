@@ -24,7 +24,7 @@ use crate::model::grid::Nodes;
 
 /// The share of lost light that is there again behind an empty node: after four nodes there are
 /// two thirds.
-const RECOVERY: f32 = 0.25;
+pub const RECOVERY: f32 = 0.25;
 
 /// The importance of the nodes of a grid.
 #[derive(Debug, Clone, PartialEq)]

@@ -56,5 +56,5 @@ pub use plane::{Plane, PlaneSink, PlaneSource};
 pub use pyramid::{Content, Pyramid};
 pub use required::RequiredNodes;
 pub use source::{FieldPass, ReadSummary, Verify};
-pub use visibility::{OpticalDepthGrid, Visibility};
+pub use visibility::{Light, OpticalDepthGrid, Visibility};
 pub use visible::{Visible, VisibleLevel};

@@ -8,8 +8,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::pyramid::SLAB;
 use super::{
-    AlphaDomain, Content, Direction, FieldPass, LevelFilter, OpticalDepthGrid, Plane, PlaneSink,
-    PlaneSource, Pyramid, RequiredNodes, Verify, Visibility,
+    AlphaDomain, Content, Direction, FieldPass, LevelFilter, Light, OpticalDepthGrid, Plane,
+    PlaneSink, PlaneSource, Pyramid, RequiredNodes, Verify, Visibility,
 };
 use crate::base::error::Result;
 use crate::base::lock::lock;
@@ -47,8 +47,8 @@ pub struct OpacitySearch<'a> {
     pub filter: &'a dyn LevelFilter,
     /// What coarser levels show otherwise from each side.
     pub direction: Option<Direction>,
-    /// True if the importance of nodes to viewers nearby is measured beside visibility.
-    pub importance: bool,
+    /// That by which visibility is measured.
+    pub light: Light,
     /// Raw density of the threshold at level 0, and alpha of it at coarser levels where alpha is
     /// averaged.
     pub thresholds: Vec<f32>,
@@ -77,7 +77,7 @@ impl OpacitySearch<'_> {
         let bent = self.direction.is_some_and(|direction| direction.moments.is_some());
         let depths = domain.filter(|_| self.sizes.len() > 1).map(|domain| {
             let grid = OpticalDepthGrid::new(domain, self.sizes, extent);
-            grid.with_bent_normals(bent).with_importance(self.importance)
+            grid.with_bent_normals(bent).with_light(self.light)
         });
         let occupied = domain.map(|domain| (domain.empty_up_to(), self.empty_mask(0)));
         let mut bits = OpacityBits {

@@ -22,7 +22,7 @@ use std::sync::{Mutex, PoisonError};
 use multiversion::multiversion;
 
 use super::AlphaDomain;
-use super::importance::NodeImportance;
+use super::importance::{NodeImportance, RECOVERY};
 use super::transmittance::{BentNormals, NEGLIGIBLE, PlaneLight, TransmittanceSweep};
 use crate::base::error::Result;
 use crate::base::lock::lock;
@@ -48,8 +48,17 @@ pub struct OpticalDepthGrid {
     depths: Vec<Mutex<Vec<f32>>>,
     /// True if bent normals are found too.
     bent: bool,
-    /// True if importance is found too.
-    importance: bool,
+    light: Light,
+}
+
+/// The light by which visibility is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Light {
+    /// True if the importance of nodes to viewers nearby is found too.
+    pub importance: bool,
+    /// True if light comes from empty space inside the box too, and not from outside alone: then what
+    /// surrounds a viewer is visible.
+    pub from_inside: bool,
 }
 
 impl OpticalDepthGrid {
@@ -59,7 +68,7 @@ impl OpticalDepthGrid {
         let nodes = sizes[level];
         let spacing = [0, 1, 2].map(|axis| (extent[axis] / (nodes.0[axis] - 1) as f64) as f32);
         let depths = (0..nodes.0[0]).map(|_| Mutex::default()).collect();
-        Self { domain, level, nodes, spacing, depths, bent: false, importance: false }
+        Self { domain, level, nodes, spacing, depths, bent: false, light: Light::default() }
     }
 
     /// Finds bent normals too, if `bent`.
@@ -68,10 +77,10 @@ impl OpticalDepthGrid {
         Self { bent, ..self }
     }
 
-    /// Finds importance too, if `importance`.
+    /// Measures by this light.
     #[must_use]
-    pub fn with_importance(self, importance: bool) -> Self {
-        Self { importance, ..self }
+    pub fn with_light(self, light: Light) -> Self {
+        Self { light, ..self }
     }
 
     /// The level on which light is followed, of levels of `sizes`.
@@ -100,14 +109,15 @@ impl OpticalDepthGrid {
     ///
     /// None of its own.
     pub fn visibility(self) -> Result<Visibility> {
-        let Self { nodes, spacing, depths, bent, importance, .. } = self;
+        let Self { nodes, spacing, depths, bent, light, .. } = self;
         let depths = depths.into_iter().map(|plane| {
             let plane = plane.into_inner().unwrap_or_else(PoisonError::into_inner);
             if plane.is_empty() { vec![0.0; nodes.0[1] * nodes.0[2]] } else { plane }
         });
         let depths: Vec<Vec<f32>> = depths.collect();
-        let sweep = TransmittanceSweep { nodes, spacing, depths: &depths, recovery: 0.0 };
-        let importance = importance.then(|| NodeImportance::nearby(sweep)).transpose()?;
+        let recovery = if light.from_inside { RECOVERY } else { 0.0 };
+        let sweep = TransmittanceSweep { nodes, spacing, depths: &depths, recovery };
+        let importance = light.importance.then(|| NodeImportance::nearby(sweep)).transpose()?;
         let mut light = sweep.run(bent)?;
         parallel::map_mut(&mut light, |_, PlaneLight { sums, .. }| {
             for share in sums {

@@ -15,7 +15,7 @@
 use super::filter::LevelFilter;
 use super::free_space::masked_share;
 use super::opacity::{Opacity, OpacitySearch};
-use super::{Direction, OpticalDepthGrid, Visibility};
+use super::{Direction, Light, OpticalDepthGrid, Visibility};
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent, Step};
 use crate::model::field::{
@@ -73,8 +73,7 @@ pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
 
 impl Visible {
     /// Finds the visible nodes of `sizes.len()` levels. `alpha_threshold` is opacity over one
-    /// interval, above 0 and below 1. `importance` asks for the importance of nodes to viewers
-    /// nearby, where visibility is measured.
+    /// interval, above 0 and below 1. `light` is that by which visibility is measured.
     ///
     /// # Errors
     ///
@@ -84,7 +83,7 @@ impl Visible {
         sizes: &[Nodes],
         filter: &dyn LevelFilter,
         alpha_threshold: f32,
-        importance: bool,
+        light: Light,
         progress: &dyn Progress,
     ) -> Result<Self> {
         let field = planes.field();
@@ -100,7 +99,7 @@ impl Visible {
         let thresholds = (0..filtered.len()).map(threshold).collect();
         let direction = Direction::of(filter, field);
         let search =
-            OpacitySearch { planes, sizes: filtered, filter, direction, importance, thresholds };
+            OpacitySearch { planes, sizes: filtered, filter, direction, light, thresholds };
         progress.begin(Step::Prune, (search.passes() * sizes[0].0[0]) as u64);
         let Opacity { opaque, occupied, visibility, nonfinite, checksums, bytes_read } =
             search.run(progress)?;
@@ -189,8 +188,8 @@ pub fn visibility(
     let sizes = &sizes[..=OpticalDepthGrid::level(sizes).max(1)];
     let thresholds = vec![f32::INFINITY; sizes.len()];
     let direction = Direction::of(filter, planes.field());
-    let importance = false;
-    let search = OpacitySearch { planes, sizes, filter, direction, importance, thresholds };
+    let light = Light::default();
+    let search = OpacitySearch { planes, sizes, filter, direction, light, thresholds };
     Ok(search.run(&Silent)?.visibility)
 }
 

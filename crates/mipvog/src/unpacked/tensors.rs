@@ -100,7 +100,7 @@ pub fn append_all(
     let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
     append_small(view_mlp.as_ref(), free_space.as_ref(), output)?;
     progress.begin(Step::Decode, metadata.levels.len() as u64);
-    container.for_each_level(|number, level| {
+    container.for_each_part(|number, level| {
         progress.advance(Step::Decode, 1);
         if progress.cancelled() {
             return Err(Error::cancelled());

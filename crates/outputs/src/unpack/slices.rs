@@ -39,7 +39,7 @@ pub fn write_slices(
     let wanted = |number: usize| levels.is_empty() || levels.contains(&number);
     // A damaged container is refused before the first file is written.
     container.read_head()?;
-    container.for_each_level(|_, _| Ok(()))?;
+    container.for_each_part(|_, _| Ok(()))?;
     let path = |number: usize, name: &str| folder.join(format!("level{number}.{name}"));
     for (number, level) in metadata.levels.iter().enumerate().filter(|(n, _)| wanted(*n)) {
         for name in (0..level.dimensions[0]).flat_map(|x| names(level, format, x)) {
@@ -52,7 +52,7 @@ pub fn write_slices(
     let mut made = Provisional::default();
     made.create_folder(folder)?;
     let made = Mutex::new(made);
-    container.for_each_level(|number, level| {
+    container.for_each_part(|number, level| {
         let Some(level_metadata) = metadata.levels.get(number).filter(|_| wanted(number)) else {
             return Ok(());
         };

@@ -14,7 +14,7 @@ pub struct BakedField {
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, where dropping it would show.
     pub free_space: Option<FreeSpace>,
-    /// Finest first.
+    /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<BakedLevel>,
     /// The finest level that was read; 0 but for a prefix of a container. Levels before it are
     /// empty.
@@ -31,14 +31,15 @@ impl BakedField {
         let refuse = |key: String, found: &str, expected: &str| {
             Err(Error::malformed(Place::Key(key), found, expected))
         };
-        if self.levels.len() != self.metadata.levels.len() || self.finest >= self.levels.len() {
+        let parts = self.metadata.parts().count();
+        if self.levels.len() != parts || self.finest >= self.metadata.levels.len() {
             return refuse(
                 "levels".to_owned(),
                 "another number of levels",
                 "those of the metadata",
             );
         }
-        for (number, (level, metadata)) in self.levels.iter().zip(&self.metadata.levels).enumerate()
+        for (number, (level, metadata)) in self.levels.iter().zip(self.metadata.parts()).enumerate()
         {
             let key = || format!("levels[{number}]");
             if level.table.grid() != metadata.grid() {

@@ -85,6 +85,9 @@ pub struct LevelMetadata {
     pub dimensions: [usize; 3],
     /// Nodes along a block's edge.
     pub block_size: usize,
+    /// The box of a shell; left out of levels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<Bounds>,
     /// Stored blocks, those whose colours are inherited among them.
     pub blocks_stored: usize,
     /// Blocks whose colours are inherited from the next coarser level; left out where there are
@@ -116,7 +119,7 @@ pub struct LevelMetadata {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
-    /// The box that every level spans, in training axes.
+    /// The box of level 0, and without shells of every level, in training axes.
     pub bounds: Bounds,
     /// Raw density to opacity.
     pub activation: Activation,
@@ -146,6 +149,9 @@ pub struct Metadata {
     pub filter: String,
     /// Fine to coarse.
     pub levels: Vec<LevelMetadata>,
+    /// What lies around the box of level 0, from level 1 on; left out where nothing does.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shells: Vec<LevelMetadata>,
 }
 
 /// View-dependent colour.

@@ -4,7 +4,7 @@ use super::generated::{Encoding, LevelMetadata, Metadata, NetworkMetadata, ViewM
 use super::harmonics::HarmonicsMetadata;
 use super::{ColorLayout, Decode, DensityDomain, Group};
 use crate::model::activate;
-use crate::model::grid::{BlockGrid, Nodes};
+use crate::model::grid::{BlockGrid, Bounds, Nodes};
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 use crate::model::scene::ColorDomain;
 use crate::model::view_dependence::ViewDependence;
@@ -51,6 +51,71 @@ impl Metadata {
             directional: self.has_directional(),
             anisotropy: self.has_anisotropy(),
         }
+    }
+
+    /// Levels and shells: all that has a table and atlases. Part `k` is level `k`; after the levels
+    /// come the shells of levels 1, 2 and so on.
+    pub fn parts(&self) -> impl Iterator<Item = &LevelMetadata> {
+        self.levels.iter().chain(&self.shells)
+    }
+
+    /// The same, to be changed.
+    pub fn parts_mut(&mut self) -> impl Iterator<Item = &mut LevelMetadata> {
+        self.levels.iter_mut().chain(&mut self.shells)
+    }
+
+    /// A part by its number.
+    pub fn part(&self, number: usize) -> Option<&LevelMetadata> {
+        self.parts().nth(number)
+    }
+
+    /// The number of the level that a part belongs to.
+    pub fn level_of_part(&self, part: usize) -> usize {
+        if part < self.levels.len() { part } else { part - self.levels.len() + 1 }
+    }
+
+    /// The number of a level's shell among the parts, if it has one.
+    pub fn shell_of(&self, level: usize) -> Option<usize> {
+        (1..=self.shells.len()).contains(&level).then(|| self.levels.len() + level - 1)
+    }
+
+    /// The next coarser level of a part.
+    pub fn coarser(&self, part: usize) -> Option<&LevelMetadata> {
+        self.levels.get(self.level_of_part(part) + 1)
+    }
+
+    /// Numbers of the parts in the order of a file: coarse to fine, a shell before its level.
+    pub fn parts_in_file(&self) -> impl Iterator<Item = usize> {
+        (0..self.levels.len())
+            .rev()
+            .flat_map(|level| self.shell_of(level).into_iter().chain([level]))
+    }
+
+    /// The boxes, smallest first: that of level 0, then those of shells.
+    pub fn boxes(&self) -> Vec<Bounds> {
+        let shells = self.shells.iter().map(|shell| shell.bounds.unwrap_or(self.bounds));
+        std::iter::once(self.bounds).chain(shells).collect()
+    }
+
+    /// The number of the box that a part spans: a shell's own, and of a level that of the next finer
+    /// one.
+    pub fn box_of_part(&self, part: usize) -> usize {
+        match part < self.levels.len() {
+            true => part.saturating_sub(1).min(self.shells.len()),
+            false => self.level_of_part(part),
+        }
+    }
+
+    /// The box of everything.
+    pub fn outer_bounds(&self) -> Bounds {
+        self.level_bounds(self.shells.len())
+    }
+
+    /// The box that a level spans with its shell.
+    pub fn level_bounds(&self, level: usize) -> Bounds {
+        let shell = level.min(self.shells.len()).checked_sub(1);
+        let shell = shell.and_then(|shell| self.shells.get(shell));
+        shell.and_then(|shell| shell.bounds).unwrap_or(self.bounds)
     }
 
     /// True if a level has directional brightness.

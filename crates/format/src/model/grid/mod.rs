@@ -6,10 +6,12 @@
 mod cells;
 mod element;
 mod mask;
+mod nested;
 pub mod row;
 mod size;
 
 pub use cells::CellMask;
 pub use element::Element;
 pub use mask::NodeMask;
+pub use nested::BoxFrame;
 pub use size::{BlockGrid, Bounds, Nodes};

@@ -14,7 +14,7 @@ use crate::model::camera::Ray;
 use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::Workspace;
-use crate::view::render::{ColorRule, Path, Route, View};
+use crate::view::render::{ColorRule, Path, Route, RouteSample, View};
 use crate::view::sample::{Cell, Dense, SampleLevels};
 
 /// Optical depth from which a ray ends: a part in 400 of the light is left.
@@ -158,15 +158,21 @@ impl<'a, const C: usize> Rays<'a, C> {
         let (k, lambda, intervals) = ([0.0; PACKET], [0.0; PACKET], [0.0; PACKET]);
         let mut packet = Packet { count: 0, k, lambda, intervals };
         let taken = [as_good_as_random(ray) % self.every, self.every].map(f64::from);
-        route.walk(self.view, self.field.skip(), taken, |k, lambda, intervals| {
-            let at = packet.count;
-            (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
-            packet.count += 1;
-            if packet.count == PACKET {
-                composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
-            }
-            sums.depth < OPAQUE_DEPTH
-        });
+        route.walk(
+            self.view,
+            |number| self.field.skip(number),
+            taken,
+            |sample| {
+                let RouteSample { k, lambda, intervals, .. } = sample;
+                let at = packet.count;
+                (packet.k[at], packet.lambda[at], packet.intervals[at]) = (k, lambda, intervals);
+                packet.count += 1;
+                if packet.count == PACKET {
+                    composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
+                }
+                sums.depth < OPAQUE_DEPTH
+            },
+        );
         composite(self, &rule, &route.path, &mut packet, &mut sums, samples);
         let left = sums.left;
         rule.finish(&mut sums.color);

@@ -223,6 +223,33 @@ pub fn verify_crc32<'h>(
     Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
 }
 
+impl Grid {
+    /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Others may be
+    /// filled or left as they are. Returns the bytes that were read.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn read_region(
+        &self,
+        channel: usize,
+        x: usize,
+        region: &[u64],
+        out: &mut [f32],
+    ) -> Result<u64> {
+        let volume = match self {
+            Self::Array(volume) => volume,
+            Self::Values(values) => return values.read(channel, x, region, out),
+        };
+        let (nz, mut bytes, mut scratch) = (volume.nodes.0[2], 0, Vec::new());
+        for run in runs(volume, region) {
+            let at = [x, run.start / nz, run.start % nz];
+            let count = |stored: &[u8]| bytes += stored.len() as u64;
+            volume.read_run(channel, at, &mut out[run], &mut scratch, count)?;
+        }
+        Ok(bytes)
+    }
+}
+
 /// Runs of consecutive values of a plane that cover the region, short gaps bridged.
 fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     let [_, ny, nz] = volume.nodes.0;

@@ -3,6 +3,7 @@
 use super::{Activation, ColorDomain, DensityFunction, FreeSpace, Grid, Lattice, Scene, Shell};
 use crate::base::error::{Error, Place, Result};
 use crate::base::progress::Progress;
+use crate::model::grid::{Bounds, BoxFrame};
 use crate::model::harmonics::Harmonics;
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
@@ -58,9 +59,10 @@ impl RadianceField {
         require(opaque, "activation", found, "a finite shift and a positive interval")?;
         let shifted = function == DensityFunction::Relu && shift != 0.0;
         require(!shifted, "activation", format!("relu with shift {shift}"), "no shift")?;
-        march.check(*nodes)?;
+        let outer = self.outer_bounds();
+        march.check_nested(*nodes, bounds, &outer)?;
         let found = format!("{:?}", march.sampled);
-        require(march.samples_within(bounds), "march.sampled", found, "a box within the field's")?;
+        require(march.samples_within(&outer), "march.sampled", found, "a box within the field's")?;
         let found = format!("{} channels", self.density.channels());
         require(self.density.channels() == 1, "density", found, "one channel")?;
         let found = format!("{} channels", self.color_channels());
@@ -100,9 +102,40 @@ impl RadianceField {
         Ok(())
     }
 
+    /// The boxes of level 0 and of shells.
+    fn boxes(&self) -> Vec<Bounds> {
+        self.lattices().iter().map(|lattice| lattice.bounds).collect()
+    }
+
+    /// The box of everything.
+    pub fn outer_bounds(&self) -> Bounds {
+        self.shells.last().map_or(self.scene.bounds, |shell| shell.lattice.bounds)
+    }
+
+    /// Places of the boxes in that of everything; empty where there is one box.
+    pub fn frames(&self) -> Vec<BoxFrame> {
+        BoxFrame::of_boxes(&self.boxes())
+    }
+
+    /// A shell as a field of its own, in one box; none if there is no such shell. The first is
+    /// number 1.
+    pub fn of_shell(&self, number: usize) -> Option<Self> {
+        let Shell { lattice, density, color } = self.shells.get(number.checked_sub(1)?)?;
+        let mut scene = self.scene.clone();
+        (scene.bounds, scene.nodes, scene.march.sampled) = (lattice.bounds, lattice.nodes, None);
+        Some(Self {
+            scene,
+            density: density.clone(),
+            color: color.clone(),
+            free_space: None,
+            shells: Vec::new(),
+            ..self.clone()
+        })
+    }
+
     /// The box of level 0 with its nodes.
     pub const fn lattice(&self) -> Lattice {
-        Lattice::first(self.scene.bounds, self.scene.nodes)
+        Lattice::new(self.scene.bounds, self.scene.nodes)
     }
 
     /// The boxes of all levels that have one of their own, level 0's first.

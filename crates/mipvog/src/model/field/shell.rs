@@ -1,16 +1,14 @@
 //! The world around a field's box: boxes around each other, whose nodes are ever farther apart.
 //!
 //! Level 0 spans the field's own box. A *shell* is the box of a coarser level that reaches farther:
+//! box `k` holds box `k - 1`, and its nodes lie about twice as far apart. A shell shows what lies
+//! outside the next smaller box. It has values at all of its nodes, so that those around the smaller
+//! box's faces are there; an average over the cell of a node, as far as the trained model is finer.
 //!
-//! ```text
-//! box k holds box k - 1, and its nodes lie twice as far apart
-//! node i of box k - 1 is node inner + i / 2 of box k, for even i
-//! ```
-//!
-//! So every second node of a box is one of the next box, the faces of a box lie on nodes of the next
-//! one, and each box but the last has an odd number of nodes along each axis. A shell has values at
-//! all of its nodes, those within the smaller box among them: averages over the cell of a node, as
-//! far as the trained model is finer there.
+//! Nothing is lost where every second node of a box is one of the next box: [`Lattice::doubled`]
+//! places boxes so, around one with an odd number of nodes along each axis.
+
+use mipvog_format::container::is_around;
 
 use super::Grid;
 use crate::base::error::{Error, Place, Result};
@@ -23,39 +21,30 @@ pub struct Lattice {
     pub bounds: Bounds,
     /// Nodes along each axis.
     pub nodes: Nodes,
-    /// The node at the lowest corner of the next smaller box; 0 for the first.
-    pub inner: [usize; 3],
 }
 
 impl Lattice {
-    /// The first box.
-    pub const fn first(bounds: Bounds, nodes: Nodes) -> Self {
-        Self { bounds, nodes, inner: [0; 3] }
-    }
-
-    /// Nodes of the next box that lie in this one.
-    pub fn shared(&self) -> [usize; 3] {
-        self.nodes.0.map(|size| size / 2 + 1)
+    /// A box with its nodes.
+    pub const fn new(bounds: Bounds, nodes: Nodes) -> Self {
+        Self { bounds, nodes }
     }
 
     /// A box twice as large with about as many nodes, an odd number of them, around this one.
     pub fn doubled(&self) -> Self {
-        let (spacing, shared) = (self.nodes.spacing(&self.bounds), self.shared());
-        // As many nodes on both sides: one more than half as many as are added in all.
-        let inner = std::array::from_fn(|axis| (self.nodes.0[axis] + 1 - shared[axis]) / 2);
-        let nodes = std::array::from_fn(|axis| shared[axis] + 2 * inner[axis]);
-        let nodes = Nodes(nodes.map(|size: usize| size | 1));
-        let mut bounds = self.bounds;
+        let spacing = self.nodes.spacing(&self.bounds);
+        let (mut bounds, mut nodes) = (self.bounds, self.nodes);
         for axis in 0..3 {
-            let step = 2.0 * spacing[axis];
-            let low = f64::from(self.bounds.min[axis]) - inner[axis] as f64 * step;
+            let (step, shared) = (2.0 * spacing[axis], self.nodes.0[axis] / 2 + 1);
+            let below = (self.nodes.0[axis] + 1 - shared) / 2;
+            nodes.0[axis] = (shared + 2 * below) | 1;
+            let low = f64::from(self.bounds.min[axis]) - below as f64 * step;
             bounds.min[axis] = low as f32;
             bounds.max[axis] = (low + (nodes.0[axis] - 1) as f64 * step) as f32;
         }
-        Self { bounds, nodes, inner }
+        Self { bounds, nodes }
     }
 
-    /// The position of a node.
+    /// The position of a node in world units.
     pub fn position(&self, node: [usize; 3]) -> [f64; 3] {
         let spacing = self.nodes.spacing(&self.bounds);
         std::array::from_fn(|axis| {
@@ -69,30 +58,19 @@ impl Lattice {
     /// `Malformed`.
     pub fn check_around(&self, smaller: &Self, place: &Place) -> Result<()> {
         self.bounds.check(place)?;
-        let (own, other) =
-            (self.nodes.spacing(&self.bounds), smaller.nodes.spacing(&smaller.bounds));
-        let fits = (0..3).all(|axis| {
-            let low = self.position(self.inner)[axis] - f64::from(smaller.bounds.min[axis]);
-            smaller.nodes.0[axis] % 2 == 1
-                && self.inner[axis] + smaller.shared()[axis] <= self.nodes.0[axis]
-                && (own[axis] - 2.0 * other[axis]).abs() <= ROUNDED * own[axis]
-                && low.abs() <= ROUNDED * own[axis]
-        });
-        if fits {
+        if is_around((self.bounds, self.nodes), (smaller.bounds, smaller.nodes)) {
             return Ok(());
         }
-        let found = format!(
-            "{:?} nodes in {:?} to {:?}, of which {:?} is the first of the smaller box",
-            self.nodes.0, self.bounds.min, self.bounds.max, self.inner
+        let describe = |of: &Self| format!("{:?} to {:?}", of.bounds.min, of.bounds.max);
+        let found = format!("{} with {:?} nodes", describe(self), self.nodes.0);
+        let expected = format!(
+            "a larger box around {} with {:?} nodes, whose nodes are 1.5 to 3 times as far apart",
+            describe(smaller),
+            smaller.nodes.0
         );
-        let expected = "a box whose nodes are twice as far apart, every second node of the smaller \
-                        box among them";
         Err(Error::malformed(place.clone(), found, expected))
     }
 }
-
-/// Corners are float32: nodes of two boxes coincide up to this share of their distance.
-const ROUNDED: f64 = 1e-2;
 
 /// The values of a box around the field's own.
 #[derive(Debug, Clone)]
@@ -120,18 +98,20 @@ mod tests {
     fn boxes_double_around_each_other() {
         for sizes in [[65, 65, 65], [3, 5, 7], [9, 3, 33]] {
             let bounds = Bounds { min: [-1.0, 0.0, 2.0], max: [1.0, 0.5, 4.0] };
-            let mut smaller = Lattice::first(bounds, Nodes(sizes));
+            let mut smaller = Lattice::new(bounds, Nodes(sizes));
             for _ in 0..6 {
                 let larger = smaller.doubled();
                 larger.check_around(&smaller, &Place::File).expect("it fits");
                 for axis in 0..3 {
                     let extents = [larger.bounds.extent()[axis], smaller.bounds.extent()[axis]];
                     assert!(extents[0] >= 1.99 * extents[1], "{sizes:?}: {extents:?}");
+                    let spacing = larger.nodes.spacing(&larger.bounds)[axis];
+                    let shift = f64::from(smaller.bounds.min[axis] - larger.bounds.min[axis]);
+                    assert!((shift / spacing - (shift / spacing).round()).abs() < 1e-4);
                 }
                 smaller = larger;
             }
-            let even = Lattice { nodes: Nodes(smaller.nodes.0.map(|size| size + 1)), ..smaller };
-            assert!(even.doubled().check_around(&even, &Place::File).is_err());
+            assert!(smaller.check_around(&smaller, &Place::File).is_err());
         }
     }
 }

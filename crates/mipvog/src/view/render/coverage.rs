@@ -23,13 +23,13 @@ use glam::DVec3;
 
 use super::march::OPAQUE_DEPTH;
 use super::renderer::{Renderer, with_values};
-use super::route::{EVERY_SAMPLE, Route};
+use super::route::{EVERY_SAMPLE, Route, RouteSample};
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::activate::lanes;
 use crate::model::camera::{Camera, Ray};
-use crate::model::grid::{CellMask, Nodes};
+use crate::model::grid::{Bounds, CellMask, Nodes};
 use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 use crate::view::sample::optical_depth;
@@ -110,7 +110,7 @@ impl Lattice {
     /// None where no part of the box is in front of the camera.
     fn new(view: &View, camera: &Camera) -> Option<Self> {
         let to_camera = camera.to_world.inverse();
-        let (min, max) = (view.bounds.min, view.bounds.max);
+        let Bounds { min, max } = view.finest_bounds;
         let corners: [DVec3; 8] = std::array::from_fn(|i| {
             let corner = DVec3::from_array(std::array::from_fn(|axis| {
                 f64::from(if i >> axis & 1 == 1 { max[axis] } else { min[axis] })
@@ -122,7 +122,8 @@ impl Lattice {
         if !(farthest > 0.0 && farthest.is_finite()) {
             return None;
         }
-        let spacing = view.nodes.spacing(&view.bounds).into_iter().fold(f64::INFINITY, f64::min);
+        let spacing =
+            view.nodes.spacing(&view.finest_bounds).into_iter().fold(f64::INFINITY, f64::min);
         let step = view.march.longest_step();
         // A disc of this radius holds a chord of a step; no point of the plane is farther from a
         // square lattice than its spacing times the root of a half.
@@ -154,7 +155,7 @@ impl Lattice {
         let shares = [share(0), share(1)];
         let across =
             |factor: f64, axis: usize| side(factor, axis) * (shares[axis][1] - shares[axis][0]);
-        let longest = view.bounds.extent().into_iter().fold(0.0, f64::max);
+        let longest = view.finest_bounds.extent().into_iter().fold(0.0, f64::max);
         let max_pixels = (MAX_RAYS_A_CELL * longest / spacing).ceil();
         let factor = max_pixels / across(1.0, 0).max(across(1.0, 1)).max(max_pixels);
         let sides = [side(factor, 0), side(factor, 1)];
@@ -205,23 +206,38 @@ fn follow<const C: usize>(
         let Some(route) = Route::new(view, field.levels(), &ray, None, Some(0)) else { continue };
         let mut depth = 0.0f64;
         samples.clear();
-        route.walk(view, field.skip(), EVERY_SAMPLE, |k, _, intervals| {
-            let position = route.path.position(k);
-            let Some(cell) = field.locate(0, position) else { return true };
-            let density = field.density(0, &cell, &route.path.along);
-            let optical = optical_depth(density, field.density_domain(0), view) * intervals;
-            let opacity = lanes::opacity(optical);
-            if opacity > view.march.alpha_threshold {
-                let weight = opacity * lanes::exp(-depth as f32);
-                let (cell, shares) = corners(view.nodes, position);
-                if weight >= least_weight {
-                    mask.insert(cell);
+        route.walk(
+            view,
+            |number| field.skip(number),
+            EVERY_SAMPLE,
+            |sample| {
+                let RouteSample { k, intervals, number, .. } = sample;
+                let position = route.path.position(k);
+                let part = field.part(number, number);
+                let Some(cell) = field.locate(part, position) else { return true };
+                let density = field.density(part, &cell, &route.path.along);
+                let optical = optical_depth(density, field.density_domain(part), view)
+                    * field.depth_scale(part)
+                    * intervals;
+                let opacity = lanes::opacity(optical);
+                if opacity > view.march.alpha_threshold {
+                    let weight = opacity * lanes::exp(-depth as f32);
+                    depth += f64::from(optical);
+                    if number > 0 {
+                        // Shells hide what is behind them, and are kept as they are.
+                        return depth < OPAQUE_DEPTH;
+                    }
+                    let position =
+                        view.boxes.first().map_or(position, |own| own.place_within(position));
+                    let (cell, shares) = corners(view.nodes, position);
+                    if weight >= least_weight {
+                        mask.insert(cell);
+                    }
+                    samples.push(Weighted { cell, shares, weight });
                 }
-                samples.push(Weighted { cell, shares, weight });
-                depth += f64::from(optical);
-            }
-            depth < OPAQUE_DEPTH
-        });
+                depth < OPAQUE_DEPTH
+            },
+        );
         buffer.add(&samples);
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use super::color_rule::ColorRule;
 use super::packet::{Packet, Sums};
-use super::route::{EVERY_SAMPLE, Route};
+use super::route::{EVERY_SAMPLE, Route, RouteSample};
 use crate::model::activate::lanes;
 use crate::model::camera::Ray;
 use crate::view::sample::SampleLevels;
@@ -47,14 +47,21 @@ pub fn march<const C: usize>(
     let path = &route.path;
     let steps = (path.last - path.first) as u32 + 1;
     let mut packet = Packet::empty();
-    route.walk(view, field.skip(), EVERY_SAMPLE, |k, lambda, interval| {
-        let level = lambda as usize;
-        if packet.refuses(level) {
-            packet.shade(view, field, path, &rule, &mut sums);
-        }
-        packet.push(k, level, lambda - level as f32, interval);
-        sums.depth < OPAQUE_DEPTH
-    });
+    route.walk(
+        view,
+        |number| field.skip(number),
+        EVERY_SAMPLE,
+        |sample| {
+            let RouteSample { k, lambda, intervals, number } = sample;
+            let level = lambda as usize;
+            let part = field.part(level, number);
+            if packet.refuses(part) {
+                packet.shade(view, field, path, &rule, &mut sums);
+            }
+            packet.push(k, [level, part], lambda - level as f32, intervals);
+            sums.depth < OPAQUE_DEPTH
+        },
+    );
     packet.shade(view, field, path, &rule, &mut sums);
     Gathered::of(&sums, &rule, steps)
 }

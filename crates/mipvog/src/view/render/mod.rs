@@ -2,7 +2,8 @@
 //!
 //! One code path above [`crate::view::sample::SampleLevels`]. A [`View`] is the one set of
 //! rules of a trained scene or of a container's metadata; [`route`] walks a ray: level of detail from the
-//! pixel's footprint, jumps over empty space, transmittance as accumulated optical depth;
+//! pixel's footprint, jumps over empty space, transmittance as accumulated optical depth, and
+//! [`nested_route`] the boxes that it passes;
 //! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles
 //! of a picture in parallel and adds the view-dependent colour, many rays at a time. The picture
 //! does not depend on the number of threads.
@@ -12,6 +13,7 @@ mod coverage;
 mod footprint;
 mod frame;
 mod march;
+mod nested_route;
 mod packet;
 mod path;
 mod rays;
@@ -28,6 +30,6 @@ pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
 pub use path::Path;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
-pub use route::Route;
+pub use route::{Route, RouteSample};
 pub use sample::Directions;
 pub use trained::TrainedLevels;

@@ -17,6 +17,8 @@ const PACKET: usize = 16;
 pub struct Packet {
     /// The finer of the levels that the samples blend.
     level: usize,
+    /// The part of the field that shows it.
+    part: usize,
     count: usize,
     k: [f64; PACKET],
     /// Share of the next coarser level.
@@ -52,6 +54,8 @@ struct Located {
     cells: [[Option<Cell>; 2]; PACKET],
     /// Densities of the finer and the coarser level.
     density: [[f32; PACKET]; 2],
+    /// Optical depths of both, times this, are those over one interval.
+    scales: [f32; 2],
     /// Meaning of the finer level's densities.
     domain: DensityDomain,
     /// Meaning of the coarser level's densities, if they are decoded before they are mixed.
@@ -70,20 +74,20 @@ impl Packet {
     /// Without samples.
     pub fn empty() -> Self {
         let (k, blend, intervals) = ([0.0; PACKET], [0.0; PACKET], [1.0; PACKET]);
-        Self { level: 0, count: 0, k, blend, intervals }
+        Self { level: 0, part: 0, count: 0, k, blend, intervals }
     }
 
-    /// True if a sample at `level` has to wait until the packet is shaded.
+    /// True if a sample of a part of the field has to wait until the packet is shaded.
     #[inline(always)]
-    pub fn refuses(&self, level: usize) -> bool {
-        self.count == PACKET || (self.level != level && self.count > 0)
+    pub fn refuses(&self, part: usize) -> bool {
+        self.count == PACKET || (self.part != part && self.count > 0)
     }
 
-    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level` to the
-    /// next.
+    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level`, which a
+    /// part of the field shows, to the next.
     #[inline(always)]
-    pub fn push(&mut self, k: f64, level: usize, blend: f32, intervals: f32) {
-        self.level = level;
+    pub fn push(&mut self, k: f64, [level, part]: [usize; 2], blend: f32, intervals: f32) {
+        (self.level, self.part) = (level, part);
         self.k[self.count] = k;
         self.blend[self.count] = blend;
         self.intervals[self.count] = intervals;
@@ -118,11 +122,13 @@ impl Packet {
         let located = self.locate(view, field, path);
         let count = std::mem::take(&mut self.count);
         sums.samples += count as u32;
+        let [scale, coarser_scale] = located.scales;
         let mut optical = optical_depths(&located.density[0], located.domain, view);
+        optical.iter_mut().for_each(|depth| *depth *= scale);
         if let Some(domain) = located.coarser {
             let coarser = optical_depths(&located.density[1], domain, view);
             for i in 0..PACKET {
-                optical[i] += (coarser[i] - optical[i]) * self.blend[i];
+                optical[i] += (coarser_scale * coarser[i] - optical[i]) * self.blend[i];
             }
         }
         let threshold = view.march.alpha_threshold;
@@ -160,27 +166,28 @@ impl Packet {
         field: &impl SampleLevels<C>,
         path: &Path,
     ) -> Located {
-        let level = self.level;
+        let (level, part) = (self.level, self.part);
         // A level without density has level 0's.
         let owner = |level: usize| if field.density_level(level) { level } else { 0 };
-        let (own, next) = (owner(level), owner(level + 1));
+        let (own, next) = (owner(part), owner(level + 1));
         let (domain, coarser) = (field.density_domain(own), field.density_domain(next));
         let mut located = Located {
             cells: [[None; 2]; PACKET],
             // Cells without stored values are empty.
             density: [[nothing(domain); PACKET], [nothing(coarser); PACKET]],
+            scales: [field.depth_scale(own), field.depth_scale(next)],
             domain,
             coarser: (next != own && view.blend == Blend::AfterActivation).then_some(coarser),
         };
         for i in 0..self.count {
             let position = path.position(self.k[i]);
-            let fine = field.locate(level, position);
+            let fine = field.locate(part, position);
             let coarse = match self.blend[i] > 0.0 {
                 true => field.locate(level + 1, position),
                 false => None,
             };
             located.cells[i] = [fine, coarse];
-            let low_cell = if own == level { fine } else { field.locate(own, position) };
+            let low_cell = if own == part { fine } else { field.locate(own, position) };
             let low = low_cell.map(|cell| field.density(own, &cell, &path.along));
             let blends = self.blend[i] > 0.0 && next != own;
             let high_cell = match blends {
@@ -221,7 +228,7 @@ impl Packet {
             Some(cell) => field.color(level, cell),
             None => field.empty_color(level),
         };
-        let mut color = at(self.level, fine);
+        let mut color = at(self.part, fine);
         if blend == 0.0 {
             rule.activate(&mut color);
             return color;

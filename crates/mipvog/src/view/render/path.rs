@@ -3,6 +3,7 @@
 use crate::model::anisotropy::{ANISOTROPY, functions};
 use crate::model::baked::FootprintNeighbour;
 use crate::model::camera::Ray;
+use crate::model::grid::BoxFrame;
 use crate::view::sample::View;
 
 /// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries
@@ -41,7 +42,7 @@ impl Path {
         let intervals = (step_length / view.march.interval_length()) as f32;
         let (start, step) = samples(view, ray, entry, t_step);
         // The first and the last sample inside, along every axis.
-        let (mut first, mut last) = (0.0f64, view.march.last_sample(view.nodes));
+        let (mut first, mut last) = (0.0f64, view.march.last_sample_of(view.voxels()));
         for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
             let (from, by) = (start[axis], step[axis]);
             if by == 0.0 {
@@ -87,11 +88,36 @@ impl Path {
             FootprintNeighbour::SameDistance => samples(view, other, self.entry, self.t_step),
         };
         // Positions are shares of the box, which is N voxels along an axis.
-        let voxels = |axis: usize| 2.0 * view.nodes.0[axis] as f64;
+        let along = view.voxels();
+        let voxels = |axis: usize| 2.0 * along[axis];
         [
             [0, 1, 2].map(|axis| (start[axis] - self.start[axis]) * voxels(axis)),
             [0, 1, 2].map(|axis| (step[axis] - self.step[axis]) * voxels(axis)),
         ]
+    }
+
+    /// The samples that lie in a nested box, on its faces among them: numbers of the first and the
+    /// last, which need not be whole. None if the ray misses it.
+    pub fn within(&self, frame: &BoxFrame) -> Option<[f64; 2]> {
+        let (start, step) = self.placed_in(frame);
+        let (mut first, mut last) = (self.first, self.last);
+        for (from, by) in start.into_iter().zip(step) {
+            if by == 0.0 {
+                if !(-ON_FACE..=1.0 + ON_FACE).contains(&from) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((-ON_FACE - from) / by, (1.0 + ON_FACE - from) / by);
+            (first, last) = (first.max(a.min(b)), last.min(a.max(b)));
+        }
+        (first <= last).then_some([first, last])
+    }
+
+    /// Sample 0 and the way from one sample to the next in shares of a nested box.
+    pub fn placed_in(&self, frame: &BoxFrame) -> ([f64; 3], [f64; 3]) {
+        let step = [0, 1, 2].map(|axis| self.step[axis] * frame.scale[axis]);
+        (frame.place(self.start), step)
     }
 
     /// Intervals that a step stands for: one, unless voxels are no cubes.

@@ -1,6 +1,7 @@
 //! The samples of a ray that may be visible.
 
 use super::footprint::Footprint;
+use super::nested_route::{Crossings, Region};
 use super::path::Path;
 use crate::model::activate::lanes;
 use crate::model::baked::StepRule;
@@ -11,14 +12,25 @@ use crate::view::sample::{Macro, SkipGrid};
 /// A walk to all samples.
 pub const EVERY_SAMPLE: [f64; 2] = [0.0, 1.0];
 
+/// A sample that may be visible.
+#[derive(Debug, Clone, Copy)]
+pub struct RouteSample {
+    /// Its number.
+    pub k: f64,
+    /// Its level of detail.
+    pub lambda: f32,
+    /// The intervals that it stands for.
+    pub intervals: f32,
+    /// The smallest nested box that it lies in; 0 where there is one box.
+    pub number: usize,
+}
+
 /// A ray's samples and their levels of detail.
 #[derive(Debug, Clone, Copy)]
 pub struct Route {
     /// Positions of samples.
     pub path: Path,
     footprint: Footprint,
-    /// Bounds of the levels of detail; equal where it is one.
-    range: [f32; 2],
 }
 
 impl Route {
@@ -40,59 +52,94 @@ impl Route {
             }
             _ => Footprint::fixed(view.finest),
         };
-        let range = footprint.range(path.first, path.last);
-        Some(Self { path, footprint, range })
+        Some(Self { path, footprint })
     }
 
-    /// Visits samples front to back with their number, level of detail and the intervals that each
-    /// stands for, until a visit says no. `[from, every]` leaves out so many samples at the entry,
-    /// and takes one of so many.
+    /// Visits samples front to back until a visit says no. `[from, every]` leaves out so many
+    /// samples at the entry, and takes one of so many. `skip` has the empty space of each nested box.
     #[inline(always)]
-    pub fn walk(
+    pub fn walk<'s>(
+        &self,
+        view: &View,
+        skip: impl Fn(usize) -> &'s SkipGrid,
+        [from, every]: [f64; 2],
+        mut visit: impl FnMut(RouteSample) -> bool,
+    ) {
+        let mut k = self.path.first + from;
+        if view.boxes.is_empty() {
+            let region = Region::whole(&self.path);
+            self.walk_region(view, skip(0), &region, every, k, &mut visit);
+            return;
+        }
+        let crossings = Crossings::new(&self.path, &view.boxes);
+        while k <= self.path.last {
+            let region = crossings.region(&self.path, &view.boxes, k);
+            let next = self.walk_region(view, skip(region.number), &region, every, k, &mut visit);
+            let Some(next) = next else { return };
+            k = next;
+        }
+    }
+
+    /// Visits the samples of a region from `k` on. Returns the number of the sample after them; none
+    /// if a visit said no.
+    #[inline(always)]
+    fn walk_region(
         &self,
         view: &View,
         skip: &SkipGrid,
-        [from, every]: [f64; 2],
-        mut visit: impl FnMut(f64, f32, f32) -> bool,
-    ) {
-        let Self { path, footprint, range: [lowest, highest] } = self;
+        region: &Region,
+        every: f64,
+        mut k: f64,
+        visit: &mut impl FnMut(RouteSample) -> bool,
+    ) -> Option<f64> {
+        let Self { path, footprint } = self;
+        let number = region.number;
+        let least = number as f32;
+        let [lowest, highest] =
+            footprint.range(region.first, region.last).map(|level| level.max(least));
         // Samples between two levels read both.
-        let levels = [*lowest as usize, highest.ceil() as usize];
+        let levels = [lowest as usize - number, highest.ceil() as usize - number];
         let constant = lowest == highest;
         // Steps from one sample to the next, where they do not depend on the sample.
         let steps = match view.step_rule {
-            StepRule::Constant => Some(1.0),
-            StepRule::LevelOfDetail => constant.then(|| lanes::exp2(*lowest)),
+            StepRule::Constant => Some(lanes::exp2(least)),
+            StepRule::LevelOfDetail => constant.then(|| lanes::exp2(lowest)),
         };
-        let faces = skip.faces(path.start, path.step);
-        let mut k = path.first + from;
-        while k <= path.last {
-            let place = skip.place(path.position(k));
+        let faces = skip.faces(region.start, region.step);
+        while k <= region.last {
+            let place = skip.place(region.position(k));
             let state = skip.state(levels, place);
             let distance = if let Macro::Empty(distance) = state { distance } else { 1 };
             let leaves = faces.leaves(place, distance);
             if let (Macro::Empty(_), Some(steps)) = (state, steps) {
                 // The first sample that has left; never the same again, however that is rounded.
                 let steps = f64::from(steps) * every;
-                k += ((leaves.min(path.last + 1.0) - k) / steps).ceil().max(1.0) * steps;
+                let passed = ((leaves.min(region.end) - k) / steps).ceil().max(1.0) * steps;
+                k = region.entered(k + passed - steps, k + passed);
                 continue;
             }
             loop {
-                let lambda = if constant { *lowest } else { footprint.lambda(k) };
-                let steps = every as f32 * steps.unwrap_or_else(|| lanes::exp2(lambda));
+                let lambda = if constant { lowest } else { footprint.lambda(k).max(least) };
+                let mut steps = every as f32 * steps.unwrap_or_else(|| lanes::exp2(lambda));
+                let next = region.entered(k, k + f64::from(steps));
+                if region.is_entered {
+                    steps = (next - k) as f32;
+                }
                 let counts = match state {
                     Macro::Empty(_) => false,
                     Macro::Open => true,
                     Macro::Masked => view.keeps(path.position(k)),
                 };
-                if counts && !visit(k, lambda, steps * path.intervals()) {
-                    return;
+                let intervals = steps * path.intervals();
+                if counts && !visit(RouteSample { k, lambda, intervals, number }) {
+                    return None;
                 }
-                k += f64::from(steps);
-                if k >= leaves || k > path.last {
+                k = next;
+                if k >= leaves || k > region.last {
                     break;
                 }
             }
         }
+        Some(k)
     }
 }

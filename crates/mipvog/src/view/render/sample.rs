@@ -86,14 +86,22 @@ impl Renderer {
     /// True where no place of a part of the box, given by two corners in shares of it, is visible
     /// in a level; false says nothing.
     pub fn is_empty(&self, [low, high]: [[f64; 3]; 2], level: usize) -> bool {
-        let Content::Values(lanes) = self.content() else { return false };
+        let (view, Content::Values(lanes)) = (self.view(), self.content()) else { return false };
         with_values!(lanes, values => {
-            let skip = values.skip();
-            let (low, high) = (skip.place(low), skip.place(high));
+            let number = view.box_at(low);
+            if view.box_at(high) != number {
+                return false;
+            }
+            let skip = values.skip(number);
+            let [low, high] = match view.boxes.get(number) {
+                Some(frame) => [low, high].map(|at| skip.place(frame.place_within(at))),
+                None => [low, high].map(|at| skip.place(at)),
+            };
             let cells = (low[0]..=high[0]).flat_map(|x| {
                 (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]))
             });
             let owner = if values.density_level(level) { level } else { 0 };
+            let owner = owner.max(number) - number;
             cells.into_iter().all(|cell| matches!(skip.state([owner; 2], cell), Macro::Empty(_)))
         })
     }

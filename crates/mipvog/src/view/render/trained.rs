@@ -30,7 +30,9 @@ pub(super) fn view_of(field: &RadianceField, levels: Option<TrainedLevels>) -> V
     let scene = &field.scene;
     let direction = levels.and_then(|levels| Direction::of(levels.filter, field));
     View {
-        bounds: scene.bounds,
+        bounds: field.outer_bounds(),
+        finest_bounds: scene.bounds,
+        boxes: field.frames(),
         nodes: scene.nodes,
         activation: scene.activation,
         march: scene.march,

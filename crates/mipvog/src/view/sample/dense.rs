@@ -3,7 +3,8 @@
 use std::sync::Mutex;
 
 use super::{
-    Cell, OccupiedMacroCells, SampleLevels, SkipGrid, Values, interpolated_density, split,
+    Cell, CellPlace, OccupiedMacroCells, SampleLevels, SkipGrid, Values, interpolated_density,
+    split,
 };
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -19,14 +20,20 @@ use crate::model::anisotropy::ANISOTROPY;
 use crate::model::baked::DensityDomain;
 use crate::model::directional::DIRECTIONAL;
 use crate::model::field::{Nonfinite, RadianceField};
-use crate::model::grid::{NodeMask, Nodes};
+use crate::model::grid::{BoxFrame, NodeMask, Nodes};
 
 /// Dense levels.
 #[derive(Debug)]
 pub struct Dense<const C: usize> {
     nodes: Vec<Nodes>,
+    /// Of levels, then of shells.
     values: Vec<Values<C>>,
-    skip: SkipGrid,
+    /// Nodes and places of shells.
+    shells: Vec<(Nodes, BoxFrame)>,
+    /// The place of level 0, where there are shells.
+    first: Option<BoxFrame>,
+    /// By nested box.
+    skip: Vec<SkipGrid>,
     /// Raw density of empty space.
     empty_raw: f32,
 }
@@ -45,13 +52,18 @@ impl<const C: usize> Dense<C> {
     ///
     /// # Errors
     ///
-    /// Those of reading, values that are not finite, and more memory than `limits` allow.
+    /// Those of reading, values that are not finite, more memory than `limits` allow, and `Usage`
+    /// for coarser levels of a field with shells.
     pub fn new(
         field: &RadianceField,
         filter: Option<(&dyn LevelFilter, usize)>,
         limits: &Limits,
     ) -> Result<Self> {
         let place = Place::File;
+        if filter.is_some() && !field.shells.is_empty() {
+            let message = "a field of nested boxes has no filtered levels before it is baked";
+            return Err(Error::usage(message));
+        }
         let nodes = level_sizes(field.scene.nodes, filter.map_or(1, |(_, count)| count));
         let filter = filter.map(|(filter, _)| filter);
         let direction = filter.and_then(|filter| Direction::of(filter, field));
@@ -88,7 +100,9 @@ impl<const C: usize> Dense<C> {
                 continue;
             };
             let domain = values.domain;
-            let mut cells = OccupiedMacroCells::new(level_nodes, nodes[0], domain, activation);
+            let place = CellPlace::same_box(level_nodes, nodes[0]);
+            let mut cells =
+                OccupiedMacroCells::new(level_nodes, nodes[0], place, domain, activation);
             let [nx, ny, nz] = level_nodes.0;
             let whole = [[0; 3], [nx - 1, ny - 1, nz - 1]];
             for (i, value) in density.iter_mut().enumerate() {
@@ -98,8 +112,18 @@ impl<const C: usize> Dense<C> {
             visible.push(cells.finish(nodes[0]));
         }
         let free_space = field.free_space.as_ref();
-        let skip = SkipGrid::new(nodes[0], &field.scene.bounds, free_space, &visible)?;
-        Ok(Self { nodes, values, skip, empty_raw: activation.empty_raw() })
+        let mut skip = vec![SkipGrid::new(nodes[0], &field.scene.bounds, free_space, &visible)?];
+        let (frames, mut shells) = (field.frames(), Vec::new());
+        for (number, frame) in frames.iter().enumerate().skip(1) {
+            // Each is read as a field of one box.
+            let Some(own) = field.of_shell(number) else { continue };
+            let own = Self::new(&own, None, limits)?;
+            shells.extend(own.nodes.iter().map(|&nodes| (nodes, *frame)));
+            values.extend(own.values);
+            skip.extend(own.skip);
+        }
+        let (first, empty_raw) = (frames.first().copied(), activation.empty_raw());
+        Ok(Self { nodes, values, shells, first, skip, empty_raw })
     }
 }
 
@@ -152,7 +176,14 @@ impl<const C: usize> SampleLevels<C> for Dense<C> {
 
     #[inline(always)]
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell> {
-        let (Nodes([sx, sy, sz]), [px, py, pz]) = (self.nodes[level], position);
+        let shell = level.checked_sub(self.nodes.len());
+        let (Nodes([sx, sy, sz]), [px, py, pz]) = match shell.and_then(|at| self.shells.get(at)) {
+            Some((nodes, frame)) => (*nodes, frame.place_within(position)),
+            None => match &self.first {
+                Some(frame) => (self.nodes[level], frame.place_within(position)),
+                None => (self.nodes[level], position),
+            },
+        };
         let [(x, fx), (y, fy), (z, fz)] = [split(px, sx), split(py, sy), split(pz, sz)];
         Some(Cell { node: (x * sy + y) * sz + z, fraction: [fx, fy, fz] })
     }
@@ -183,8 +214,8 @@ impl<const C: usize> SampleLevels<C> for Dense<C> {
         [0.0; C]
     }
 
-    fn skip(&self) -> &SkipGrid {
-        &self.skip
+    fn skip(&self, number: usize) -> &SkipGrid {
+        &self.skip[number]
     }
 }
 

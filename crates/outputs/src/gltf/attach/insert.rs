@@ -66,7 +66,7 @@ pub fn attach(
 ) -> Result<Attached> {
     // A damaged container is refused here, and not by the renderers that load the asset.
     container.read_head()?;
-    container.for_each_level(|_, _| Ok(()))?;
+    container.for_each_part(|_, _| Ok(()))?;
     let mut field = RadianceField::with_digest(container)?;
     let embedded = asset.chunks().is_some() && !options.external;
     if !embedded {
