@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
-use mipvog::bake::level_reports;
+use mipvog::bake::{level_reports, shell_reports};
 use mipvog::base::bytes::SourceFile;
 use mipvog::base::error::{Error, Result};
 use mipvog::base::limits::Limits;
@@ -61,8 +61,9 @@ impl NativeField {
             return Ok(json!({
                 "model": "baked",
                 "dimensions": metadata.levels.first().map(|level| level.dimensions),
-                "bounds": metadata.bounds,
+                "bounds": metadata.outer_bounds(),
                 "levels": level_reports(metadata, container.entries(), options),
+                "shells": shell_reports(metadata, container.entries(), options),
                 "metadata": metadata,
                 "provenance": provenance,
                 "assumptions": [],
@@ -74,7 +75,7 @@ impl NativeField {
         Ok(json!({
             "model": source.map(|source| source.family),
             "dimensions": scene.map(|scene| scene.nodes.0),
-            "bounds": scene.map(|scene| scene.bounds),
+            "bounds": source.map(|source| source.field.outer_bounds()),
             "levels": [{ "level": 0, "dimensions": scene.map(|scene| scene.nodes.0) }],
             "metadata": scene.map(|scene| json!({
                 "activation": scene.activation,

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::outcome::readable;
-use crate::bake::{GroupReport, LevelReport, level_reports};
+use crate::bake::{GroupReport, LevelReport, level_reports, shell_reports};
 use crate::base::error::Result;
 use crate::container::Container;
 use crate::model::baked::{Group, Metadata, ViewMetadata};
@@ -21,6 +21,8 @@ pub(super) struct ContainerReport {
     pub(super) bounds: Bounds,
     /// Fine to coarse.
     pub(super) levels: Vec<LevelReport>,
+    /// What levels from 1 on show around the next smaller box; empty where there is one box.
+    pub(super) shells: Vec<LevelReport>,
     /// Layer widths.
     pub(super) mlp: Option<Vec<usize>>,
     /// Levels that a file which was cut does not hold; 0 is the finest.
@@ -56,8 +58,9 @@ impl ContainerReport {
             version: container.header().version,
             file_bytes: container.header().file_length,
             dimensions: metadata.levels.first().map_or([0; 3], |level| level.dimensions),
-            bounds: metadata.bounds,
+            bounds: metadata.outer_bounds(),
             levels: level_reports(metadata, container.entries(), options),
+            shells: shell_reports(metadata, container.entries(), options),
             mlp: network.map(|network| network.widths.clone()),
             levels_missing: Vec::new(),
             chunks: container.entries().iter().map(chunk).collect(),
@@ -113,12 +116,13 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
         let missing = &report.levels_missing;
         writeln!(text, "  the file ends early: levels {missing:?} are missing").ok();
     }
-    text + &levels_text(&report.levels) + LEGEND
+    text + &levels_text(&report.levels, &report.shells) + LEGEND
 }
 
 /// Explains the columns of [`levels_text`].
 pub(super) const LEGEND: &str = "  \
-  prefix: bytes from the start of the file that show this level and all coarser ones\n  \
+  prefix: bytes from the start of the file that show this level and all coarser ones; out: what a \
+  level shows around the smaller box\n  \
   density and the others: bits of a code, and the largest error of opacity over one step or of \
   colour (0 to 1)\n";
 
@@ -136,10 +140,13 @@ fn origin_text(provenance: &Value) -> Option<String> {
     Some(origin)
 }
 
-/// A table of levels, with a column for each group that a level has.
-pub(super) fn levels_text(levels: &[LevelReport]) -> String {
+/// A table of levels and shells, with a column for each group that a level has.
+pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport]) -> String {
+    let rows = levels.iter().map(|level| (format!("{}", level.level), level));
+    let shells = shells.iter().map(|shell| (format!("out {}", shell.level), shell));
+    let rows: Vec<(String, &LevelReport)> = rows.chain(shells).collect();
     let stored = |group: &Group| {
-        let mut all = levels.iter().flat_map(|level| &level.groups);
+        let mut all = rows.iter().flat_map(|(_, level)| &level.groups);
         all.any(|stored| stored.group == group.name())
     };
     let groups: Vec<Group> = Group::ALL.into_iter().filter(stored).collect();
@@ -148,12 +155,11 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
         write!(text, "   {:14}", group.name()).ok();
     }
     text = text.trim_end().to_owned() + "\n";
-    for level in levels {
+    for (name, level) in &rows {
         let [x, y, z] = level.dimensions;
         let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
         let mut row = format!(
-            "  {:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
-            level.level,
+            "  {name:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
             format!("{x} x {y} x {z}"),
             level.blocks_stored,
             share,
@@ -167,7 +173,8 @@ pub(super) fn levels_text(levels: &[LevelReport]) -> String {
         text += row.trim_end();
         text.push('\n');
     }
-    let moved = levels.iter().flat_map(|level| &level.groups).filter_map(|group| group.moved_error);
+    let moved =
+        rows.iter().flat_map(|(_, level)| &level.groups).filter_map(|group| group.moved_error);
     if let Some(moved) = moved.reduce(f32::max) {
         writeln!(
             text,

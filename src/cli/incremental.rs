@@ -8,7 +8,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::output::{create as create_output, refuse_stdout};
-use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports};
+use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports, shell_reports};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -93,12 +93,12 @@ impl IncrementalArguments {
             return Ok(None);
         };
         let current = is_current(&container, field, options, origin)?;
-        let levels = |provenance: Option<Value>| {
-            let options = provenance.map_or(Value::Null, |of| of["options"].clone());
-            level_reports(container.metadata(), container.entries(), &options)
-        };
         let provenance = container.provenance()?;
-        Ok(current.then(|| BakeReport::unchanged(file.length(), levels(provenance))))
+        let options = provenance.map_or(Value::Null, |of| of["options"].clone());
+        let (metadata, entries) = (container.metadata(), container.entries());
+        let levels = level_reports(metadata, entries, &options);
+        let shells = shell_reports(metadata, entries, &options);
+        Ok(current.then(|| BakeReport::unchanged(file.length(), levels, shells)))
     }
 }
 

@@ -121,20 +121,24 @@ def metadata(data):
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]
     march = meta["march"]
-    sampled, bounds = march.get("sampled", meta["bounds"]), meta["bounds"]
+    parts = levels + meta.get("shells", [])
+    bounds = nested(meta)
+    sampled = march.get("sampled", bounds)
     for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
         need(low <= from_ < to <= high, "samples outside of the box")
-    diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
-    need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
+    edges = [extents(box) for box in (meta["bounds"], bounds)]
+    voxels = [nodes * outer / own for nodes, own, outer in zip(levels[0]["dimensions"], *edges)]
+    most = 2**24 if "shells" in meta else 2**20
+    need(math.hypot(*(along + 1 for along in voxels)) / march["stepsize"] < most + 1, f"rays of more than {most} samples")
     bends, slope = meta["level_of_detail"].get("bends", []), meta["level_of_detail"]["factor"]
     for _, by in bends:
         slope += by
         need(slope > 0, "the level does not rise with the footprint")
     need(all(low[0] < high[0] for low, high in zip(bends, bends[1:])), "bends out of order")
     need(levels[0]["density"] is not None, "level 0 has no density")
-    for level, finer in zip(levels[1:], levels):
+    for level, finer in zip(levels[1:], meta.get("shells", []) + levels[len(meta.get("shells", [])) :]):
         need(all(a <= b for a, b in zip(level["dimensions"], finer["dimensions"])), "a level is finer than the next")
-    for level in levels:
+    for level in parts:
         features = 0 if harmonics_of(meta) else meta["features"]
         need((level["features"] is None) == (features == 0), "encodings of features disagree with `features`")
         decodes(meta, level)
@@ -144,14 +148,16 @@ def metadata(data):
             need(density["decode"] == "sqrt_optical_depth", "anisotropy of densities that are no roots of optical depth")
             need(shape["empty"] == 0, "anisotropy of empty blocks")
         need(level["blocks_stored"] <= math.prod(blocks_of(level)), "more blocks are stored than there are")
-    for level, coarser in zip(levels, levels[1:] + [None]):
+    for part, level in enumerate(parts):
+        k, coarser = coarser_of(meta, part)
         filled = level.get("blocks_filled", 0)
         need(filled <= level["blocks_stored"], "more blocks are filled than are stored")
         need("directional" not in level or not coarser or "directional" in coarser, "the next coarser level has no directional brightness")
         colours = [of[key] for of in (level, coarser) if of for key in ("diffuse", "features", "directional") if of.get(key)]
         colours += [band for of in (level, coarser) if of for band in of.get("bands", [])]
         integers = all(colour["number"] in ("u8", "u16") for colour in colours)
-        need(not filled or (coarser and integers), "blocks are filled that cannot be")
+        alike = part >= len(levels) or k == 0 or k > len(meta.get("shells", []))
+        need(not filled or (coarser and integers and alike), "blocks are filled that cannot be")
     if harmonics := harmonics_of(meta):
         need(meta["features"] == 3 * ((harmonics["degree"] + 1) ** 2 - 1), "features and degree disagree")
         need(harmonics["clamp"] != "sigmoid" or harmonics["where"] == "sample", "a sigmoid once a ray")
@@ -161,6 +167,36 @@ def metadata(data):
         first = 3 + 6 * view["frequencies"] + meta["features"] + 3 * (view["input"] == "diffuse_and_features")
         need(view["widths"][0] == first and view["widths"][-1] == 3, "first or last width of the network")
     return meta
+
+
+def extents(box):
+    return [high - low for low, high in zip(box["min"], box["max"])]
+
+
+def coarser_of(meta, part):
+    """The number of a part's level, and the next coarser level, if there is one."""
+    levels = meta["levels"]
+    k = part if part < len(levels) else part - len(levels) + 1
+    return k, levels[k + 1] if k + 1 < len(levels) else None
+
+
+def nested(meta):
+    """The box of everything, once each box lies around the smaller one."""
+    levels, shells, box = meta["levels"], meta.get("shells", []), meta["bounds"]
+    need(len(shells) < len(levels), "as many shells as levels")
+    need(not shells or meta["blend"] == "after_activation", "shells of levels that are mixed before activation")
+    need(not any("bounds" in level for level in levels), "a level with a box of its own")
+    nodes = levels[0]["dimensions"]
+    for shell in shells:
+        need("bounds" in shell, "a shell without a box")
+        larger, more = shell["bounds"], shell["dimensions"]
+        need(all(low < high for low, high in zip(larger["min"], larger["max"])), "a shell whose min is not below max")
+        holds = all(a <= b for a, b in zip(larger["min"], box["min"])) and all(a >= b for a, b in zip(larger["max"], box["max"]))
+        need(holds and larger != box, "a shell that does not lie around the smaller box")
+        spacings = [[edge / (n - 1) for edge, n in zip(extents(of), count)] for of, count in ((larger, more), (box, nodes))]
+        need(all(1.5 <= a / b <= 3 for a, b in zip(*spacings)), "nodes of a shell that are not 1.5 to 3 times as far apart")
+        box, nodes = larger, more
+    return box
 
 
 def harmonics_of(meta):
@@ -252,7 +288,7 @@ def arrange(chunks, required):
     meta = metadata(chunks[0][2])
 
     def has(key):
-        return any(key in level for level in meta["levels"])
+        return any(key in level for level in meta["levels"] + meta.get("shells", []))
 
     asked = {
         "inherited_blocks": has("blocks_filled"),
@@ -260,23 +296,34 @@ def arrange(chunks, required):
         "bent_rule": "bends" in meta["level_of_detail"],
         "directional": has("directional"),
         "anisotropy": has("anisotropy"),
+        "nested_boxes": "shells" in meta,
     }
     bits = sum(asked[name] << bit for bit, name in enumerate(FEATURES))
     need(required == bits, "the required features disagree with the metadata")
     wanted = [("META", NO_LEVEL)]
     wanted += [("VMLP", NO_LEVEL)] * (network_of(meta) is not None) + [("MASK", NO_LEVEL)] * meta["free_space"]
     wanted += [("prov", NO_LEVEL)]
-    for k in reversed(range(len(meta["levels"]))):
-        wanted += [("TABL", k)] + [(kind, k) for kind, *_ in atlases_of(meta, meta["levels"][k])]
+    parts = meta["levels"] + meta.get("shells", [])
+    for part in order(meta):
+        wanted += [("TABL", part)] + [(kind, part) for kind, *_ in atlases_of(meta, parts[part])]
     known = [chunk for chunk in chunks if chunk[0] in KNOWN]
     found = [chunk[:2] for chunk in known]
     need(found == wanted, f"chunks {found}, but the metadata asks for {wanted}")
-    alone = all(level["density"] is not None for level in meta["levels"])
+    alone = all(level["density"] is not None for level in parts)
     ends = {level: end for _, level, _, _, end in chunks}  # the last of each level stays
     for kind, level, _, prefix, _ in chunks:
         right = 0 if level == NO_LEVEL else ends[level] if alone else chunks[-1][4]
         need(prefix == right, f"prefix of {kind} {level} is {prefix}, not {right}")
     return meta, {chunk[:2]: chunk[2] for chunk in known}
+
+
+def order(meta):
+    """The parts as they stand in a file: coarse to fine, a shell before its level."""
+    count, shells = len(meta["levels"]), len(meta.get("shells", []))
+    for k in reversed(range(count)):
+        if 1 <= k <= shells:
+            yield count + k - 1
+        yield k
 
 
 # Sections 4 and 5: the chunks.
@@ -292,6 +339,32 @@ def inflate(data, size, what):
         raise Refused(f"{what}: {error}") from None
     need(len(out) == size, f"{what}: {len(out)} bytes, not {size}")
     return out
+
+
+def runs_of(data, total, what):
+    """The table of a file of nested boxes: a number for each run of equal blocks."""
+    try:
+        size = zstandard.frame_content_size(data)
+    except zstandard.ZstdError as error:
+        raise Refused(f"{what}: {error}") from None
+    need(0 <= size <= total, f"{what}: states {size} bytes")
+    data, at, table, before = inflate(data, size, what), 0, np.zeros(total, np.uint8), None
+    block = 0
+    while at < size:
+        number = shift = 0
+        while True:
+            need(at < size and shift < 63, f"{what}: a number without an end")
+            byte, at = data[at], at + 1
+            number, shift = number | (byte & 0x7F) << shift, shift + 7
+            if byte < 0x80:
+                break
+        need(byte or shift == 7, f"{what}: a number of more bytes than it needs")
+        length, value = number >> 2, number & 3
+        need(1 <= length <= total - block and value != before, f"{what}: a run of {length} blocks")
+        need(value <= 2, f"{what}: a block that is none of 0, 1 and 2")
+        table[block : block + length], block, before = value, block + length, value
+    need(block == total, f"{what}: runs of {block} blocks, not {total}")
+    return table
 
 
 def network(data, widths):
@@ -470,27 +543,34 @@ def read(data):
     if meta["free_space"]:
         out |= mask(chunks["MASK", NO_LEVEL])
     own = {}
+    parts, levels = meta["levels"] + meta.get("shells", []), len(meta["levels"])
     # Coarse to fine: filled blocks are made of the level before.
-    for k, level in reversed(list(enumerate(meta["levels"]))):
-        blocks = blocks_of(level)
-        table = np.frombuffer(inflate(chunks["TABL", k], math.prod(blocks), f"TABL {k}"), np.uint8).reshape(blocks)
+    for k in order(meta):
+        level, blocks = parts[k], blocks_of(parts[k])
+        number, wider = coarser_of(meta, k)
+        name = f"level{k}" if k < levels else f"shell{number}"
+        total = math.prod(blocks)
+        if "shells" in meta:
+            table = runs_of(chunks["TABL", k], total, f"TABL {k}").reshape(blocks)
+        else:
+            table = np.frombuffer(inflate(chunks["TABL", k], total, f"TABL {k}"), np.uint8).reshape(blocks)
         need(table.max() <= 2, f"TABL {k}: a byte that is none of 0, 1 and 2")
         need(np.count_nonzero(table) == level["blocks_stored"], f"TABL {k} disagrees with blocks_stored")
         need(np.count_nonzero(table == 2) == level.get("blocks_filled", 0), f"TABL {k} disagrees with blocks_filled")
-        out[f"level{k}.occupied"] = table
+        out[f"{name}.occupied"] = table
         bands = []
         for kind, key, of, channels in atlases_of(meta, level):
             coarser = None
             if kind not in ("DENS", "ANIS") and level.get("blocks_filled"):
-                coarser = own[k + 1, kind], meta["levels"][k + 1]
+                coarser = own[number + 1, kind], wider
             dense = own[k, kind] = atlas(chunks[kind, k], channels, level, table, of, f"{kind} {k}", coarser)
             if kind.startswith("BND"):
                 bands.append(dense)
             else:
-                out[f"level{k}.{key}"] = dense[0] if kind == "DENS" else dense
+                out[f"{name}.{key}"] = dense[0] if kind == "DENS" else dense
         # Unpacked files hold all bands in one array.
         if bands:
-            out[f"level{k}.features"] = np.concatenate(bands)
+            out[f"{name}.features"] = np.concatenate(bands)
     return out, meta
 
 

@@ -32,16 +32,18 @@ fn read(file: &TensorFile, limits: &Limits) -> Result<Unpacked> {
     };
     let content = file.metadata(CONTENT).and_then(|text| u32::from_str_radix(text, 16).ok());
     let mut budget = Budget::new(limits);
-    let count = metadata.levels.len();
-    let is_there = |level: &usize| file.root.get(&format!("level{level}.occupied")).is_some();
+    let count = metadata.parts().count();
+    let occupied = |part: usize| format!("{}.occupied", metadata.part_name(part));
+    let is_there = |part: &usize| file.root.get(&occupied(*part)).is_some();
     let there = (0..count).filter(is_there).count();
     if there > 0 && there < count {
         let found = format!("{there} of {count} levels");
         return Err(Error::wrong_kind(found, "all levels: unpack it without --levels"));
     }
     let mut levels = Vec::new();
-    for (number, level) in metadata.levels.iter().enumerate() {
-        let name = |part: &str| format!("level{number}.{part}");
+    for (part, level) in metadata.parts().enumerate() {
+        let own = metadata.part_name(part);
+        let name = |of: &str| format!("{own}.{of}");
         let occupied = tensor(file, &name("occupied"))?;
         let occupied = with_element(occupied, Element::U8)?;
         let bytes = shaped(occupied, &level.grid().counts())?.read_f32(&mut budget)?;

@@ -64,7 +64,7 @@ pub fn dry_run(
     text += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
     text += &least.map_or_else(String::new, |bytes| format!("; least --memory {bytes}"));
     text.push('\n');
-    text += &levels_text(&forecast.report.levels);
+    text += &levels_text(&forecast.report.levels, &forecast.report.shells);
     Outcome::new("bake", &json, text)
 }
 

@@ -157,7 +157,7 @@ impl Baked {
         if let Some(chosen) = &report.chosen {
             writeln!(text, "  {chosen}").ok();
         }
-        text += &levels_text(&report.levels);
+        text += &levels_text(&report.levels, &report.shells);
         text += LEGEND;
         if let Some(finest) = report.pruned.first() {
             writeln!(

@@ -161,10 +161,8 @@ fn level(metadata: &Metadata, part: usize, limits: &Limits, rules: &mut Rules) -
     let fits = block && sizes_fit && stored <= level.grid().total();
     rules.require(fits, &key("blocks_stored"), stored, "at most all blocks")?;
     let coarser = metadata.coarser(part);
-    // A level and the next coarser one span the same box where neither has a shell between them.
-    let same_box = is_shell || metadata.box_of_part(part) == metadata.box_of_part(number + 1);
     let inherits = coarser.is_some_and(LevelMetadata::has_integer_colors)
-        && same_box
+        && metadata.shares_box_with_coarser(part)
         && level.has_integer_colors()
         && inherited <= stored;
     rules.require(

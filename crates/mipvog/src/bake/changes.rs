@@ -89,12 +89,10 @@ impl Changes {
     /// Changes everything that metadata alone says: encodings by bits, the number of levels, rules.
     pub(super) fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.fixed_bits() {
-            for level in &mut metadata.levels {
+            let activation = metadata.activation;
+            for level in metadata.parts_mut() {
                 for (_, encoding) in level.encodings_mut() {
-                    change(
-                        encoding,
-                        &planned_encoding(bits, encoding.decode, &metadata.activation),
-                    );
+                    change(encoding, &planned_encoding(bits, encoding.decode, &activation));
                 }
             }
         }

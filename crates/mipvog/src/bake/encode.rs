@@ -24,10 +24,10 @@ use crate::quantize::{
 pub(super) const PENDING_BYTES: usize = 4 << 20;
 
 /// Options that all groups of a level share.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct EncodeOptions<'a> {
-    /// The level that errors name.
-    pub level: usize,
+    /// The level's name, for errors.
+    pub name: String,
     /// The parts of a node's values beside density.
     pub layout: ColorLayout,
     /// Raw density to opacity: don't-care nodes stay below the threshold of visibility.
@@ -148,7 +148,7 @@ impl<'a> LevelEncoder<'a> {
         let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
         let Moved { at: [y, z], bound } = moved;
         let group = self.channel_groups[channel].name();
-        let place = format!("level{}.{group}", self.options.level);
+        let place = format!("{}.{group}", self.options.name);
         let found = format!("a value at node {:?} that moves by more than {bound}", [x, y, z]);
         let expected = "values as they were unpacked, or other bits";
         Err(Error::malformed(Place::Tensor(place), found, expected))

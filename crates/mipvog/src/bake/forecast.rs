@@ -64,6 +64,9 @@ pub fn forecast(
     options: &BakeOptions,
     progress: &dyn Progress,
 ) -> Result<Forecast> {
+    if !field.shells.is_empty() {
+        return super::nested::forecast(field, options, progress);
+    }
     let is_small = field.scene.nodes.count() <= SMALL;
     forecast_by(field, options, is_small, progress)
 }
@@ -169,6 +172,7 @@ fn forecast_by(
         report: BakeReport {
             output_bytes,
             levels,
+            shells: Vec::new(),
             pruned,
             unchanged: false,
             fitted: None,

@@ -45,15 +45,19 @@ pub fn inherit_levels<'a>(
         let activation = &metadata.activation;
         encoding.values().map(|value| encoding.decode.activated(value.into(), activation)).collect()
     };
-    let mut levels = metadata.levels.clone();
+    let mut levels: Vec<LevelMetadata> = metadata.parts().cloned().collect();
     let mut coarser: Option<BakedLevel> = None;
-    for number in (0..encoded.len()).rev() {
+    for number in metadata.parts_in_file() {
+        let is_level = number < metadata.levels.len();
         if !levels[number].has_integer_colors() {
-            coarser = None;
+            coarser = coarser.filter(|_| !is_level);
             continue;
         }
         let mut own = decode(&encoded[number], &levels[number], layout)?;
-        if let (Some(coarser), Some(coarser_metadata)) = (&coarser, levels.get(number + 1)) {
+        let above = metadata.level_of_part(number) + 1;
+        let coarser_metadata =
+            levels.get(above).filter(|_| metadata.shares_box_with_coarser(number)).cloned();
+        if let (Some(coarser), Some(coarser_metadata)) = (&coarser, &coarser_metadata) {
             let level = &levels[number];
             let interpolated = Group::COLORS.map(|group| {
                 InheritedColors::new(
@@ -107,9 +111,11 @@ pub fn inherit_levels<'a>(
             own.table = table.clone();
             encoded[number].table = table;
         }
-        coarser = Some(own);
+        if is_level {
+            coarser = Some(own);
+        }
     }
-    metadata.levels = levels;
+    metadata.parts_mut().zip(levels).for_each(|(old, level)| *old = level);
     Ok(())
 }
 

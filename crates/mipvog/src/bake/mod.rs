@@ -66,7 +66,7 @@ pub use quality::Quality;
 pub use repack::repack;
 pub use report::{
     BakeReport, FitReport, GroupReport, IslandReport, LevelReport, PruneReport, StageReport,
-    level_reports,
+    level_reports, shell_reports,
 };
 pub use run::bake;
 

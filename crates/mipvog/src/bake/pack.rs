@@ -74,12 +74,13 @@ impl Packing<'_> {
     }
 
     fn encode_sink(&self, metadata: &Metadata, tables: Vec<Table>) -> EncodeSink<'_> {
-        let levels = metadata.levels.iter().zip(self.retained.iter().copied()).zip(tables);
-        let encoder = |(number, ((level, retained), table)): (usize, ((&LevelMetadata, _), _))| {
+        let levels = metadata.parts().zip(self.retained.iter().copied()).zip(tables);
+        let encoder = |(part, ((level, retained), table)): (usize, ((&LevelMetadata, _), _))| {
+            let number = metadata.level_of_part(part);
             let coarseness = self.coarseness * level_share(number) as f32;
-            let importance = self.importance.get(number).filter(|_| coarseness > 0.0);
+            let importance = self.importance.get(part).filter(|_| coarseness > 0.0);
             let options = EncodeOptions {
-                level: number,
+                name: metadata.part_name(part),
                 layout: metadata.layout(),
                 activation: metadata.activation,
                 zstd_level: self.zstd_level,
@@ -120,6 +121,6 @@ impl EncodeSink<'_> {
             }
             encoder.finish()
         };
-        metadata.levels.iter_mut().zip(self.encoders).map(finish).collect()
+        metadata.parts_mut().zip(self.encoders).map(finish).collect()
     }
 }

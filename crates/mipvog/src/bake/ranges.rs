@@ -73,7 +73,7 @@ struct LevelRanges<'a> {
 impl<'a> RangeSink<'a> {
     /// Of no values yet, for the groups that each level has; `retained` nodes count.
     pub fn new(metadata: &Metadata, retained: &[&'a NodeMask]) -> Self {
-        let levels = metadata.levels.iter().zip(retained).map(|(level, &retained)| {
+        let levels = metadata.parts().zip(retained).map(|(level, &retained)| {
             let range = |encoding: &Encoding| {
                 Mutex::new(ValueRange::new(encoding.decode, &metadata.activation))
             };
@@ -144,7 +144,7 @@ impl<'a> RangeSink<'a> {
     pub fn choose_encodings(self, choice: EncodingChoice, metadata: &mut Metadata) -> Result<()> {
         let activation = metadata.activation;
         let mut tasks: Vec<(&mut Encoding, ValueRange, (usize, Group))> = Vec::new();
-        let levels = metadata.levels.iter_mut().zip(self.levels).enumerate();
+        let levels = metadata.parts_mut().zip(self.levels).enumerate();
         for (number, (level, ranges)) in levels {
             let mut ranges = Group::ALL.into_iter().zip(ranges.ranges);
             for (group, encoding) in level.encodings_mut() {

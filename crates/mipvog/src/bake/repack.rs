@@ -21,12 +21,12 @@ use super::origin::provenance_of_changes;
 use super::pack::Packing;
 use super::quality::errors_of;
 use super::ranges::EncodingChoice;
-use super::report::{BakeReport, IslandReport, Stages, level_reports};
+use super::report::{BakeReport, IslandReport, Stages, level_reports, shell_reports};
 use super::run::write;
 use super::unpacked_levels::UnpackedLevels;
 use super::{ErrorBound, MaxErrors, option_rules};
 use crate::base::bytes::{ByteSink, WriterSink};
-use crate::base::error::{Place, Result};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::container::{self, EncodedLevel, Head, OtherChunk};
@@ -52,7 +52,8 @@ pub fn repack(
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     changes.check(&unpacked.metadata.march)?;
-    for level in &unpacked.metadata.levels {
+    refuse_of_worlds(unpacked, changes)?;
+    for level in unpacked.metadata.parts() {
         level.grid().nodes.check_planes(level.block_size, limits, &Place::File)?;
     }
     let mut stages = Stages::start();
@@ -86,6 +87,7 @@ pub fn repack(
     Ok(BakeReport {
         output_bytes: output.length(),
         levels: level_reports(&packed.metadata, &entries, &packed.provenance["options"]),
+        shells: shell_reports(&packed.metadata, &entries, &packed.provenance["options"]),
         pruned: Vec::new(),
         fitted: None,
         unchanged: false,
@@ -95,6 +97,23 @@ pub fn repack(
         islands,
         stages: stages.list,
     })
+}
+
+/// Refuses changes that a container of nested boxes does not have.
+fn refuse_of_worlds(unpacked: &Unpacked, changes: &Changes) -> Result<()> {
+    let shells = unpacked.metadata.shells.len();
+    if shells == 0 {
+        return Ok(());
+    }
+    let expected = "a container of one box: this one has nested boxes";
+    let found = changes.without_finest;
+    Error::require_option(found == 0, "without_finest", found, expected)?;
+    Error::require_option(changes.crop.is_none(), "crop", "a box", expected)?;
+    let found = changes.drop_islands.unwrap_or(0);
+    Error::require_option(changes.drop_islands.is_none(), "drop_islands", found, expected)?;
+    let levels = changes.levels.unwrap_or(usize::MAX);
+    let expected = format!("more than {shells}: a level for each of the nested boxes");
+    Error::require_option(levels > shells, "levels", levels, &expected)
 }
 
 /// The container without what the changes empty or drop.
@@ -149,16 +168,21 @@ impl Repacking<'_> {
     fn pack(&mut self, edited: &Unpacked, max_errors: Option<MaxErrors>) -> Result<Packed> {
         let mut metadata = edited.metadata.clone();
         self.changes.apply(&mut metadata);
-        let levels = &edited.levels[..metadata.levels.len()];
+        // Coarsest levels that were dropped stand before the shells.
+        let mut levels = edited.levels.clone();
+        levels.drain(metadata.levels.len()..edited.metadata.levels.len());
+        let levels = &*levels;
+        let mut before = edited.metadata.clone();
+        before.levels.truncate(metadata.levels.len());
         let unpacked_tables: Vec<Table> = levels.iter().map(|level| level.table.clone()).collect();
         let tables = unpacked_tables.iter().map(Table::without_inheritance);
         let tables = tables.collect::<Result<Vec<Table>>>()?;
-        metadata.levels.iter_mut().for_each(|level| level.blocks_filled = 0);
+        metadata.parts_mut().for_each(|level| level.blocks_filled = 0);
         let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
         let inherits = unpacked_tables.iter().any(|table| table.inherited() > 0);
         let among = Some(&*unpacked_tables);
         let packing = Packing {
-            source: &UnpackedLevels { levels, metadata: &edited.metadata },
+            source: &UnpackedLevels { levels, metadata: &before },
             retained: stored.iter().collect(),
             choice: match (max_errors, self.changes.fixed_bits()) {
                 (Some(max_errors), _) => {
@@ -176,7 +200,7 @@ impl Repacking<'_> {
             store: None,
         };
         let (encoded, _) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
-        add_errors(&mut metadata, &edited.metadata);
+        add_errors(&mut metadata, &before);
         let others = edited.others.clone();
         let mut packed = Packed { metadata, encoded, provenance: Value::Null, others };
         packed.provenance = match self.is_unchanged(edited, &packed)? {
@@ -243,7 +267,7 @@ impl Repacking<'_> {
 /// Adds the errors that values had to those of encodings that are not the ones before.
 fn add_errors(metadata: &mut Metadata, before: &Metadata) {
     let codes = |encoding: &Encoding| Encoding { max_error: 0.0, ..encoding.clone() };
-    for (level, before) in metadata.levels.iter_mut().zip(&before.levels) {
+    for (level, before) in metadata.parts_mut().zip(before.parts()) {
         for group in Group::ALL {
             if let (Some(encoding), Some(before)) =
                 (level.encoding_mut(group), before.encoding(group))

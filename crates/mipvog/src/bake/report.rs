@@ -1,5 +1,6 @@
 //! Reports of bakes.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -11,6 +12,7 @@ use super::max_bytes::Chosen;
 use crate::container::layout::Entry;
 use crate::levels::{Visible, VisibleLevel};
 use crate::model::baked::{Encoding, Group, LevelMetadata, LevelOfDetail, Metadata};
+use crate::model::grid::Bounds;
 use crate::quantize::Bits;
 
 /// The result of a bake, and its cost.
@@ -21,6 +23,9 @@ pub struct BakeReport {
     pub output_bytes: u64,
     /// Fine to coarse.
     pub levels: Vec<LevelReport>,
+    /// What levels from 1 on show around the next smaller box; left out of one box.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shells: Vec<LevelReport>,
     /// Fine to coarse, beside `levels`.
     pub pruned: Vec<PruneReport>,
     /// True if the container was there already, and is the one that this bake would have written.
@@ -56,10 +61,15 @@ pub struct IslandReport {
 
 impl BakeReport {
     /// Of a bake that had nothing to do.
-    pub fn unchanged(output_bytes: u64, levels: Vec<LevelReport>) -> Self {
+    pub fn unchanged(
+        output_bytes: u64,
+        levels: Vec<LevelReport>,
+        shells: Vec<LevelReport>,
+    ) -> Self {
         Self {
             output_bytes,
             levels,
+            shells,
             pruned: Vec::new(),
             unchanged: true,
             fitted: None,
@@ -100,6 +110,8 @@ impl FitReport {
 pub struct LevelReport {
     /// 0 is the finest.
     pub level: usize,
+    /// The box that the level spans, with its shell.
+    pub bounds: Bounds,
     /// Nodes along x, y and z.
     pub dimensions: [usize; 3],
     /// Nodes along a block's edge.
@@ -245,6 +257,20 @@ pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneRepor
 /// The levels of a container, from its directory, its metadata and the options of its provenance.
 /// Fine to coarse.
 pub fn level_reports(metadata: &Metadata, entries: &[Entry], options: &Value) -> Vec<LevelReport> {
+    part_reports(metadata, 0..metadata.levels.len(), entries, options)
+}
+
+/// The same of its shells, that of level 1 first.
+pub fn shell_reports(metadata: &Metadata, entries: &[Entry], options: &Value) -> Vec<LevelReport> {
+    part_reports(metadata, metadata.levels.len()..metadata.parts().count(), entries, options)
+}
+
+fn part_reports(
+    metadata: &Metadata,
+    parts: Range<usize>,
+    entries: &[Entry],
+    options: &Value,
+) -> Vec<LevelReport> {
     let held = Held::of(options);
     let report = |(number, level): (usize, &LevelMetadata)| {
         let own = entries.iter().filter(|entry| entry.level == u32::try_from(number).ok());
@@ -271,7 +297,8 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry], options: &Value) ->
         let values_per_node: usize =
             Group::ALL.into_iter().map(|group| blocks(group) * values(group)).sum();
         LevelReport {
-            level: number,
+            level: metadata.level_of_part(number),
+            bounds: metadata.level_bounds(metadata.level_of_part(number)),
             dimensions: level.dimensions,
             block_size: level.block_size,
             blocks_total: grid.total(),
@@ -289,5 +316,5 @@ pub fn level_reports(metadata: &Metadata, entries: &[Entry], options: &Value) ->
             groups: Group::ALL.into_iter().filter_map(group).collect(),
         }
     };
-    metadata.levels.iter().enumerate().map(report).collect()
+    metadata.parts().enumerate().skip(parts.start).take(parts.len()).map(report).collect()
 }

@@ -119,6 +119,7 @@ pub fn bake(
     Ok(BakeReport {
         output_bytes: output.length(),
         levels: level_reports(&metadata, &entries, &provenance["options"]),
+        shells: Vec::new(),
         pruned: prune_reports(&visible, dropped),
         fitted: fitted.map(|fitted| FitReport::without_finest(fitted, dropped)),
         unchanged: false,

@@ -11,7 +11,7 @@ use crate::unpacked::UnpackedLevel;
 
 /// The levels of an unpacked container, as they are.
 pub struct UnpackedLevels<'a> {
-    /// Finest first.
+    /// Levels, finest first, then shells.
     pub levels: &'a [UnpackedLevel],
     /// Its encodings say what is there.
     pub metadata: &'a Metadata,
@@ -45,7 +45,7 @@ impl UnpackedLevels<'_> {
         progress: &dyn Progress,
     ) -> Result<()> {
         let present = |group: Group| {
-            let encoding = self.metadata.levels[number].encoding(group)?;
+            let encoding = self.metadata.part(number)?.encoding(group)?;
             let channels = group.channels(self.metadata.layout());
             Some((0..channels).map(move |channel| (group, channel, encoding.empty)))
         };
@@ -64,7 +64,7 @@ impl UnpackedLevels<'_> {
                 level.read_plane((group, channel), x, empty, &mut values)?;
                 if let Some(at) = values.iter().position(|value| !value.is_finite()) {
                     let first = [channel, x, at / nz, at % nz];
-                    let name = format!("level{number}.{}", group.name());
+                    let name = format!("{}.{}", self.metadata.part_name(number), group.name());
                     let kind = ErrorKind::NonFinite { count: 1, first };
                     return Err(Error::new(kind, Place::Tensor(name)));
                 }

@@ -14,7 +14,7 @@ use crate::container::{Container, OtherChunk};
 use crate::model::baked::{
     BakedLevel, ColorLayout, DensityDomain, GROUPS, Group, LevelMetadata, Metadata, Table,
 };
-use crate::model::field::{FreeSpace, Grid, RadianceField, Scene, Volume};
+use crate::model::field::{FreeSpace, Grid, Lattice, RadianceField, Scene, Shell, Volume};
 use crate::model::grid::{Element, NodeMask, row};
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
@@ -30,7 +30,7 @@ pub struct Unpacked {
     /// The [`content_checksum`](crate::container::content_checksum) of the container, which
     /// a file of dense arrays states: its values may have been edited since.
     pub content: Option<u32>,
-    /// Finest first.
+    /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<UnpackedLevel>,
     /// View-dependent colour, if there is any.
     pub view_mlp: Option<ViewMlp>,
@@ -75,7 +75,7 @@ impl Unpacked {
         let provenance = container.provenance()?.unwrap_or(Json::Null);
         let digest = digest_of_tensors(container)?;
         let field = container.read()?;
-        let levels = field.levels.into_iter().zip(&field.metadata.levels);
+        let levels = field.levels.into_iter().zip(field.metadata.parts());
         let levels = levels.map(|(level, metadata)| {
             let table = level.table.clone();
             UnpackedLevel::new(table, LevelValues::Codes(Arc::new((level, metadata.clone()))))
@@ -111,9 +111,18 @@ impl Unpacked {
             return Err(Error::unsupported(Place::File, found, expected));
         }
         let mut budget = Budget::new(limits);
-        let mut volume = |group| finest.volume(group, stated, metadata.layout(), &mut budget);
-        let Some(density) = volume(Group::Density)? else { return Ok(None) };
-        let color: Result<Vec<Option<Volume>>> = Group::COLORS.into_iter().map(volume).collect();
+        let Some((density, color)) = self.grids(finest, stated, &mut budget)? else {
+            return Ok(None);
+        };
+        let mut shells = Vec::new();
+        for (own, stated) in self.levels.iter().skip(metadata.levels.len()).zip(&metadata.shells) {
+            let Some((density, color)) = self.grids(own, stated, &mut budget)? else {
+                return Ok(None);
+            };
+            let bounds = stated.bounds.unwrap_or(metadata.bounds);
+            let lattice = Lattice::new(bounds, own.table.grid().nodes);
+            shells.push(Shell { lattice, density, color });
+        }
         let scene = Scene {
             bounds: metadata.bounds,
             nodes: finest.table.grid().nodes,
@@ -123,13 +132,27 @@ impl Unpacked {
         };
         Ok(Some(RadianceField {
             scene,
-            density: density.into(),
-            color: color?.into_iter().flatten().map(Grid::from).collect(),
+            density,
+            color,
             color_domain: metadata.color_domain(),
             view: self.view_dependence(),
             free_space: self.free_space.clone(),
-            shells: Vec::new(),
+            shells,
         }))
+    }
+
+    /// A part's density and colours, in memory or where they lie; none without densities.
+    fn grids(
+        &self,
+        level: &UnpackedLevel,
+        stated: &LevelMetadata,
+        budget: &mut Budget,
+    ) -> Result<Option<(Grid, Vec<Grid>)>> {
+        let layout = self.metadata.layout();
+        let mut volume = |group| level.volume(group, stated, layout, budget);
+        let Some(density) = volume(Group::Density)? else { return Ok(None) };
+        let color: Result<Vec<Option<Volume>>> = Group::COLORS.into_iter().map(volume).collect();
+        Ok(Some((density.into(), color?.into_iter().flatten().map(Grid::from).collect())))
     }
 }
 

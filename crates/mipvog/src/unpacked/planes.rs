@@ -7,9 +7,10 @@ use crate::quantize::decode_codes;
 
 /// Refuses levels that a container does not have, and one a slab of which takes too much memory.
 pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
-    for (number, level) in container.metadata().levels.iter().enumerate() {
-        if levels.is_empty() || levels.contains(&number) {
-            let place = Place::Key(format!("levels[{number}].dimensions"));
+    let metadata = container.metadata();
+    for (part, level) in metadata.parts().enumerate() {
+        if levels.is_empty() || levels.contains(&metadata.level_of_part(part)) {
+            let place = Place::Key(format!("dimensions of {}", metadata.part_name(part)));
             level.grid().nodes.check_planes(level.block_size, container.limits(), &place)?;
         }
     }

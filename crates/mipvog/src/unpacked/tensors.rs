@@ -97,15 +97,15 @@ pub fn append_all(
     progress: &dyn Progress,
 ) -> Result<()> {
     let metadata = container.metadata();
-    let wanted = |level: usize| levels.is_empty() || levels.contains(&level);
+    let wanted = |part: usize| levels.is_empty() || levels.contains(&metadata.level_of_part(part));
     append_small(view_mlp.as_ref(), free_space.as_ref(), output)?;
-    progress.begin(Step::Decode, metadata.levels.len() as u64);
-    container.for_each_part(|number, level| {
+    progress.begin(Step::Decode, metadata.parts().count() as u64);
+    container.for_each_part(|part, level| {
         progress.advance(Step::Decode, 1);
         if progress.cancelled() {
             return Err(Error::cancelled());
         }
-        match metadata.levels.get(number).filter(|_| wanted(number)) {
+        match metadata.part(part).filter(|_| wanted(part)) {
             Some(level_metadata) => append_level(level, level_metadata, metadata.layout(), output),
             None => Ok(()),
         }
@@ -120,7 +120,7 @@ pub fn digest_of_tensors(container: &Container) -> Result<[u8; 32]> {
     Ok(safetensors_digest(header(container, metadata, &rows)?.as_bytes()))
 }
 
-/// The tensors of some levels (all if `levels` is empty), in the order of the file: levels go
+/// The tensors of some levels and their shells (all if `levels` is empty), in the order of the file:
 /// coarse to fine, as they are read.
 pub fn rows(
     metadata: &Metadata,
@@ -129,9 +129,9 @@ pub fn rows(
     free_space: Option<&FreeSpace>,
 ) -> Result<Vec<Row>> {
     let mut rows = small_rows(view_mlp, free_space)?;
-    for (number, level) in metadata.levels.iter().enumerate().rev() {
-        if levels.is_empty() || levels.contains(&number) {
-            rows.extend(level_rows(number, level, metadata)?);
+    for part in metadata.parts_in_file() {
+        if levels.is_empty() || levels.contains(&metadata.level_of_part(part)) {
+            rows.extend(part_rows(part, metadata)?);
         }
     }
     Ok(rows)
@@ -145,8 +145,10 @@ pub fn tensor_name(group: Group) -> &'static str {
     }
 }
 
-fn level_rows(number: usize, level: &LevelMetadata, metadata: &Metadata) -> Result<Vec<Row>> {
-    let name = |part: &str| format!("level{number}.{part}");
+fn part_rows(part: usize, metadata: &Metadata) -> Result<Vec<Row>> {
+    let Some(level) = metadata.part(part) else { return Ok(Vec::new()) };
+    let own = metadata.part_name(part);
+    let name = |of: &str| format!("{own}.{of}");
     let mut rows = vec![Row::new(name("occupied"), "U8", &level.grid().counts())?];
     let [nx, ny, nz] = level.dimensions;
     for group in Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some()) {

@@ -74,6 +74,18 @@ impl Metadata {
         if part < self.levels.len() { part } else { part - self.levels.len() + 1 }
     }
 
+    /// The name of a part in files and messages: `level2`, `shell1`.
+    pub fn part_name(&self, part: usize) -> String {
+        let kind = if part < self.levels.len() { "level" } else { "shell" };
+        format!("{kind}{}", self.level_of_part(part))
+    }
+
+    /// True if a part and the next coarser level span the same box, as inherited blocks require.
+    pub fn shares_box_with_coarser(&self, part: usize) -> bool {
+        let coarser = self.level_of_part(part) + 1;
+        coarser < self.levels.len() && self.box_of_part(part) == self.box_of_part(coarser)
+    }
+
     /// The number of a level's shell among the parts, if it has one.
     pub fn shell_of(&self, level: usize) -> Option<usize> {
         (1..=self.shells.len()).contains(&level).then(|| self.levels.len() + level - 1)

@@ -58,6 +58,12 @@ impl InnerLevel {
         Ok(Self { bounds, metadata: own.clone(), level, activation, channels })
     }
 
+    /// Bytes of its codes.
+    pub fn bytes(&self) -> u64 {
+        let codes = self.level.atlases.iter().flatten();
+        codes.map(|codes| (codes.len() * codes.number_bytes()) as u64).sum()
+    }
+
     fn nodes(&self) -> Nodes {
         Nodes(self.metadata.dimensions)
     }

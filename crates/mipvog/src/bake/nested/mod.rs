@@ -18,11 +18,14 @@
 //! Light, by which colours of coarser levels count, also comes from empty space in the box: what is
 //! seen of a world is seen from inside.
 
+mod forecast;
 mod inner;
 mod merge;
 
 use std::path::Path;
 use std::sync::Arc;
+
+pub use forecast::forecast;
 
 use inner::{InnerLevel, with_inner};
 use merge::{BoxRecord, Merged, PackedBox};
@@ -30,7 +33,7 @@ use merge::{BoxRecord, Merged, PackedBox};
 use super::max_bytes::{self, Attempt, Chosen};
 use super::memory::MemoryPlan;
 use super::prepare::Prepared;
-use super::report::{Stages, level_reports};
+use super::report::{Stages, level_reports, shell_reports};
 use super::run::{Precision, packing, write};
 use super::run_store::RunStore;
 use super::{BakeOptions, BakeReport, Origin, levels::FilteredLevels, plan};
@@ -73,6 +76,7 @@ pub fn bake(
     Ok(BakeReport {
         output_bytes: output.length(),
         levels: level_reports(&packed.metadata, &entries, &provenance["options"]),
+        shells: shell_reports(&packed.metadata, &entries, &provenance["options"]),
         pruned: packed.pruned,
         fitted: None,
         unchanged: false,
@@ -112,18 +116,23 @@ impl World<'_> {
         let count = self.field.shells.len() + 1;
         let mut merged: Option<Merged> = None;
         let mut inner = None;
+        let mut held = 0;
         for number in 0..count {
             let own = self.own_field(number, inner.take())?;
             let levels = match number + 1 == count {
                 true => self.options.levels.map(|levels| levels - number),
                 false => Some(2),
             };
-            let options = self.own_options(number);
+            let mut options = self.own_options(number);
+            // What is held of the smaller boxes leaves less to this one.
+            options.memory = options.memory.map(|memory| memory.saturating_sub(held));
             let smaller = number.checked_sub(1).map(|smaller| self.bounds_of(smaller));
             let packed = self.pack_box(&own, &options, smaller, levels, precision)?;
             if number + 1 < count {
                 let bounds = own.scene.bounds;
-                inner = Some(Arc::new(InnerLevel::new(&packed.0, &packed.1, bounds)?));
+                let level = InnerLevel::new(&packed.0, &packed.1, bounds)?;
+                held = level.bytes();
+                inner = Some(Arc::new(level));
             }
             match &mut merged {
                 Some(merged) => merged.add(packed),
@@ -195,7 +204,9 @@ impl World<'_> {
             pipelined: memory.pipelined,
             is_window: false,
         };
-        let store = RunStore::new(memory.run_bytes, self.folder);
+        // Runs of all boxes wait until the last one is there.
+        let boxes = self.field.shells.len() as u64 + 1;
+        let store = RunStore::new(memory.run_bytes / boxes, self.folder);
         let packing = packing(options, precision, &source, &visible, &importance, Some(&store));
         let (encoded, summary) = packing.run(&mut metadata, tables, self.stages, self.progress)?;
         let nonfinite = visible.nonfinite.count + planes.accepted(summary.nonfinite_color)?;
