@@ -26,6 +26,7 @@ use crate::base::text::parse_bytes;
 use crate::formats::{FORMATS, format_named};
 use crate::model::grid::Bounds;
 use crate::view::overview;
+use crate::view::render::Renderer;
 use mipvog_inputs::{self, Family, tensor};
 use mipvog_outputs::export_files::{ExportFiles, FileReport};
 use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
@@ -172,6 +173,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     check_memory(&cameras, 1, &options.limits)?;
     options.cameras.clone_from(&cameras);
     format.check(&source, &options, &arguments.output)?;
+    let is_inner = arguments.has_shells(&options.limits)? && !format.takes_container();
     let mut files = ExportFiles::new(&arguments.output, arguments.force);
     let in_file = |error: Error| error.in_file(&arguments.field);
     let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
@@ -203,7 +205,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         cameras: cameras.len(),
         required_psnr: arguments.require_psnr,
         passed,
-        lost: exported.lost,
+        lost: lost_of(exported.lost, is_inner),
         details: exported.details,
     };
     let failure = arguments.require_psnr.filter(|_| !passed).map(|least| {
@@ -215,7 +217,21 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Ok(Outcome { failure, ..outcome })
 }
 
+/// What an export lacks; of nested boxes it shows the innermost.
+fn lost_of(mut lost: Vec<String>, is_inner: bool) -> Vec<String> {
+    if is_inner {
+        lost.insert(0, "the world around the innermost of the nested boxes".to_owned());
+    }
+    lost
+}
+
 impl Arguments {
+    /// True for a container of nested boxes.
+    fn has_shells(&self, limits: &Limits) -> Result<bool> {
+        let container = self.which.container(&self.field, limits)?;
+        Ok(container.is_some_and(|container| !container.metadata().shells.is_empty()))
+    }
+
     /// Refuses options that the format does not take.
     fn check_options(&self, format: &dyn ExportFormat) -> Result<()> {
         let given = [
@@ -280,6 +296,9 @@ impl Arguments {
             let march = &mut field.view_mut().march;
             (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
         }
+        if !field.view().boxes.is_empty() && !format.takes_container() {
+            field = self.inner_box(&scene, &options.limits)?;
+        }
         if let Some(crop) = &self.crop {
             field.crop(crop)?;
         }
@@ -290,6 +309,16 @@ impl Arguments {
             false => None,
         };
         Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
+    }
+
+    /// The innermost of nested boxes, which is what formats of other programs hold.
+    fn inner_box(&self, scene: &SceneArguments, limits: &Limits) -> Result<Renderer> {
+        let Some(container) = self.which.container(&self.field, limits)? else {
+            let message = "an export shows the inner box of a world alone: bake the input first, or \
+                           add --drop-background";
+            return Err(Error::usage(message));
+        };
+        scene.open_baked(&container.read()?.inner_box(), None, limits)
     }
 
     /// The settings that the field is opened with. The resolution is the export's alone, but for

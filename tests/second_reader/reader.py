@@ -126,10 +126,13 @@ def metadata(data):
     sampled = march.get("sampled", bounds)
     for low, from_, to, high in zip(bounds["min"], sampled["min"], sampled["max"], bounds["max"]):
         need(low <= from_ < to <= high, "samples outside of the box")
-    edges = [extents(box) for box in (meta["bounds"], bounds)]
-    voxels = [nodes * outer / own for nodes, own, outer in zip(levels[0]["dimensions"], *edges)]
-    most = 2**24 if "shells" in meta else 2**20
-    need(math.hypot(*(along + 1 for along in voxels)) / march["stepsize"] < most + 1, f"rays of more than {most} samples")
+    if "shells" in meta:
+        voxel = march.get("voxel", [march["voxel_size"]] * 3)
+        steps = math.hypot(*(edge / own for edge, own in zip(extents(bounds), voxel))) / march["stepsize"]
+        need(math.floor(steps) + 1 <= 2**24, "rays of more than 2^24 steps")
+    else:
+        diagonal = math.hypot(*(nodes + 1 for nodes in levels[0]["dimensions"]))
+        need(diagonal / march["stepsize"] < 2**20 + 1, "rays of more than 2^20 samples")
     bends, slope = meta["level_of_detail"].get("bends", []), meta["level_of_detail"]["factor"]
     for _, by in bends:
         slope += by

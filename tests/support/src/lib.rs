@@ -22,6 +22,7 @@ pub mod others;
 pub mod pages;
 pub mod plain;
 pub mod plain_alpha;
+pub mod plain_nested;
 pub mod plain_render;
 pub mod planes;
 pub mod rendered;

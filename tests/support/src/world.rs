@@ -4,6 +4,8 @@
 use mipvog::model::field::{Lattice, RadianceField, Shell};
 use mipvog::model::grid::{Bounds, Nodes};
 
+use crate::Random;
+
 /// The sky's distance from the middle.
 const SKY: f64 = 6.4;
 
@@ -50,6 +52,10 @@ fn values(lattice: &Lattice) -> (Vec<f32>, Vec<f32>) {
 
 fn built(lattice: &Lattice) -> RadianceField {
     let (density, color) = values(lattice);
+    of_values(lattice, density, color)
+}
+
+fn of_values(lattice: &Lattice, density: Vec<f32>, color: Vec<f32>) -> RadianceField {
     let Bounds { min, max } = lattice.bounds;
     let builder = RadianceField::builder(lattice.nodes.0, density, color);
     builder.bounds(min, max).stepsize(0.5).shift(0.0).build().expect("a field")
@@ -64,6 +70,45 @@ pub fn world(nodes: usize, shells: usize) -> RadianceField {
     for _ in 0..shells {
         lattice = lattice.doubled();
         let RadianceField { density, color, .. } = built(&lattice);
+        field.shells.push(Shell { lattice, density, color });
+    }
+    field.check().expect("sound");
+    field
+}
+
+/// Boxes off centre, of any sizes, some of 2 nodes, with values at random; of which `share` are not
+/// empty.
+pub fn random_world(random: &mut Random, shells: usize, share: f32) -> RadianceField {
+    let min: [f32; 3] = std::array::from_fn(|_| random.between(-3.0, 1.0));
+    let sizes: [f32; 3] = std::array::from_fn(|_| random.between(0.5, 2.0));
+    let max = std::array::from_fn(|axis| min[axis] + sizes[axis]);
+    let nodes = Nodes(std::array::from_fn(|_| 2 + random.below(12)));
+    let mut lattice = Lattice::new(Bounds { min, max }, nodes);
+    let filled = |random: &mut Random, lattice: &Lattice| {
+        let count = lattice.nodes.count();
+        let density = (0..count).map(|_| match random.between(0.0, 1.0) < share {
+            true => random.between(-6.0, 2.0),
+            false => -100.0,
+        });
+        let density = density.collect();
+        let color = (0..3 * count).map(|_| random.between(-3.0, 3.0)).collect();
+        of_values(lattice, density, color)
+    };
+    let mut field = filled(random, &lattice);
+    for _ in 0..shells {
+        let spacing = lattice.nodes.spacing(&lattice.bounds);
+        let (mut bounds, mut nodes) = (lattice.bounds, lattice.nodes);
+        for axis in 0..3 {
+            let own = f64::from(random.between(1.6, 2.9)) * spacing[axis];
+            let extent = f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+            nodes.0[axis] = (extent / own).ceil() as usize + 2 + random.below(6);
+            let more = (nodes.0[axis] - 1) as f64 * own - extent;
+            let low = f64::from(bounds.min[axis]) - more * f64::from(random.between(0.0, 1.0));
+            bounds.min[axis] = low as f32;
+            bounds.max[axis] = (low + (nodes.0[axis] - 1) as f64 * own) as f32;
+        }
+        lattice = Lattice::new(bounds, nodes);
+        let RadianceField { density, color, .. } = filled(random, &lattice);
         field.shells.push(Shell { lattice, density, color });
     }
     field.check().expect("sound");

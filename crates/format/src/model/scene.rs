@@ -166,13 +166,18 @@ impl March {
 
     /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {
-        self.last_sample_of(nodes.0.map(|size| size as f64))
+        let [x, y, z] = nodes.0.map(|size| size as f64 + 1.0);
+        ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
     }
 
-    /// The same in a box that is so many voxels of level 0 long.
-    pub fn last_sample_of(&self, voxels: [f64; 3]) -> f64 {
-        let [x, y, z] = voxels.map(|size| size + 1.0);
-        ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
+    /// The same in nested boxes, of which this is the outermost: no ray has more steps in it.
+    pub fn last_nested_sample(&self, outer: &Bounds) -> f64 {
+        let edges = self.voxel.unwrap_or([self.voxel_size; 3]);
+        let squares = outer.extent().into_iter().zip(edges).map(|(extent, edge)| {
+            let voxels = extent / f64::from(edge);
+            voxels * voxels
+        });
+        (squares.sum::<f64>().sqrt() / f64::from(self.stepsize)).floor() + 1.0
     }
 
     /// Refuses steps that no ray can take: lengths that are not positive, and those of more than
@@ -193,8 +198,7 @@ impl March {
         if bounds == outer {
             return self.check(nodes);
         }
-        let samples = self.last_sample_of(voxels_along(nodes, bounds, outer));
-        self.check_steps(samples, Self::MAX_NESTED_STEPS)
+        self.check_steps(self.last_nested_sample(outer), Self::MAX_NESTED_STEPS)
     }
 
     fn check_steps(&self, samples: f64, most: u32) -> Result<()> {

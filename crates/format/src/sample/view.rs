@@ -86,6 +86,14 @@ impl View {
         }
     }
 
+    /// The number of a ray's last sample.
+    pub fn last_sample(&self) -> f64 {
+        match self.boxes.is_empty() {
+            true => self.march.last_sample(self.nodes),
+            false => self.march.last_nested_sample(&self.bounds),
+        }
+    }
+
     /// Voxels of level 0 along the box of everything.
     pub fn voxels(&self) -> [f64; 3] {
         voxels_along(self.nodes, &self.finest_bounds, &self.bounds)

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::plan::activation_of;
 use super::{LevelRule, MaxErrors, option_rules};
 use crate::base::error::{Error, Result};
 use crate::model::baked::{Encoding, Metadata};
@@ -89,8 +90,9 @@ impl Changes {
     /// Changes everything that metadata alone says: encodings by bits, the number of levels, rules.
     pub(super) fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.fixed_bits() {
-            let activation = metadata.activation;
-            for level in metadata.parts_mut() {
+            let parts = metadata.parts().count();
+            let own: Vec<_> = (0..parts).map(|part| activation_of(metadata, part)).collect();
+            for (level, activation) in metadata.parts_mut().zip(own) {
                 for (_, encoding) in level.encodings_mut() {
                     change(encoding, &planned_encoding(bits, encoding.decode, &activation));
                 }

@@ -10,6 +10,7 @@ use super::importance::LevelImportance;
 use super::inherit::{Inheritance, inherit_levels};
 use super::level_source::LevelSource;
 use super::max_error::level_share;
+use super::plan::activation_of;
 use super::ranges::{EncodingChoice, RangeSink};
 use super::report::Stages;
 use super::run_store::RunStore;
@@ -82,7 +83,7 @@ impl Packing<'_> {
             let options = EncodeOptions {
                 name: metadata.part_name(part),
                 layout: metadata.layout(),
-                activation: metadata.activation,
+                activation: activation_of(metadata, part),
                 zstd_level: self.zstd_level,
                 bound: self.bound,
                 store: self.store,

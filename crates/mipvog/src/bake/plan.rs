@@ -10,7 +10,7 @@ use crate::model::baked::{
     ColorLayout, ColorSpace, Decode, Encoding, LevelMetadata, Metadata, Occupancy, Table,
     ViewMetadata,
 };
-use crate::model::field::{ColorDomain, RadianceField};
+use crate::model::field::{Activation, ColorDomain, RadianceField};
 use crate::model::grid::{BlockGrid, NodeMask};
 use crate::quantize::{ValueRange, encoding_over, planned_encoding};
 
@@ -49,6 +49,13 @@ pub fn layout(field: &RadianceField, has_direction: bool) -> ColorLayout {
         None => [features, 0],
     };
     ColorLayout { features, degree, directional: has_direction, anisotropy: has_direction }
+}
+
+/// Density to opacity over the interval of the box that a part spans.
+pub fn activation_of(metadata: &Metadata, part: usize) -> Activation {
+    let times = libm::exp2(metadata.box_of_part(part) as f64) as f32;
+    let own = metadata.activation;
+    Activation { interval: own.interval * times, ..own }
 }
 
 /// The metadata of a bake, with the encodings that `options.bits` gives.

@@ -61,7 +61,11 @@ impl<'a> Prepared<'a> {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let filter = &*options.filter;
-        let sizes = filter.level_sizes(field.scene.nodes, options.levels);
+        let mut sizes = filter.level_sizes(field.scene.nodes, options.levels);
+        if lit_inside && sizes.len() == 1 {
+            // The next larger box is made of a coarser level, however small this one is.
+            sizes.push(field.scene.nodes.halved());
+        }
         let planes = visible::masked_planes(field, options.nonfinite, progress)?;
         let light = Light { importance: options.is_seen_nearby(), from_inside: lit_inside };
         let mut visible =

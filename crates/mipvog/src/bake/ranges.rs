@@ -4,6 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::MaxErrors;
 use super::level_source::LevelSource;
+use super::plan::activation_of;
 use crate::base::error::Result;
 use crate::base::lock::lock;
 use crate::base::parallel;
@@ -73,19 +74,21 @@ struct LevelRanges<'a> {
 impl<'a> RangeSink<'a> {
     /// Of no values yet, for the groups that each level has; `retained` nodes count.
     pub fn new(metadata: &Metadata, retained: &[&'a NodeMask]) -> Self {
-        let levels = metadata.parts().zip(retained).map(|(level, &retained)| {
-            let range = |encoding: &Encoding| {
-                Mutex::new(ValueRange::new(encoding.decode, &metadata.activation))
-            };
-            let present = Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
-            let channels =
-                |group: Group| std::iter::repeat_n(group, group.channels(metadata.layout()));
-            LevelRanges {
-                retained,
-                ranges: Group::ALL.map(|group| level.encoding(group).map(range)),
-                groups: present.flat_map(channels).collect(),
-            }
-        });
+        let levels =
+            metadata.parts().zip(retained).enumerate().map(|(part, (level, &retained))| {
+                let activation = activation_of(metadata, part);
+                let range =
+                    |encoding: &Encoding| Mutex::new(ValueRange::new(encoding.decode, &activation));
+                let present =
+                    Group::ALL.into_iter().filter(|&group| level.encoding(group).is_some());
+                let channels =
+                    |group: Group| std::iter::repeat_n(group, group.channels(metadata.layout()));
+                LevelRanges {
+                    retained,
+                    ranges: Group::ALL.map(|group| level.encoding(group).map(range)),
+                    groups: present.flat_map(channels).collect(),
+                }
+            });
         Self { levels: levels.collect() }
     }
 
@@ -142,21 +145,24 @@ impl<'a> RangeSink<'a> {
 
     /// Replaces the encodings of the metadata's levels by those that are chosen.
     pub fn choose_encodings(self, choice: EncodingChoice, metadata: &mut Metadata) -> Result<()> {
-        let activation = metadata.activation;
+        let parts = metadata.parts().count();
+        let own = |part| (metadata.level_of_part(part), activation_of(metadata, part));
+        let own: Vec<_> = (0..parts).map(own).collect();
         let mut tasks: Vec<(&mut Encoding, ValueRange, (usize, Group))> = Vec::new();
         let levels = metadata.parts_mut().zip(self.levels).enumerate();
-        for (number, (level, ranges)) in levels {
+        for (part, (level, ranges)) in levels {
             let mut ranges = Group::ALL.into_iter().zip(ranges.ranges);
             for (group, encoding) in level.encodings_mut() {
                 let own = ranges.find(|(other, _)| *other == group);
                 if let Some(range) = own.and_then(|(_, range)| range) {
                     let range = range.into_inner().unwrap_or_else(PoisonError::into_inner);
-                    tasks.push((encoding, range, (number, group)));
+                    tasks.push((encoding, range, (part, group)));
                 }
             }
         }
-        parallel::map_mut(&mut tasks, |_, (encoding, range, of)| {
-            if let Some(found) = choice.encoding(encoding, *of, &activation, range) {
+        parallel::map_mut(&mut tasks, |_, (encoding, range, (part, group))| {
+            let (level, activation) = &own[*part];
+            if let Some(found) = choice.encoding(encoding, (*level, *group), activation, range) {
                 **encoding = found;
             }
             Ok(())

@@ -22,6 +22,23 @@ pub struct BakedField {
 }
 
 impl BakedField {
+    /// What lies in the box of level 0 alone: the levels that span it, without shells.
+    #[must_use]
+    pub fn inner_box(mut self) -> Self {
+        let metadata = &mut self.metadata;
+        if !metadata.shells.is_empty() {
+            metadata.shells.clear();
+            // Level 1 is the last that spans the box of level 0.
+            metadata.levels.truncate(2);
+            self.levels.truncate(metadata.levels.len());
+            self.finest = self.finest.min(metadata.levels.len().saturating_sub(1));
+            if !metadata.march.samples_within(&metadata.bounds) {
+                metadata.march.sampled = None;
+            }
+        }
+        self
+    }
+
     /// Refuses levels whose tables or codes do not fit the metadata. The metadata itself is held to
     /// the rules of a container elsewhere.
     ///

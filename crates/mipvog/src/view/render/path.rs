@@ -42,7 +42,7 @@ impl Path {
         let intervals = (step_length / view.march.interval_length()) as f32;
         let (start, step) = samples(view, ray, entry, t_step);
         // The first and the last sample inside, along every axis.
-        let (mut first, mut last) = (0.0f64, view.march.last_sample_of(view.voxels()));
+        let (mut first, mut last) = (0.0f64, view.last_sample());
         for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
             let (from, by) = (start[axis], step[axis]);
             if by == 0.0 {

@@ -57,6 +57,12 @@ pub struct RadianceField {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Level {
+    /// Lowest corner of the level's box, of nested boxes; left out where all levels span one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min: Option<[f32; 3]>,
+    /// Highest corner of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<[f32; 3]>,
     /// Nodes along x, y and z.
     pub dimensions: [usize; 3],
     /// Nodes along a block's edge.
@@ -110,7 +116,10 @@ impl RadianceField {
         for (number, level) in metadata.levels.iter().enumerate().rev() {
             let own = |entry_level: Option<u32>| entry_level == u32::try_from(number).ok();
             let entries = container.entries().iter().filter(|entry| own(entry.level));
+            let own = Some(metadata.level_bounds(number)).filter(|_| !metadata.shells.is_empty());
             levels.push(Level {
+                min: own.map(|own| own.min),
+                max: own.map(|own| own.max),
                 dimensions: level.dimensions,
                 block_size: level.block_size,
                 byte_length: entries.map(|entry| entry.prefix).max().unwrap_or(0),
@@ -122,8 +131,8 @@ impl RadianceField {
             buffer_view: None,
             mime_type: MIME_TYPE.to_owned(),
             sha256: String::new(),
-            min: metadata.bounds.min,
-            max: metadata.bounds.max,
+            min: metadata.outer_bounds().min,
+            max: metadata.outer_bounds().max,
             dimensions: finest.dimensions,
             block_size: finest.block_size,
             levels,

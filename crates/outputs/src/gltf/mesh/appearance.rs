@@ -26,7 +26,8 @@ const LEAST_OPACITY: f64 = 0.1;
 /// # Errors
 /// A field whose rules cannot be rendered.
 pub fn renderer(container: &Container) -> Result<Renderer> {
-    let mut field = Renderer::of_container(container)?;
+    let inner = container.read()?.inner_box();
+    let mut field = Renderer::baked(&inner, container.limits())?;
     let view = field.view_mut();
     // Rays start at surfaces, closer than any camera of the scene.
     (view.march.near, view.march.far, view.background) = (0.0, None, [0.0; 3]);

@@ -29,7 +29,9 @@ pub fn meshes(container: &Container, triangles: usize, coarser: usize) -> Result
     let own = |level: &usize| metadata.levels.get(*level).is_some_and(|l| l.density.is_some());
     let mut best = TriangleSoup::default();
     let mut cell = 0.0;
-    for level in (0..metadata.levels.len()).rev().filter(own) {
+    // Of nested boxes the mesh shows the innermost: coarser levels span others.
+    let count = if metadata.shells.is_empty() { metadata.levels.len() } else { 2 };
+    for level in (0..count.min(metadata.levels.len())).rev().filter(own) {
         // Each thread holds a plane of density and three of colour.
         let [_, ny, nz] = metadata.levels[level].dimensions.map(|size| size as u64);
         let planes = 16 * parallel::threads() as u64 * ny * nz;
